@@ -1,0 +1,68 @@
+# Every target sets up the virtual environment first, when it is missing or older than what it is made from.
+PYTHON ?= python3
+VENV   := .venv
+PY     := $(VENV)/bin/python
+READY  := $(VENV)/.ready
+RUN    := $(PY) pipeline.py
+ARGS   ?=
+
+# make dataset SOURCE=DIR, make stage STAGE=mask_densify, make inspect RECORDING=DIR
+SOURCE    ?=
+STAGE     ?=
+RECORDING ?= artifacts/recordings
+STORE     ?= artifacts
+
+.DEFAULT_GOAL := help
+.PHONY: help setup dataset stage report test test-all check lint format types inspect bench clean distclean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-10s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(READY): pyproject.toml constraints.txt
+	@echo "setting up $(VENV) (first time: a few minutes)"
+	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
+	@$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+setup: $(READY) ## make .venv with everything but the extras `ray` and `gpu`
+
+dataset: $(READY) ## build the data set (SOURCE=DIR: from your own or an EPIC-format root)
+	@$(RUN) run dataset --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+
+stage: $(READY) ## run one stage again on its last inputs (STAGE=mask_densify)
+	@test -n "$(STAGE)" || { echo "say which: make stage STAGE=mask_densify"; exit 2; }
+	@$(RUN) run dataset --store $(STORE) --only $(STAGE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+
+report: $(READY) ## score every extraction stage against synthetic ground truth
+	@$(RUN) run extraction-report --store $(STORE) $(ARGS)
+
+test: $(READY) ## run the tests (not those marked slow or npm)
+	@$(PY) -m pytest -m "not slow and not npm" $(ARGS)
+
+test-all: $(READY) ## run every test
+	@$(PY) -m pytest $(ARGS)
+
+check: lint types test ## what CI runs
+
+lint: $(READY) ## ruff: style and import rules
+	@$(VENV)/bin/ruff check .
+
+format: $(READY) ## ruff: sort imports and mend what can be mended
+	@$(VENV)/bin/ruff check --fix .
+
+types: $(READY) ## mypy
+	@$(VENV)/bin/mypy
+
+inspect: $(READY) ## summarise the recordings (RECORDING=PATH)
+	@$(RUN) inspect $(RECORDING) $(ARGS)
+
+bench: $(READY) ## run every benchmark; each writes its own Markdown table
+	@for script in benchmarks/bench_*.py; do echo "$$script"; PYTHONPATH=. $(PY) $$script || exit 1; done
+
+clean: ## delete everything that can be made again (artifacts), keep .venv
+	@find artifacts -mindepth 1 -maxdepth 1 ! -name README.md -exec chmod -R u+w {} + -exec rm -rf {} +
+	@rm -rf .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	@find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+distclean: clean ## clean, and .venv too
+	@rm -rf $(VENV)

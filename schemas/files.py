@@ -1,0 +1,34 @@
+"""Files that enter the pipeline from outside, or leave a stage as files: named, content-digested, read-only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from schemas.spec import Schema, value
+
+
+@dataclass(frozen=True)
+class FileRef(Schema):
+    """One file. Its identity is (name, digest); where it lies on this machine is not part of it."""
+
+    name: str = value("path relative to the source root, with forward slashes")
+    digest: str = value("blake3 of the bytes, hex")
+    size: int = value("length", unit="bytes")
+    path: Path = value("where it can be read on this machine; not part of the identity")
+
+
+@dataclass(frozen=True)
+class FileTree(Schema):
+    """A folder of files, sorted by name. `name` labels the shard: a video, a scene, an exported data set."""
+
+    name: str = value("label, unique among its siblings")
+    files: tuple[FileRef, ...] = value("sorted by name")
+
+    def find(self, name: str) -> FileRef | None:
+        """The file with exactly this name, or None."""
+        return next((file for file in self.files if file.name == name), None)
+
+    def under(self, folder: str) -> tuple[FileRef, ...]:
+        """All files below `folder` (no trailing slash), in order."""
+        return tuple(file for file in self.files if file.name.startswith(folder + "/"))
