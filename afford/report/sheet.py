@@ -1,0 +1,81 @@
+"""Pictures beside the numbers: one row per clip, at the frame where the hands hide most of the objects."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from afford.report.score import Aligned
+from schemas.affordance import Affordances
+from schemas.masks import CompleteObjects, Tracks
+from schemas.video import Frames, Inpainted
+
+COLOURS = ((66, 165, 245), (239, 83, 80), (102, 187, 106), (255, 202, 40), (171, 71, 188), (38, 198, 218))
+"""left hand, right hand, then objects; RGB"""
+TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
+
+
+def clip_row(
+    aligned: Aligned,
+    frames: Frames,
+    tracks: Tracks,
+    inpainted: Inpainted,
+    complete: CompleteObjects,
+    affordances: Affordances,
+    width_px: int,
+) -> np.ndarray:
+    """JPEG bytes (b,) uint8 of six pictures side by side."""
+    t = busiest(aligned)
+    rgb = frames.rgb[t]
+    shown = [
+        rgb,
+        paint(rgb, [tracks.masks[i, t] for i in range(len(tracks.entities))]),
+        inpainted.rgb[t],
+        aligned.truth.rgb_no_hands_shadow[aligned.at[t]],
+        paint(inpainted.rgb[t], [np.zeros_like(rgb[..., 0], bool)] * 2 + list(complete.masks[:, t])),
+        paint(inpainted.rgb[t], list(affordances.masks[:, t])),
+    ]
+    label = f"{aligned.truth.clip_id} #{frames.frame[t]}"
+    row = np.hstack([_fit(image, width_px) for image in shown])
+    _write(row, label + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""))
+    return encode_jpeg(row)
+
+
+def busiest(aligned: Aligned) -> int:
+    """Row of the frame in which hands hide most pixels of the objects they touch."""
+    hands = aligned.hands()
+    hidden = np.zeros(len(aligned.at))
+    for t in range(len(aligned.at)):
+        for entity_id in {aligned.touched(0, t), aligned.touched(1, t)} - {""}:
+            hidden[t] += np.count_nonzero(aligned.amodal(entity_id)[t] & hands[t])
+    return int(hidden.argmax())
+
+
+def paint(rgb: np.ndarray, masks: list[np.ndarray]) -> np.ndarray:
+    """`rgb` with each mask tinted and outlined in its own colour."""
+    out = rgb.copy()
+    for i, mask in enumerate(masks):
+        colour = np.array(COLOURS[i % len(COLOURS)], np.float32)
+        out[mask] = (0.45 * out[mask] + 0.55 * colour).astype(np.uint8)
+        outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(out, outline, -1, tuple(int(c) for c in colour), 1)
+    return out
+
+
+def encode_jpeg(rgb: np.ndarray) -> np.ndarray:
+    """JPEG bytes (b,) uint8 of an RGB picture."""
+    done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not done:
+        raise ValueError(f"cannot encode a picture of shape {rgb.shape} as JPEG")
+    return data.reshape(-1)
+
+
+def _fit(rgb: np.ndarray, width_px: int) -> np.ndarray:
+    height_px = round(rgb.shape[0] * width_px / rgb.shape[1])
+    return cv2.resize(rgb, (width_px, height_px), interpolation=cv2.INTER_AREA)
+
+
+def _write(rgb: np.ndarray, text: str) -> None:
+    """White text with a dark edge in the upper left corner, in place."""
+    for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.putText(rgb, text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, thickness, cv2.LINE_AA)

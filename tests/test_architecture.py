@@ -1,0 +1,103 @@
+"""The rooms of the house and what each may import (docs/decisions/002)."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = ("pipeline", "commands", "stages", "runner", "afford", "schemas", "benchmarks", "tests")
+MAY_IMPORT = {
+    "schemas": {"schemas"},
+    "afford": {"schemas", "afford"},
+    "stages": {"schemas", "afford"},
+    "runner": {"runner"},
+    "commands": {"schemas", "afford", "stages", "runner", "pipeline", "commands"},
+    "pipeline": {"schemas", "afford", "stages", "runner", "commands"},
+}
+HEAVY = ("torch", "cv2", "trimesh", "pybullet", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
+
+
+def sources(room: str) -> list[Path]:
+    return [ROOT / "pipeline.py"] if room == "pipeline" else sorted((ROOT / room).rglob("*.py"))
+
+
+def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
+    """Full names of everything a file imports, also inside functions; imports for type checkers apart when asked."""
+    tree = ast.parse(path.read_text())
+    skipped = set()
+    if runtime_only:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                skipped.update(id(child) for statement in node.body for child in ast.walk(statement))
+    names = set()
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+@pytest.mark.parametrize("room", MAY_IMPORT)
+def test_a_room_imports_only_what_the_table_allows(room: str) -> None:
+    """No file imports from a room to its right in schemas <- afford <- stages <- pipeline <- commands; runner stands alone."""
+    for path in sources(room):
+        found = {name.split(".")[0] for name in imported(path)} & set(ROOMS)
+        assert found <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {sorted(found - MAY_IMPORT[room])}"
+
+
+def test_stages_never_import_each_other() -> None:
+    """A stage reaches another one only through the graph."""
+    for path in sources("stages"):
+        assert not {name for name in imported(path) if name.split(".")[0] == "stages"}, path.name
+
+
+@pytest.mark.parametrize(("package", "home"), [("pybullet", "afford/sim/bullet.py"), ("rerun", "afford/recording")])
+def test_one_home_for_the_simulator_and_for_the_viewer(package: str, home: str) -> None:
+    """pybullet is imported in one file, rerun in one folder."""
+    for room in MAY_IMPORT:
+        for path in sources(room):
+            if package in {name.split(".")[0] for name in imported(path)}:
+                assert path.relative_to(ROOT).as_posix().startswith(home), path
+
+
+@pytest.mark.parametrize("package", ["torch", "cv2", "numpy", "mcap", "trimesh", "pybullet", "gymnasium", "rerun"])
+def test_every_declared_package_is_really_used(package: str) -> None:
+    """Each of the eight packages that the project stands on has an importer outside the tests."""
+    users = [path for room in MAY_IMPORT for path in sources(room) if package in {n.split(".")[0] for n in imported(path)}]
+    assert users, f"nothing imports {package}"
+
+
+def test_torchvision_is_nowhere() -> None:
+    """No file imports torchvision, or what drags it in; it breaks beside the pinned torch."""
+    banned = {"torchvision", "timm", "segmentation_models_pytorch", "open_clip", "lerobot", "sam2", "ptlflow"}
+    for room in ROOMS:
+        for path in sources(room):
+            found = {name.split(".")[0] for name in imported(path, runtime_only=False)} & banned
+            assert not found, f"{path.relative_to(ROOT)} imports {sorted(found)}"
+    pinned = (ROOT / "constraints.txt").read_text().lower()
+    assert not any(line.split("==")[0] in banned for line in pinned.splitlines())
+    assert "torch==2.13.0\n" in pinned
+
+
+def test_importing_the_map_loads_nothing_heavy() -> None:
+    """`import pipeline` loads none of the heavy packages, so that --help is quick."""
+    code = f"import sys, pipeline; print([name for name in {HEAVY!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_rules_can_fail(tmp_path: Path) -> None:
+    """A planted cheat is seen: an import inside a function counts, one for type checkers does not."""
+    cheat = tmp_path / "cheat.py"
+    cheat.write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import stages.mask_densify\n")
+    assert "stages.mask_densify" in imported(cheat)
+    assert "torch" not in imported(cheat)
