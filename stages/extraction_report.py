@@ -9,15 +9,10 @@ Fails   when there is no standard clip
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
+from schemas.context import Context
 from schemas.files import FileTree
 from schemas.report import ClipScores
-
-if TYPE_CHECKING:
-    from runner import Context
-else:
-    Context = Any
 
 LIBRARIES = ("numpy", "opencv-python-headless", "matplotlib", "blake3")
 THREADS = 1
