@@ -1,0 +1,108 @@
+"""Parameters from the command line and from files: `--set STAGE.PARAM=VALUE` and `--params FILE` (TOML or JSON)."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import json
+import tomllib
+import typing
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from commands.errors import UsageError, unknown
+from pipeline import Settings
+
+TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
+
+
+def settings(sets: Iterable[str], file: Path | None) -> Settings:
+    """The defaults, then the file, then each `--set` in order; UsageError names what does not exist or does not fit."""
+    chosen = Settings()
+    for stage, name, value in [*_from_file(file), *(_split(word) for word in sets)]:
+        chosen = _change(chosen, stage, name, value)
+    return chosen
+
+
+def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
+    if path is None:
+        return
+    try:
+        text = path.read_text()
+        tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--params {path}: expected a TOML or JSON file with one table per stage, got: {error}") from error
+    for stage, table in tables.items():
+        if not isinstance(table, dict):
+            raise UsageError(f"--params {path}: {stage}: expected a table of parameters, got {type(table).__name__}")
+        yield from ((stage, name, value) for name, value in table.items())
+
+
+def _split(word: str) -> tuple[str, str, str]:
+    path, equals, value = word.partition("=")
+    stage, dot, name = path.partition(".")
+    if not (equals and dot):
+        raise UsageError(f"--set {word}: expected STAGE.PARAM=VALUE, e.g. --set mask_densify.radius=10")
+    return stage.replace("-", "_"), name.replace("-", "_"), value
+
+
+def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
+    stages = {field.name for field in dataclasses.fields(chosen)}
+    if stage not in stages:
+        raise unknown("stage", stage, stages)
+    params = getattr(chosen, stage)
+    types = typing.get_type_hints(type(params))
+    if name not in types:
+        raise unknown(f"parameter of {stage}", name, types)
+    fitted = _fit(f"{stage}.{name}", value, types[name])
+    try:
+        return dataclasses.replace(chosen, **{stage: dataclasses.replace(params, **{name: fitted})})
+    except ValueError as error:
+        raise UsageError(f"{stage}.{name}: {error}") from error
+
+
+def _fit(where: str, value: Any, kind: Any) -> Any:
+    """`value` (text, or a parsed value) as `kind`; UsageError says what was expected."""
+    try:
+        return _convert(value, kind)
+    except (TypeError, ValueError) as error:
+        shown = getattr(kind, "__name__", None) if not typing.get_args(kind) else str(kind).replace("typing.", "")
+        raise UsageError(f"{where}: expected {shown}, got {value!r}") from error
+
+
+def _convert(value: Any, kind: Any) -> Any:
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if origin is tuple:
+        items = [word.strip() for word in value.split(",") if word.strip()] if isinstance(value, str) else list(value)
+        return tuple(_convert(item, parts[0]) for item in items)
+    if origin is typing.Literal:
+        if value not in parts:
+            raise ValueError(value)
+        return value
+    if kind is bool:
+        word = str(value).lower()
+        if word not in TRUE + FALSE:
+            raise ValueError(value)
+        return word in TRUE
+    if kind in (int, float):
+        if isinstance(value, bool) or (kind is int and isinstance(value, float)):
+            raise TypeError(value)
+        return kind(value)
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def described(params: type) -> Iterator[tuple[str, str, Any, str]]:
+    """(name, type, default, doc line) of every field; the doc line is the string literal under the field."""
+    body = ast.parse(inspect.getsource(params)).body[0]
+    assert isinstance(body, ast.ClassDef)
+    docs: dict[str, str] = {}
+    for field, after in zip(body.body, [*body.body[1:], None], strict=True):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            literal = after.value if isinstance(after, ast.Expr) else None
+            docs[field.target.id] = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
+    for item in dataclasses.fields(params):
+        yield item.name, str(item.type), item.default, docs.get(item.name, "")

@@ -1,0 +1,56 @@
+"""Parameters from the command line fit their types, or are refused with the nearest valid name."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from commands.errors import UsageError
+from commands.settings import described, settings
+from pipeline import Settings
+
+
+def test_nothing_said_gives_the_defaults() -> None:
+    """No --set and no file: the defaults."""
+    assert settings([], None) == Settings()
+
+
+def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+    """The file changes a default, --set changes it again."""
+    file = tmp_path / "p.toml"
+    file.write_text("[extraction_report]\neval_seed = 5\nhard_clips = 2\n")
+    chosen = settings(["extraction-report.eval_seed=7"], file).extraction_report
+    assert (chosen.eval_seed, chosen.hard_clips) == (7, 2)
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("mask_densfy.radius=1", "did you mean 'mask_densify'"),
+        ("extraction_report.eval_sed=1", "did you mean 'eval_seed'"),
+        ("extraction_report.eval_seed=x", "expected int, got 'x'"),
+        ("extraction_report.eval_seed=1.5", "expected int"),
+        ("extraction_report", "expected STAGE.PARAM=VALUE"),
+    ],
+)
+def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
+    """Each refusal names the field and what to do."""
+    with pytest.raises(UsageError, match=hint):
+        settings([word], None)
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    """The file is named."""
+    file = tmp_path / "p.toml"
+    file.write_text("[extraction_report\n")
+    with pytest.raises(UsageError, match=r"p\.toml"):
+        settings([], file)
+
+
+def test_every_parameter_has_a_doc_line() -> None:
+    """`python pipeline.py params` has something to say about each parameter of each stage."""
+    for field in dataclasses.fields(Settings):
+        for name, kind, _, doc in described(type(field.default)):
+            assert doc, f"{field.name}.{name} ({kind}) has no doc line"
