@@ -1,0 +1,1 @@
+"""Video files and frame folders -> frames with exact numbers and times."""
