@@ -1,0 +1,1 @@
+"""Physics. Only `bullet.py` imports pybullet."""
