@@ -1,0 +1,158 @@
+"""A source folder -> one file tree per video, from names and digests alone. Runs before anything is read or computed.
+
+Two kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root, and `own`, one video with masks and narrations
+(docs/own-video.md). Only annotated videos that are present become trees; those without media are listed in `missing`, those
+that must not or cannot be read in `refused`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from afford.readers.errors import SourceError
+from afford.readers.folder import IMAGE_SUFFIXES, VIDEO_SUFFIXES, Entry, entries
+from schemas.files import FileRef, FileTree
+
+SPARSE = "GroundTruth-SparseAnnotations/"
+DENSE = "Interpolations-DenseAnnotations/"
+DENSE_ENDING = "_interpolations"
+TRUTH = "truth/"
+EXTRAS = ("corrections.json", "frame_mapping.json")
+Digest = Callable[[Path], str]
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A video that is present but must not or cannot be read; it fails alone."""
+
+    video_id: str
+    reason: str
+    """one sentence: file, what was expected, what was found, what to do"""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The videos of a source folder."""
+
+    kind: str
+    """epic or own"""
+    name: str
+    """name of the folder"""
+    videos: tuple[FileTree, ...]
+    """one tree per video, named by video id, with exactly the files it needs"""
+    truths: dict[str, FileTree]
+    """video id -> the files of truth/<video id>/, names relative to that folder"""
+    missing: tuple[str, ...]
+    """annotated videos without media"""
+    refused: tuple[Refused, ...]
+    """videos with a file that leaves the root or cannot be read"""
+
+
+def discover(root: Path, digest: Digest) -> Source:
+    """Look at `root`. SourceError when it is no folder, has no usable layout, or a file that all videos share is refused."""
+    if not root.is_dir():
+        raise SourceError(str(root), "a folder", "a file" if root.exists() else "nothing", "give the root of a source")
+    found = entries(root)
+    if any(entry.name.startswith((SPARSE, DENSE)) for entry in found):
+        return _epic(root, found, digest)
+    return _own(root, found, digest)
+
+
+def _epic(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
+    shared = [e for e in found if e.top and (e.name in EXTRAS or (e.suffix == ".csv" and e.name.startswith("EPIC_100")))]
+    _refuse_links(shared)
+    annotations = _annotations(found)
+    media = _media([e for e in found if not e.name.startswith((TRUTH, SPARSE, DENSE))])
+    present = {video: media.get(video) or _blocking_links(video, found) for video in annotations}
+    trees, refused = [], []
+    for video in sorted(video for video in annotations if present[video]):
+        try:
+            trees.append(_tree(video, [*shared, *annotations[video], *present[video]], digest))
+        except (SourceError, OSError) as error:
+            refused.append(Refused(video, str(error)))
+    missing = tuple(sorted(video for video in annotations if not present[video]))
+    if not trees and not refused:
+        raise SourceError(str(root), "a video or frame folder for an annotated video", f"none of {', '.join(missing)}",
+                          "put videos/<video id>.MP4 or rgb_frames/<video id>/*.jpg there")
+    return Source("epic", root.resolve().name, tuple(trees), _truths(found, digest), missing, tuple(refused))
+
+
+def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
+    """Video id -> its sparse and dense annotation files."""
+    out: dict[str, list[Entry]] = {}
+    for entry in found:
+        if entry.name.startswith(SPARSE) and entry.suffix == ".json":
+            out.setdefault(entry.stem, []).append(entry)
+        if entry.name.startswith(DENSE) and entry.suffix in (".json", ".zip"):
+            out.setdefault(entry.stem.removesuffix(DENSE_ENDING), []).append(entry)
+    return out
+
+
+def _media(found: Iterable[Entry]) -> dict[str, list[Entry]]:
+    """Video id -> its video file (the first by name), or else its frame images (those of the first folder by name)."""
+    videos: dict[str, list[Entry]] = {}
+    frames: dict[str, list[Entry]] = {}
+    for entry in found:
+        if entry.suffix in VIDEO_SUFFIXES:
+            videos.setdefault(entry.stem, [entry])
+        elif entry.suffix in IMAGE_SUFFIXES and not entry.top:
+            images = frames.setdefault(entry.folder, [])
+            if not images or images[0].path.parent == entry.path.parent:
+                images.append(entry)
+    return frames | videos
+
+
+def _blocking_links(video: str, found: Iterable[Entry]) -> list[Entry]:
+    """Links out of the root behind which the media of a video may lie: of its name, or to folders."""
+    return [e for e in found if e.leaves and (e.stem == video or (e.suffix == "" and not e.name.startswith(TRUTH)))][:1]
+
+
+def _truths(found: Iterable[Entry], digest: Digest) -> dict[str, FileTree]:
+    groups: dict[str, list[Entry]] = {}
+    for entry in found:
+        if entry.name.startswith(TRUTH) and entry.name.count("/") >= 2:
+            groups.setdefault(entry.name.split("/")[1], []).append(entry)
+    return {video: _tree(video, group, digest, f"{TRUTH}{video}/") for video, group in groups.items()}
+
+
+def _own(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
+    video, media = _own_media(root, found)
+    texts = [e for e in found if e.top and e.suffix in (".json", ".csv")]
+    if not any(e.suffix == ".json" and e.name not in EXTRAS for e in texts):
+        raise SourceError(str(root), f"an EPIC-KITCHENS root ({SPARSE}) or a mask file (VISOR or COCO JSON) beside the video",
+                          "no JSON file", "see docs/own-video.md")
+    try:
+        trees, refused = (_tree(video, [*texts, *media], digest),), ()
+    except (SourceError, OSError) as error:
+        trees, refused = (), (Refused(video, str(error)),)
+    return Source("own", root.resolve().name, trees, {}, (), refused)
+
+
+def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:
+    """Video id and media of one's own folder: its only video file, or else its only folder of images."""
+    videos = [e for e in found if e.suffix in VIDEO_SUFFIXES]
+    folders: dict[str, list[Entry]] = {}
+    for entry in found:
+        if entry.suffix in IMAGE_SUFFIXES:
+            folders.setdefault(entry.folder or root.resolve().name, []).append(entry)
+    choices = {e.stem: [e] for e in videos} or folders
+    if len(choices) != 1 or len(videos) > 1:
+        got = ", ".join(sorted(e.name for e in videos) or sorted(folders)) or "none"
+        raise SourceError(str(root), "exactly one video, or one folder of frame images", got, "see docs/own-video.md")
+    return next(iter(choices.items()))
+
+
+def _tree(name: str, group: Iterable[Entry], digest: Digest, prefix: str = "") -> FileTree:
+    members = sorted(group, key=lambda entry: entry.name)
+    _refuse_links(members)
+    return FileTree(name, tuple(
+        FileRef(e.name.removeprefix(prefix), digest(e.path), e.path.stat().st_size, e.path) for e in members))
+
+
+def _refuse_links(group: Iterable[Entry]) -> None:
+    for entry in group:
+        if entry.leaves:
+            raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
+                              "copy the file into the folder, or use the folder it lies in as the source")
