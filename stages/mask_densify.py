@@ -1,0 +1,56 @@
+"""Sparse key-frame masks and frames -> a mask of every hand and every touched object on every frame.
+
+Reads   Clip (key frames, contact), Frames (t h w 3).
+Writes  Tracks: visible masks (n t h w) that do not overlap, confidence, flags, source key frame, contact of each hand.
+Method  `flow` (default, CPU, deterministic): optical flow from both bracketing key frames, fused and refined;
+        `nearest` repeats the nearest key frame; `dense` takes VISOR's ready-made tracks; `sam2` needs weights.
+        Motion is never chained across missing frames. Entities are linked by side or name, same-name objects of one
+        image by propagated overlap.
+Fails   when no key frame of the clip was decoded.
+Paper   2HandedAfforder section 3 (XMem, 10 frames each way); VISOR (Darkhalil et al. 2022) for masks and contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.clip import Clip
+from schemas.masks import Tracks
+from schemas.video import Frames
+
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+BACKENDS = {
+    "flow": "afford.backends.propagate.flow:propagate",
+    "nearest": "afford.backends.propagate.nearest:propagate",
+    "dense": "afford.backends.propagate.dense:propagate",
+    "sam2": "afford.backends.propagate.sam2:propagate",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "flow"
+    """how labels spread from key frames: flow, nearest, dense (ready-made VISOR tracks), or sam2"""
+    model: str = ""
+    """sam2: local folder or hub id of a Sam2VideoModel"""
+    radius: int = 0
+    """masks farther than this from their key frame are dropped, frames; 0 = full length (released code: 10)"""
+    max_step_frames: int = 1
+    """frames whose numbers differ by more are no neighbours: nothing is propagated between them"""
+    keep_untouched: bool = False
+    """also keep annotated objects that no hand touches in any key frame"""
+    link_min_iou: float = 0.1
+    """overlap from which a same-name object is the one of the key frame before"""
+    contact_reach_px: int = 4
+    """a hand dilated by this much touches what it overlaps; used where the source does not tell contact"""
+
+
+def run(clip: Clip, frames: Frames, params: Params) -> Tracks:
+    """Tracks of the clip on every frame of `frames`; ValueError when none of its key frames is among them."""
+    from afford.registry import load
+    from afford.tracking.densify import densify
+
+    return densify(clip, frames, load(BACKENDS, params.backend), params)
