@@ -1,0 +1,23 @@
+"""The object's shape as other frames saw it, laid over this frame by the object's own motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from afford.backends.complete import Completed
+from afford.layers import regions
+from afford.layers.follow import follow
+from afford.layers.shape import complete_shape
+from schemas.masks import Tracks
+from schemas.video import Frames, Inpainted
+
+
+def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
+    """Follow the object, then let all frames vote on its hidden pixels. Reads no parameter."""
+    grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
+    visible, hidden_by = tracks.masks[index], regions.dilate(regions.others(tracks, index), 1)
+    path = follow(grey, visible, hidden_by)
+    return Completed(*complete_shape(path, frames.frame, visible, hidden_by & ~visible))

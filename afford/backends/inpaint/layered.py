@@ -1,0 +1,109 @@
+"""Look behind the hands in other frames: the background by camera motion, each touched object by its own motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from afford.backends.inpaint import Filled
+from afford.backends.inpaint.telea import spread
+from afford.layers import regions
+from afford.layers.camera import background_cameras
+from afford.layers.follow import follow
+from afford.layers.gather import gather_colour
+from afford.layers.relight import RIM_PX, relight
+from afford.layers.shape import as_cameras, complete_shape, on_canvas, recall
+from schemas.masks import Tracks
+from schemas.video import Frames, PixelSource
+
+MOVING_PX = 3
+FADE_FRAMES = 15.0
+SOURCES = 32
+
+
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
+    """Background layer, then object layers over it, each relit to meet its surroundings. Reads no parameter."""
+    grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
+    moving = regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
+    filled = fill_background(frames, grey, hole, moving)
+    for index in regions.touched_indices(tracks):
+        _paint_object(filled, frames, grey, tracks, hole, index)
+    return filled
+
+
+def fill_background(frames: Frames, grey: np.ndarray, hole: np.ndarray, moving: np.ndarray) -> Filled:
+    cameras, usable = background_cameras(grey, frames.frame, ~moving), ~moving
+    filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
+    for t in np.flatnonzero(hole.any(axis=(1, 2))):
+        target = regions.dilate(hole[t], RIM_PX + 2)
+        pixels = _pixels(target)
+        points = _unproject(cameras[t], pixels)
+        rows, weights = _nearby(frames.frame, int(t))
+        colour, found = gather_colour(points, cameras[rows], rows, weights, frames.rgb, usable)
+        fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
+        rim = target & ~hole[t] & usable[t] & _mask(hole[t].shape, pixels, found > 0)
+        fill = relight(fill, frames.rgb[t], rim)
+        _put(filled, t, hole[t], fill, _mask(hole[t].shape, pixels, found > 0), found, pixels, PixelSource.BACKGROUND)
+    return filled
+
+
+def _paint_object(filled: Filled, frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.ndarray, index: int) -> None:
+    visible, hidden_by = tracks.masks[index], regions.dilate(regions.others(tracks, index), 1)
+    path = follow(grey, visible, hidden_by)
+    complete, _ = complete_shape(path, frames.frame, visible, hidden_by & ~visible)
+    inner, cameras = regions.erode(visible, 1), as_cameras(path.poses)
+    for t in np.flatnonzero((complete & hole).any(axis=(1, 2))):
+        target = regions.dilate(complete[t] & hole[t], RIM_PX) & complete[t]
+        pixels = _pixels(target)
+        rows, weights = recall(path, frames.frame, int(t))
+        colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner)
+        shown = _mask(target.shape, pixels, found > 0)
+        fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
+        fill = relight(fill, frames.rgb[t], shown & inner[t] & ~hole[t])
+        _put(filled, t, complete[t] & hole[t], fill, shown, found, pixels, PixelSource.OBJECT)
+
+
+def _put(filled: Filled, t: int, where: np.ndarray, fill: np.ndarray, shown: np.ndarray, found: np.ndarray, pixels: np.ndarray,
+         source: PixelSource) -> None:
+    trust = np.zeros(where.shape, np.float32)
+    trust[pixels[:, 1], pixels[:, 0]] = 1 - np.exp(-found)
+    filled.rgb[t][where] = np.clip(np.rint(fill[where]), 0, 255)
+    filled.source[t][where] = np.where(shown[where], source, PixelSource.SPATIAL)
+    filled.confidence[t][where] = np.where(shown, 255 * trust, 0)[where]
+
+
+def _spread_unseen(image: np.ndarray, pixels: np.ndarray, colour: np.ndarray, found: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """(h, w, 3) float32: the gathered colours, and cv2.inpaint where no frame has seen the point."""
+    fill = image.copy()
+    fill[pixels[:, 1], pixels[:, 0]] = np.rint(colour)
+    unseen = _mask(target.shape, pixels, found == 0)
+    fill = spread(fill, unseen).astype(np.float32)
+    seen = found > 0
+    fill[pixels[seen, 1], pixels[seen, 0]] = colour[seen]
+    return fill
+
+
+def _nearby(frame: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (n,) of up to SOURCES frames, dense near `t` and sparse far away, and their weights (n,)."""
+    order = np.argsort(np.abs(np.arange(len(frame)) - t), kind="stable")[1:]
+    pick = np.unique(np.geomspace(1, max(len(order), 1), SOURCES).astype(int) - 1) if len(order) else np.zeros(0, int)
+    rows = order[pick[pick < len(order)]]
+    return rows, 0.02 + np.exp(-np.abs(frame[rows] - frame[t]) / FADE_FRAMES)
+
+
+def _unproject(camera: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    plane = np.linalg.solve(camera[:, :3], np.column_stack([pixels, np.ones(len(pixels))]).T).T
+    return np.column_stack([plane, np.zeros(len(pixels))])
+
+
+def _pixels(mask: np.ndarray) -> np.ndarray:
+    y, x = np.nonzero(mask)
+    return np.stack([x, y], axis=1)
+
+
+def _mask(shape: tuple[int, ...], pixels: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    mask = np.zeros(shape, bool)
+    mask[pixels[chosen, 1], pixels[chosen, 0]] = True
+    return mask

@@ -1,0 +1,61 @@
+"""Who covers what: masks of hands, of objects, and of what may be trusted around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from schemas.masks import Tracks
+
+
+def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
+    """(h, w) or (t, h, w) bool, grown by a disc. Radius 0 returns the mask itself."""
+    return _morph(cv2.dilate, mask, radius_px)
+
+
+def erode(mask: np.ndarray, radius_px: int) -> np.ndarray:
+    """(h, w) or (t, h, w) bool, shrunk by a disc; the image border does not erode."""
+    return _morph(cv2.erode, mask, radius_px)
+
+
+def hands(tracks: Tracks) -> np.ndarray:
+    """(t, h, w) bool: pixels of any hand."""
+    return _union(tracks, [i for i, entity in enumerate(tracks.entities) if entity.role == "hand"])
+
+
+def objects(tracks: Tracks) -> np.ndarray:
+    """(t, h, w) bool: visible pixels of any object."""
+    return _union(tracks, object_indices(tracks))
+
+
+def others(tracks: Tracks, index: int) -> np.ndarray:
+    """(t, h, w) bool: visible pixels of every entity but one: what may hide it."""
+    return _union(tracks, [i for i in range(len(tracks.entities)) if i != index])
+
+
+def object_indices(tracks: Tracks) -> list[int]:
+    """Indices of the objects in `tracks.entities`."""
+    return [i for i, entity in enumerate(tracks.entities) if entity.role == "object"]
+
+
+def touched_indices(tracks: Tracks) -> list[int]:
+    """Indices of the objects that a hand ever touches, in the order of `tracks.entities`."""
+    return sorted({int(i) for i in np.unique(tracks.contact) if i >= 0} & set(object_indices(tracks)))
+
+
+def _union(tracks: Tracks, indices: list[int]) -> np.ndarray:
+    total = np.zeros(tracks.masks.shape[1:], bool)
+    for i in indices:
+        total |= tracks.masks[i]
+    return total
+
+
+def _morph(operation: Callable[..., np.ndarray], mask: np.ndarray, radius_px: int) -> np.ndarray:
+    if radius_px == 0:
+        return mask
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
+    if mask.ndim == 3:
+        return np.stack([operation(one.view(np.uint8), disc) > 0 for one in mask]) if len(mask) else mask
+    return operation(mask.view(np.uint8), disc) > 0

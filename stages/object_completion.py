@@ -1,0 +1,71 @@
+"""visible object masks + frames with and without hands -> complete (amodal) object masks.
+
+Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands)
+Writes  CompleteObjects: every object that a hand ever touches, complete in every frame, with confidence
+Method  `template` follows each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the
+        baselines. All deterministic, on the CPU. A complete mask holds the visible one; the rest lies behind other masks
+Fails   when the inputs are not of the same frames and size
+Paper   2HandedAfforder, object completion (SAM2 from the frame to its inpainted twin)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.masks import CompleteObjects, Tracks
+from schemas.video import Frames, Inpainted
+
+if TYPE_CHECKING:
+    import numpy as np
+
+LIBRARIES = ("numpy", "opencv-python-headless", "numba")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {
+    "template": "afford.backends.complete.template:complete",
+    "hull": "afford.backends.complete.hull:complete",
+    "visible": "afford.backends.complete.visible:complete",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "template"
+    """template, hull or visible"""
+
+
+def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params) -> CompleteObjects:
+    """Complete every touched object. Only pixels that another entity covers are ever added to the visible mask."""
+    import numpy as np
+
+    from afford.layers import regions
+    from afford.registry import load
+
+    _check(frames, tracks, inpainted)
+    complete, indices = load(BACKENDS, params.backend), regions.touched_indices(tracks)
+    masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
+    confidence = np.zeros(masks.shape[:2], np.float32)
+    for row, index in enumerate(indices):
+        found = complete(frames, tracks, inpainted, index, params)
+        visible = tracks.masks[index]
+        masks[row] = visible | (found.masks & regions.others(tracks, index))
+        whole = (masks[row] == visible).all(axis=(1, 2)) & ~_hidden_nearby(visible, regions.others(tracks, index))
+        confidence[row] = np.where(whole, 1, found.confidence)
+    return CompleteObjects(tracks.clip_id, tuple(tracks.entities[i] for i in indices), tracks.frame, masks, confidence)
+
+
+def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
+    from afford.layers import regions
+
+    touching = (regions.dilate(visible, 3) & others).any(axis=(1, 2))
+    return touching | ~visible.any(axis=(1, 2))
+
+
+def _check(frames: Frames, tracks: Tracks, inpainted: Inpainted) -> None:
+    sizes = {"Frames": frames.rgb.shape[:3], "Tracks": tracks.masks.shape[1:], "Inpainted": inpainted.mask.shape}
+    numbers = {tuple(noun.frame.tolist()) for noun in (frames, tracks, inpainted)}
+    if len(set(sizes.values())) > 1 or len(numbers) > 1:
+        raise ValueError(f"object_completion of {tracks.clip_id}: expected the same frames and size everywhere, got {sizes}")
