@@ -1,0 +1,23 @@
+"""A content-hashed DAG engine: what was made once from the same code, parameters and inputs is never made again.
+
+    graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, target
+    runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.worker:prepare", jobs=2, memory_gib=6.0)
+    report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None)  -> RunReport
+    runner.plan(graph, "dataset")                           -> list[TaskPlan], nothing is executed
+    runner.explain(graph, "dataset", stage=None, shard=None)-> list[TaskPlan], with the reason of every task
+    runner.load(digest) / runner.files(digest)              -> value / {name: verified path}
+    runner.lineage(digest or path) / runner.verify() / runner.gc()
+    runner.hash_file(path)                                  -> (digest, size), remembered by size, mtime and inode
+
+The parts, in reading order: graph (what from what), source and fingerprint (code as content), keys, store (blobs and
+manifests), traces (key -> output), lease (one run per key), execute (one task), engines (where tasks run), walk (which task
+next), runner (the verbs above), reasons (why), upkeep (verify, gc, lineage).
+"""
+
+from __future__ import annotations
+
+from runner.codec import Codec
+from runner.graph import Graph, GraphError, Handle
+from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
+
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "Observer", "Reason", "RunReport", "TaskPlan"]

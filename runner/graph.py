@@ -1,0 +1,208 @@
+"""The graph: what is computed from what. Composition is typed, so that an edge is a checked call and not a string.
+
+    g = Graph()
+    clip   = g.each(g.add(source_read.run, files=g.leaf("video", tree), params=p))
+    frames = g.add(frame_decode.run, files=tree, clip=clip, params=q)
+    g.target("dataset", g.add(dataset_pack.run, frames=g.collect(frames), params=r))
+
+Every call returns a handle that type checkers take for the value it will become. A node runs once per path: `each` opens an
+axis, a node lives on the longest axes of its inputs, and every other input must lie on a prefix of them (it is broadcast).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, ParamSpec, TypeVar, cast
+
+P = ParamSpec("P")
+T = TypeVar("T")
+U = TypeVar("U")
+Recorder = Callable[[str, Any], Any]
+Sort = Literal["leaf", "stage", "each", "collect", "pick", "gather"]
+
+
+class GraphError(ValueError):
+    """The graph cannot be built as written; the message says which call and what to do."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """One line of the graph. `inputs` are (argument or part name, node id); `axes` the `each` nodes it is spread over."""
+
+    id: int
+    sort: Sort
+    name: str
+    inputs: tuple[tuple[str, int], ...] = ()
+    axes: tuple[int, ...] = ()
+    value: Any = None
+    """leaf: the value; stage: the function; pick: the field"""
+    params: Any = None
+    wants_ctx: bool = False
+
+
+class Handle:
+    """Stands for a value that a run will make; it has none of the value's attributes."""
+
+    def __init__(self, graph: Graph, node: Node) -> None:
+        self.__dict__.update(_graph=graph, _node=node)
+
+    def __getattr__(self, name: str) -> Any:
+        node = self.__dict__["_node"]
+        raise AttributeError(f"the output of {node.name!r} exists only in a run: .{name} cannot be read while the graph is built; "
+                             f"read it inside a stage, or use g.pick(handle, lambda v: v.{name}) for a field of a bundle")
+
+    def __iter__(self) -> Any:
+        raise TypeError(f"the output of {self.__dict__['_node'].name!r} cannot be iterated while the graph is built; use g.each(handle)")
+
+    def __repr__(self) -> str:
+        return f"<handle {self.__dict__['_node'].name}>"
+
+
+class _Field:
+    """Records which attribute a `pick` reads."""
+
+    def __init__(self) -> None:
+        self.__dict__["names"] = []
+
+    def __getattr__(self, name: str) -> _Field:
+        self.__dict__["names"].append(name)
+        return self
+
+
+class Graph:
+    """A recipe. `recorder(stage name, handle)` is called after every `add`; a handle that it returns (built with the same
+    graph) is kept in `recorded`, so that a target can list the recordings beside what they record."""
+
+    def __init__(self, recorder: Recorder | None = None) -> None:
+        self.nodes: list[Node] = []
+        self.targets: dict[str, tuple[Any, ...]] = {}
+        self.recorded: list[Any] = []
+        self._recorder = recorder
+        self._recording = False
+        self._axes: dict[int, Handle] = {}
+
+    def leaf(self, name: str, value: T) -> T:
+        """A value known now; a tuple is a list of them."""
+        return cast(T, self._new("leaf", name, value=value))
+
+    def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        """One stage. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is supplied by the runner;
+        `name=` tells apart two uses of one function. GraphError when the arguments do not fit."""
+        given = dict(kwargs)
+        name = str(given.pop("name", fn.__module__.rpartition(".")[2]))
+        if any(node.sort == "stage" and node.name == name for node in self.nodes):
+            raise GraphError(f"stage {name!r} is added twice; give the second one another name: g.add(..., name='{name}_again')")
+        bound, wants_ctx = _bind(fn, args, given, name)
+        params = bound.pop("params", None)
+        if params is not None and not (dataclasses.is_dataclass(params) and type(params).__dataclass_params__.frozen):
+            raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
+        inputs = tuple((key, self._input(value, f"{name}.{key}").id) for key, value in bound.items())
+        handle = self._new("stage", name, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx)
+        self._record(name, handle)
+        return cast(T, handle)
+
+    def each(self, values: tuple[T, ...]) -> T:
+        """One element of a list; whatever uses it runs once per element. The same list gives the same axis."""
+        source = self._node(values, "g.each")
+        if source.id not in self._axes:
+            self._axes[source.id] = self._new("each", f"each {source.name}", (("", source.id),), (*source.axes, len(self.nodes)))
+        return cast(T, self._axes[source.id])
+
+    def collect(self, value: T) -> tuple[T, ...]:
+        """All elements over all axes again, in order; those that failed are left out and listed in the report."""
+        source = self._node(value, "g.collect")
+        return cast("tuple[T, ...]", self._new("collect", f"collect {source.name}", (("", source.id),)))
+
+    def pick(self, value: T, field: Callable[[T], U]) -> U:
+        """One field of an output that the codec splits into its fields (a bundle): `g.pick(h, lambda v: v.files)`."""
+        source = self._node(value, "g.pick")
+        seen = _Field()
+        field(cast(T, seen))
+        names = seen.__dict__["names"]
+        if len(names) != 1:
+            raise GraphError(f"g.pick on {source.name!r}: expected a function that reads one field, got {names or 'none'}")
+        return cast(U, self._new("pick", f"{source.name}.{names[0]}", (("", source.id),), source.axes, value=names[0]))
+
+    def target(self, name: str, *handles: Any) -> None:
+        """Name what a run can be asked for."""
+        if name in self.targets:
+            raise GraphError(f"target {name!r} is declared twice")
+        self.targets[name] = tuple(Handle(self, self._node(handle, f"g.target({name!r})")) for handle in handles)
+
+    def node_of(self, handle: Any) -> Node:
+        """The node behind a handle of this graph."""
+        return self._node(handle, "node_of")
+
+    def upstream(self, wanted: Iterable[Node]) -> list[Node]:
+        """`wanted` and all they need, inputs first."""
+        need, stack = set(), [node.id for node in wanted]
+        while stack:
+            at = stack.pop()
+            if at not in need:
+                need.add(at)
+                stack += [source for _, source in self.nodes[at].inputs]
+        return [self.nodes[i] for i in sorted(need)]
+
+    def stages(self) -> list[Node]:
+        """Every stage, in the order written."""
+        return [node for node in self.nodes if node.sort == "stage"]
+
+    def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (), **more: Any) -> Handle:
+        node = Node(len(self.nodes), sort, name, inputs, axes, **more)
+        self.nodes.append(node)
+        return Handle(self, node)
+
+    def _node(self, handle: Any, where: str) -> Node:
+        if not isinstance(handle, Handle):
+            raise GraphError(f"{where}: expected a handle of this graph, got {type(handle).__name__}; bring values in with g.leaf")
+        if handle.__dict__["_graph"] is not self:
+            raise GraphError(f"{where}: {handle!r} belongs to another graph")
+        return cast(Node, handle.__dict__["_node"])
+
+    def _input(self, value: Any, where: str) -> Node:
+        """The node of an argument; a tuple of handles becomes a node that gathers them."""
+        if not (isinstance(value, (tuple, list)) and value and all(isinstance(item, Handle) for item in value)):
+            return self._node(value, where)
+        parts = [self._node(item, where) for item in value]
+        names = [f"{i:03d}_{part.name}" for i, part in enumerate(parts)]
+        inputs = tuple((name, part.id) for name, part in zip(names, parts, strict=True))
+        return cast(Node, self._new("gather", where, inputs, self._join(inputs, where)).__dict__["_node"])
+
+    def _join(self, inputs: Sequence[tuple[str, int]], where: str) -> tuple[int, ...]:
+        """The longest axes of the inputs; GraphError when another input is not on a prefix of them."""
+        longest = max((self.nodes[source].axes for _, source in inputs), key=len, default=())
+        for name, source in inputs:
+            axes = self.nodes[source].axes
+            if longest[: len(axes)] != axes:
+                spread = " / ".join(self.nodes[axis].name for axis in axes)
+                other = " / ".join(self.nodes[axis].name for axis in longest)
+                raise GraphError(f"{where}: input {name!r} is spread over [{spread}], which is not part of [{other}], over which the "
+                                 f"stage runs; use g.collect on it, or derive both from the same g.each")
+        return longest
+
+    def _record(self, name: str, handle: Handle) -> None:
+        if self._recorder is None or self._recording:
+            return
+        self._recording = True
+        try:
+            recorded = self._recorder(name, handle)
+        finally:
+            self._recording = False
+        if recorded is not None:
+            self.recorded.append(recorded)
+
+
+def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], name: str) -> tuple[dict[str, Any], bool]:
+    """Arguments by name, without `ctx`, and whether the function wants one."""
+    signature = inspect.signature(fn)
+    wants_ctx = "ctx" in signature.parameters
+    try:
+        bound = signature.bind(*args, **kwargs, **({"ctx": None} if wants_ctx and "ctx" not in kwargs else {}))
+    except TypeError as error:
+        raise GraphError(f"{name}: {error}; expected run{signature}") from error
+    arguments = dict(bound.arguments)
+    arguments.pop("ctx", None)
+    return arguments, wants_ctx
