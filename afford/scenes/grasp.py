@@ -1,0 +1,39 @@
+"""The fingers of an arm over time: open when it comes, closed on the very object that it holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.render.mesh import merge
+from afford.scenes.hand_grasp import close_on, distance_to, opening, posture
+from afford.scenes.play import Arm, Touch
+
+
+class Fingers:
+    """Joint angles (20,) of the hand of an arm at any time."""
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        self._closed = [closed_on(touch) for touch in arm.touches]
+
+    def at(self, time: float) -> np.ndarray:
+        """Joint angles in radians at a time in frames."""
+        if not self.arm.touches:
+            return posture("relaxed")
+        weights = np.array([_nearness(touch, time) for touch in self.arm.touches])
+        weights /= weights.sum()
+        amount = float(self.arm.closed.at(time)[0])
+        shapes = [opening(t.grip.kind) + amount * (c - opening(t.grip.kind)) for t, c in zip(self.arm.touches, self._closed, strict=True)]
+        return weights @ np.array(shapes)
+
+
+def closed_on(touch: Touch) -> np.ndarray:
+    """The angles (20,) at which the fingers rest on what is held."""
+    grip, model = touch.grip, touch.thing.model
+    shapes = [part.mesh for part in model.parts]
+    return close_on(grip.kind, distance_to(merge(*shapes), np.linalg.inv(grip.T_obj_palm), grip.side))
+
+
+def _nearness(touch: Touch, time: float) -> float:
+    gap = max(touch.start - time, time - touch.stop, 0.0)
+    return float(np.exp(-((gap / 6.0) ** 2))) + 1e-6

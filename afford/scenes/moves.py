@@ -1,0 +1,72 @@
+"""Motions that things go through in many scripts: carry, put down, pour, aim a tool, stir."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.scenes.cast import Cast
+from afford.scenes.motion import Pose, PoseAt, about, blend, pose, sway
+from afford.scenes.play import Thing
+
+
+def put(thing: Thing, place: np.ndarray, turn_rad: float, upright: Pose | None = None) -> Pose:
+    """The pose of a thing set down at `place` (3,), turned about the vertical relative to how it stood at first."""
+    first = thing.at(0) if upright is None else upright
+    return pose(place, about((0, 0, 1), turn_rad) @ first[:3, :3])
+
+
+def carry(cast: Cast, thing: Thing, start: float, stop: float, target: Pose, lift_m: float) -> None:
+    """Lift, carry with a short stay in the air and some tilt, and set down at `target`."""
+    begin = thing.track.end()
+    middle = blend(begin, target, cast.rng.uniform(0.45, 0.65))
+    middle[:3, 3] += (0.0, cast.rng.uniform(-0.05, 0.02), lift_m)
+    middle[:3, :3] = about(cast.rng.normal(size=3) * (1, 1, 0.3), cast.rng.uniform(0.12, 0.35)) @ middle[:3, :3]
+    length = stop - start
+    reached, left = start + 0.42 * length, start + 0.58 * length
+    thing.move(start, reached, middle, lift_m=0.02)
+    thing.track.add(reached, left, held_at(cast, middle, left - reached))
+    thing.move(left, stop, target, lift_m=0.02)
+
+
+def held_at(cast: Cast, at: Pose, frames: float) -> PoseAt:
+    """A held thing that is almost, but not quite, still; it ends where it began."""
+    wander = sway(cast.rng, 6, (14, 40))
+
+    def path(s: float) -> Pose:
+        fade = np.sin(np.pi * s) ** 2
+        move = fade * wander(s * frames)
+        return pose(at[:3, 3] + 0.008 * move[:3], about(move[3:] + 1e-9, 0.06 * float(np.linalg.norm(move[3:]))) @ at[:3, :3])
+
+    return path
+
+
+def tilt_to_pour(cast: Cast, vessel: Thing, cup: Thing, tilt_rad: float) -> Pose:
+    """The vessel leaning towards the cup, its mouth a little above and beside the cup's mouth."""
+    upright = vessel.at(0)
+    mouth = np.asarray(vessel.model.opening or (0, 0, vessel.model.size[2]))
+    target = cup.at(0) @ np.array([*(cup.model.opening or (0, 0, cup.model.size[2])), 1.0])
+    turned = about((0, 1, 0), -cast.mirror * tilt_rad) @ upright[:3, :3]
+    gap = (0.03 * cast.mirror * (1 + 2 * np.cos(tilt_rad)), 0.0, 0.035 + 0.05 * np.cos(tilt_rad))
+    return pose(target[:3] + gap - turned @ mouth, turned)
+
+
+def aim(cast: Cast, tool: Thing, along: np.ndarray, up: np.ndarray, tip_at: np.ndarray) -> Pose:
+    """The tool with its long axis (y, handle to tip) along a direction, its z as near `up` as can be, its tip at a point."""
+    y = along / np.linalg.norm(along)
+    z = up - y * (y @ up)
+    z /= np.linalg.norm(z)
+    turned = np.stack([np.cross(y, z), y, z], axis=1)
+    tip = np.asarray(tool.model.tip or (0, tool.model.size[1] / 2, 0))
+    return pose(tip_at - turned @ tip, turned)
+
+
+def circle(start: Pose, radius_m: float, turns: float) -> PoseAt:
+    """Stirring: small circles that begin and end at `start`."""
+
+    def path(s: float) -> Pose:
+        angle, grow = 2 * np.pi * turns * s, np.sin(np.pi * min(1.0, 4 * s, 4 * (1 - s)) / 2)
+        out = start.copy()
+        out[:3, 3] += radius_m * grow * np.array([np.cos(angle), np.sin(angle), 0.0])
+        return out
+
+    return path

@@ -1,0 +1,100 @@
+"""A SceneSpec made into a world: room, people, things and their play; and what of it is there at one moment."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.render.model import BACKGROUND, Camera, Instance
+from afford.render.textures import Textures
+from afford.scenes.asset import palm_frame
+from afford.scenes.camera import CALM, PARALLAX, Head, intrinsics
+from afford.scenes.cast import CENTRE, Cast
+from afford.scenes.grasp import Fingers
+from afford.scenes.hand import HandModel
+from afford.scenes.hand_look import person
+from afford.scenes.play import Arm, Play, Thing
+from afford.scenes.rooms import Room, build_room
+from afford.scenes.scripts import STRONG_PARALLAX, script
+from afford.scenes.vocabulary import noun_class
+from afford.scenes.write_epic import hands
+from schemas.masks import Entity
+from schemas.scene import SceneSpec
+
+WIDTH, HEIGHT = 456, 256
+FIELD_OF_VIEW_DEG = 62.0
+SIDES = ("left", "right")
+HOMES = {"left": np.array([-0.26, -0.32, 0.12]), "right": np.array([0.26, -0.32, 0.12])}
+EYE = np.array([0.0, -0.16, 0.50])
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything of one clip. Entities 0 and 1 are the hands, then the things in the order of their names."""
+
+    play: Play
+    room: Room
+    hands: tuple[HandModel, HandModel]
+    fingers: tuple[Fingers, Fingers]
+    entities: tuple[Entity, ...]
+    things: tuple[Thing, ...]
+    textures: Textures
+    K: np.ndarray
+
+    def camera(self, time: float) -> Camera:
+        """The camera at a time in frames."""
+        return Camera(self.K, self.play.head.at(time), WIDTH, HEIGHT)
+
+    def instances(self, time: float) -> list[Instance]:
+        """All that can be seen at a time in frames."""
+        out = list(self.room.instances)
+        for number, thing in enumerate(self.things):
+            out += thing.model.instances(thing.at(time), number + 2, float(thing.opened.at(time)[0]))
+        for number, side in enumerate(SIDES):
+            palm = self.play.arms[side].track.at(time)
+            angles = self.fingers[number].at(time)
+            out += self.hands[number].instances(palm, angles, elbow(side, palm), number)
+        return out
+
+    def touched(self, time: float) -> tuple[int, int]:
+        """Entity that the (left, right) hand touches, -1 for none."""
+        touches = [self.play.arms[side].touch_at(time) for side in SIDES]
+        left, right = (-1 if touch is None else self.things.index(touch.thing) + 2 for touch in touches)
+        return left, right
+
+
+def elbow(side: str, palm: np.ndarray) -> np.ndarray:
+    """Where the elbow of an arm is, (3,) world metres: beside the body, drawn along by the hand."""
+    rest = HOMES[side] + (0.04 if side == "right" else -0.04, -0.12, 0.06)
+    return rest + 0.35 * (palm[:3, 3] - HOMES[side]) * (1, 1, 0.6)
+
+
+def build_world(spec: SceneSpec) -> World:
+    """The world of a spec; the same spec gives the same world. ValueError for an unknown script or setting."""
+    rng = np.random.default_rng([spec.seed, zlib.crc32(f"{spec.setting}/{spec.script}".encode())])
+    act = script(spec.script)
+    style = PARALLAX if spec.script in STRONG_PARALLAX else CALM
+    head = Head(rng, style, EYE + rng.uniform(-0.03, 0.03, 3), spec.frames)
+    play = Play(spec.frames, head, {side: Arm(side, palm_frame(HOMES[side], (0, 0, -1), (0, 1, 0))) for side in SIDES})
+    act(Cast(rng, play, spec.setting, spec.key_gap))
+    return _furnish(spec, play, rng)
+
+
+def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
+    things = tuple(sorted(play.things, key=lambda thing: thing.name))
+    objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
+    room = build_room(spec.setting, rng, keep_free=_paths(things, play.frames))
+    look = person(rng)
+    pair = (HandModel.build("left", look), HandModel.build("right", look))
+    materials = [i.material for i in room.instances] + [p.material for t in things for p in t.model.parts]
+    textures = Textures.of([*materials, look.skin, look.cloth])
+    fingers = (Fingers(play.arms["left"]), Fingers(play.arms["right"]))
+    return World(play, room, pair, fingers, (*hands(), *objects), things, textures, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
+
+
+def _paths(things: tuple[Thing, ...], frames: int) -> np.ndarray:
+    """(n, 3) places that things pass through: x, y and a radius in metres, for clutter to keep away from."""
+    rows = [(*thing.at(time)[:2, 3], 0.5 * float(np.hypot(*thing.model.size[:2]))) for thing in things for time in range(0, frames, 10)]
+    return np.array(rows)
