@@ -51,14 +51,14 @@ def blob(height: int, width: int, x: float, y: float, radius: float) -> np.ndarr
 
 
 def masks(rng: np.random.Generator, taxonomy: int, height: int, width: int) -> np.ndarray:
-    """(4, h, w) bool: affordances inside objects, empty on the side without a hand; the left object has a hole."""
+    """(4, h, w) bool: affordances inside objects, empty on the side without a hand; what is of the left hand has a hole."""
     out = np.zeros((4, height, width), bool)
     for side, active in enumerate((taxonomy != 1, taxonomy != 0)):
         if active:
             x, y = rng.uniform(0.25, 0.75) * width, rng.uniform(0.3, 0.7) * height
             out[2 + side] = blob(height, width, x, y, height / 5)
             out[side] = out[2 + side] & blob(height, width, x - height / 6, y, height / 8)
-    out[2] &= ~blob(height, width, width / 2, height / 2, height / 25)
+    out[::2] &= ~blob(height, width, width / 2, height / 2, height / 25)
     return out
 
 

@@ -35,20 +35,23 @@ def extraction() -> dict:
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 255, (T, H, W, 3)).astype(np.uint8)
     hand, mug = boxes(5), boxes(10)
-    clip = Clip("P01_s01", "P01", "P01", "train", ("P01.mp4",), "video", 50.0, False, 1, T, (), (narration(0), narration(1)), ())
+    said = narration(0), narration(1)
+    clip = Clip("P01_s01", "P01", "P01", "train", ("P01.mp4",), "video", 50.0, False, 1, T, (), said, ())
     none = np.full((1, T), -1)
     return {
         "clip": clip,
         "frames": Frames("P01_s01", FRAME, (FRAME - 1) * 100_000_000, rgb),
-        "inpainted": Inpainted("P01_s01", FRAME, 255 - rgb, hand, np.zeros((T, H, W), np.uint8), np.full((T, H, W), 51, np.uint8)),
+        "inpainted": Inpainted("P01_s01", FRAME, 255 - rgb, hand, np.zeros((T, H, W), np.uint8),
+                               np.full((T, H, W), 51, np.uint8)),
         "tracks": Tracks("P01_s01", (*HANDS, MUG), FRAME, np.stack([hand, np.zeros_like(hand), mug & ~hand]),
                          np.ones((3, T), np.float32), np.ones((3, T), np.uint8), np.ones((3, T), np.int64),
-                         np.tile(np.arange(T, dtype=np.int32), (3, 1)), np.int16([[2] * T, [-1] * T]), np.zeros((2, T), np.int32)),
+                         np.tile(np.arange(T, dtype=np.int32), (3, 1)), np.int16([[2] * T, [-1] * T]),
+                         np.zeros((2, T), np.int32)),
         "complete": CompleteObjects("P01_s01", (MUG,), FRAME, mug[None], np.ones((1, T), np.float32)),
         "affordances": Affordances("P01_s01", (MUG,), FRAME, np.stack([mug & hand, np.zeros_like(hand)]),
-                                   np.concatenate([none + 1, none]).astype(np.int16), np.zeros(T, np.int8), np.zeros(T, np.int8),
-                                   np.linspace(0.1, 1, T).astype(np.float32), np.zeros(T, np.uint8)),
-        "labels": FrameLabels("P01_s01", (narration(0), narration(1)), FRAME, np.zeros(T, np.int32), (), ()),
+                                   np.concatenate([none + 1, none]).astype(np.int16), np.zeros(T, np.int8),
+                                   np.zeros(T, np.int8), np.linspace(0.1, 1, T).astype(np.float32), np.zeros(T, np.uint8)),
+        "labels": FrameLabels("P01_s01", said, FRAME, np.zeros(T, np.int32), (), ()),
     }
 
 

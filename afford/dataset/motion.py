@@ -17,7 +17,7 @@ def centroid(mask: np.ndarray) -> np.ndarray:
     count = columns.sum()
     if not count:
         return np.full(2, np.nan, np.float32)
-    return np.float32([columns @ np.arange(columns.size) / count, rows @ np.arange(rows.size) / count])
+    return np.array([columns @ np.arange(columns.size) / count, rows @ np.arange(rows.size) / count], np.float32)
 
 
 class Paths:

@@ -1,0 +1,120 @@
+"""Augmentation at load time, seeded: the same (seed, epoch, index) gives the same sample, and the files stay as they are.
+
+Defaults are those of 2HandedAfforder's data set (flip of the whole, crops around the object, colour jitter), which it bakes in
+unseeded. A flip also swaps the words left and right, which the released code forgets.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from afford.dataset.load import Item
+
+SIDES = re.compile(r"\b(left|right)\b", re.IGNORECASE)
+OTHER = {"left": "right", "right": "left"}
+SWAP_MASKS, SWAP_PATHS, SWAP_TAXONOMY = [1, 0, 3, 2], [1, 0, 3, 2], (1, 0, 2, 3)
+GREY = np.array([0.299, 0.587, 0.114], np.float32)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How often, and how much."""
+
+    flip_share: float = 0.5
+    """share of samples that are mirrored"""
+    crop_share: float = 2 / 3
+    """share of samples that are cropped around their object"""
+    crop_margin: float = 50 / 855
+    """border around the object's box, as a share of the longer image side"""
+    crop_words: tuple[str, ...] = ("something", "things")
+    """narrations with one of these words are always cropped: only the picture tells what is meant"""
+    colour_share: float = 0.25
+    """share of samples whose colours are jittered"""
+    colour_range: tuple[float, float] = (0.4, 1.6)
+    """brightness, contrast and saturation are each multiplied by a factor from this range"""
+
+
+def augment(item: Item, settings: Settings, seed: int, epoch: int, index: int) -> Item:
+    """Flip, crop and recolour one sample, each by chance."""
+    rng = np.random.default_rng((seed, epoch, index))
+    chance = rng.random(3)
+    factors = rng.uniform(*settings.colour_range, 3)
+    if chance[0] < settings.flip_share:
+        item = flip(item)
+    if chance[1] < settings.crop_share or any(word in item.narration.lower() for word in settings.crop_words):
+        item = crop(item, settings.crop_margin)
+    return replace(item, image=recolour(item.image, *factors)) if chance[2] < settings.colour_share else item
+
+
+def swap_sides(text: str) -> str:
+    """Exchange the whole words left and right; the case stays."""
+    return SIDES.sub(lambda found: _like(found.group(), OTHER[found.group().lower()]), text)
+
+
+def _like(pattern: str, word: str) -> str:
+    if pattern.isupper():
+        return word.upper()
+    return word.capitalize() if pattern[0].isupper() else word
+
+
+def flip(item: Item) -> Item:
+    """The sample in a mirror: picture, masks, motion, sides of hands and objects, taxonomy and words. Twice is the identity."""
+    motion = item.motion[SWAP_PATHS].copy()
+    motion[..., 0] = item.image.shape[1] - 1 - motion[..., 0]
+    return replace(
+        item,
+        image=np.ascontiguousarray(item.image[:, ::-1]),
+        masks=np.ascontiguousarray(item.masks[SWAP_MASKS, :, ::-1]),
+        motion=motion,
+        taxonomy=SWAP_TAXONOMY[item.taxonomy],
+        narration=swap_sides(item.narration),
+        verb=swap_sides(item.verb),
+        noun=swap_sides(item.noun),
+        object_left=swap_sides(item.object_right),
+        object_right=swap_sides(item.object_left),
+    )
+
+
+def crop(item: Item, margin: float) -> Item:
+    """Zoom to the object(s) held: their box and a margin, scaled to fit, centred on black, at the size of the image.
+
+    A sample without an object stays as it is.
+    """
+    height, width = item.image.shape[:2]
+    box = _box(item.masks[2] | item.masks[3], round(margin * max(height, width)))
+    if box is None:
+        return item
+    x0, y0, x1, y1 = box
+    scale = min(width / (x1 - x0), height / (y1 - y0))
+    size = round((x1 - x0) * scale), round((y1 - y0) * scale)
+    left, top = (width - size[0]) // 2, (height - size[1]) // 2
+    image, planes = np.zeros_like(item.image), np.zeros_like(item.masks)
+    place = slice(top, top + size[1]), slice(left, left + size[0])
+    image[place] = cv2.resize(item.image[y0:y1, x0:x1], size, interpolation=cv2.INTER_LINEAR)
+    for plane, source in zip(planes, item.masks, strict=True):
+        plane[place] = cv2.resize(source[y0:y1, x0:x1].view(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
+    stretch = np.array([size[0] / (x1 - x0), size[1] / (y1 - y0)])
+    motion = (item.motion - [x0, y0] + 0.5) * stretch - 0.5 + [left, top]
+    return replace(item, image=image, masks=planes, motion=motion.astype(np.float32))
+
+
+def _box(mask: np.ndarray, margin_px: int) -> tuple[int, int, int, int] | None:
+    """x0, y0, x1, y1 (exclusive) of the mask with a margin, inside the image; None for an empty mask."""
+    columns, rows = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
+    if not columns.size:
+        return None
+    return (max(int(columns[0]) - margin_px, 0), max(int(rows[0]) - margin_px, 0),
+            min(int(columns[-1]) + 1 + margin_px, mask.shape[1]), min(int(rows[-1]) + 1 + margin_px, mask.shape[0]))
+
+
+def recolour(image: np.ndarray, brightness: float, contrast: float, saturation: float) -> np.ndarray:
+    """(h, w, 3) uint8 -> the same with its colours scaled; factors of 1 change nothing."""
+    out = np.clip(image * np.float32(brightness), 0, 255)
+    mean = np.float32((out @ GREY).mean())
+    out = np.clip(mean + (out - mean) * np.float32(contrast), 0, 255)
+    grey = (out @ GREY)[..., None]
+    return np.clip(np.rint(grey + (out - grey) * np.float32(saturation)), 0, 255).astype(np.uint8)

@@ -1,0 +1,107 @@
+"""The data set in the form that 2HandedAfforder released: one HDF5 and one JSON file per video, masks as outer contours.
+
+`<split>/h5/<start>-<end>_<video>.h5` holds images (BGR), words and one-hot taxonomy under `data`; `<split>/jsons/` holds the
+contours under the row's number. start-end is the range of the split's running index, inclusive. The format loses what outer
+contours cannot say: holes are filled.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from itertools import groupby, islice
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+
+from afford.dataset import load, masks
+from afford.dataset.columns import MASKS, TAXONOMY
+
+CONTOURS = ("aff_left", "aff_right", "obj_left", "obj_right")
+STRINGS = {"obj_id_left": "object_left", "obj_id_right": "object_right", "noun": "noun", "verb": "verb",
+           "narration": "narration"}
+COLUMNS = ("video", "image", "taxonomy", "height", "width", *STRINGS.values(), *(f"{name}_rle" for name in MASKS))
+
+
+def export(dataset_root: Path, out: Path) -> list[Path]:
+    """Write every split; returns the files."""
+    return [path for split in load.splits(dataset_root) for path in _split(dataset_root, split, out / split)]
+
+
+def _split(root: Path, split: str, out: Path) -> Iterator[Path]:
+    count = Counter(row["video"] for row in load.rows(root, split, ["video"]))
+    start = 0
+    for video, group in groupby(load.rows(root, split, COLUMNS), lambda row: row["video"]):
+        name = f"{start}-{start + count[video] - 1}_{video}"
+        paths = out / "h5" / f"{name}.h5", out / "jsons" / f"{name}.json"
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        _video(group, count[video], *paths)
+        yield from paths
+        start += count[video]
+
+
+def _video(rows: Iterator[dict[str, Any]], count: int, h5_path: Path, json_path: Path) -> None:
+    outlines: dict[str, Any] = {}
+    with h5py.File(h5_path, "w") as file:
+        data: dict[str, Any] = {}
+        for n, row in enumerate(islice(rows, count)):
+            if n == 0:
+                data = _datasets(file.create_group("data"), count, row["height"], row["width"])
+            image = cv2.imdecode(np.frombuffer(row["image"]["bytes"], np.uint8), cv2.IMREAD_COLOR)
+            data["inpainted"][n] = image
+            data["taxonomy"][n] = np.eye(len(TAXONOMY), dtype=np.uint8)[row["taxonomy"]]
+            for key, column in STRINGS.items():
+                data[key][n] = row[column]
+            outlines[str(n)] = _outlines(row)
+    json_path.write_text(json.dumps(outlines), encoding="utf-8")
+
+
+def _datasets(group: Any, count: int, height: int, width: int) -> dict[str, Any]:
+    words = {key: group.create_dataset(key, (count,), h5py.string_dtype()) for key in STRINGS}
+    image = group.create_dataset("inpainted", (count, height, width, 3), np.uint8, chunks=(1, height, width, 3),
+                                 compression="gzip", compression_opts=1)
+    return words | {"inpainted": image, "taxonomy": group.create_dataset("taxonomy", (count, len(TAXONOMY)), np.uint8)}
+
+
+def _outlines(row: dict[str, Any]) -> dict[str, Any]:
+    planes = masks.decode_rle([row[f"{name}_rle"] for name in MASKS], row["height"], row["width"])
+    found = {key: contours(plane) for key, plane in zip(CONTOURS, planes, strict=True)}
+    return {"original_size": [row["height"], row["width"]], **found}
+
+
+def contours(mask: np.ndarray) -> list[list[list[int]]]:
+    """(h, w) bool -> outer contours, each a list of [x, y]."""
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return [np.asarray(contour, np.int32).reshape(-1, 2).tolist() for contour in found]
+
+
+def fill(outlines: list[list[list[int]]], height: int, width: int) -> np.ndarray:
+    """Contours -> (h, w) bool, as the released decoder draws them."""
+    plane = np.zeros((height, width), np.uint8)
+    cv2.drawContours(plane, [np.array(outline, np.int32).reshape(-1, 1, 2) for outline in outlines], -1, 1, cv2.FILLED)
+    return plane.view(bool)
+
+
+def read(folder: Path) -> Iterator[dict[str, Any]]:
+    """Samples of one split's folder, in order: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
+    order = sorted((folder / "h5").glob("*.h5"), key=lambda path: int(path.name.split("-")[0]))
+    for path in order:
+        outlines = json.loads((folder / "jsons" / f"{path.stem}.json").read_text(encoding="utf-8"))
+        with h5py.File(path) as file:
+            for n in range(len(file["data/inpainted"])):
+                yield _sample(file["data"], n, outlines[str(n)])
+
+
+def _sample(data: Any, n: int, outlines: dict[str, Any]) -> dict[str, Any]:
+    size = outlines["original_size"]
+    return {
+        "image": data["inpainted"][n][..., ::-1],
+        "masks": np.stack([fill(outlines[key], *size) for key in CONTOURS]),
+        "taxonomy": data["taxonomy"][n],
+        **{key: data[key][n].decode("utf-8") for key in STRINGS},
+    }

@@ -1,0 +1,73 @@
+"""Files of a data set and their digests."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from blake3 import blake3
+
+from schemas.files import FileRef, FileTree
+
+MANIFEST = "manifest.json"
+CHUNK_BYTES = 1 << 20
+
+
+def empty_folder(path: Path) -> Path:
+    """A new folder; what a killed run left there is deleted."""
+    if path.exists():
+        shutil.rmtree(path)
+    path.mkdir(parents=True)
+    return path
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Indented UTF-8 JSON; NaN and infinity are refused."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def names(root: Path) -> list[str]:
+    """Every file below root, sorted, with forward slashes."""
+    return sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+
+
+def sha256(path: Path) -> str:
+    """Hex digest of a file."""
+    digest = hashlib.sha256()
+    for chunk in _chunks(path):
+        digest.update(chunk)
+    return digest.hexdigest()
+
+
+def write_manifest(root: Path) -> None:
+    """manifest.json: size, sha256 and blake3 of every other file."""
+    files = {name: _entry(root / name) for name in names(root) if name != MANIFEST}
+    write_json(root / MANIFEST, {"files": files})
+
+
+def _entry(path: Path) -> dict[str, Any]:
+    return {"bytes": path.stat().st_size, "sha256": sha256(path), "blake3": _blake3(path)}
+
+
+def tree(name: str, root: Path) -> FileTree:
+    """All files below root as a value."""
+    refs = (FileRef(file, _blake3(root / file), (root / file).stat().st_size, root / file) for file in names(root))
+    return FileTree(name, tuple(refs))
+
+
+def _blake3(path: Path) -> str:
+    digest = blake3()
+    for chunk in _chunks(path):
+        digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _chunks(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK_BYTES):
+            yield chunk

@@ -1,0 +1,148 @@
+"""The data set, read back: shards -> samples as arrays. Works as it is with `torch.utils.data.DataLoader`."""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from afford.dataset import masks
+from afford.dataset.columns import MASKS, PATHS
+
+WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
+NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
+NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *(f"{name}_rle" for name in MASKS))
+
+
+@dataclass(frozen=True)
+class Item:
+    """One sample, decoded."""
+
+    sample_id: str
+    video: str
+    frame: int
+    image: np.ndarray
+    """(h, w, 3) uint8 RGB, hands removed"""
+    masks: np.ndarray
+    """(4, h, w) bool: affordance left, right; complete object left, right"""
+    narration: str
+    verb: str
+    noun: str
+    verb_class: int
+    noun_class: int
+    object_left: str
+    object_right: str
+    taxonomy: int
+    """0 left, 1 right, 2 both on the same object, 3 both on different ones"""
+    quality: float
+    motion: np.ndarray
+    """(4, s, 2) float32 px: left hand, right hand, left object, right object; NaN out of sight"""
+    motion_time_ns: np.ndarray
+    """(s,) int64, after the sample"""
+
+
+def splits(root: Path) -> list[str]:
+    """Names of the splits, `train` before `val` before `test`, then others. ValueError when there is none."""
+    names = {path.name.rsplit("-", 3)[0] for path in (root / "data").glob("*-of-*.parquet")}
+    if not names:
+        raise ValueError(f"{root.name}/data: expected <split>-NNNNN-of-NNNNN.parquet, found none; "
+                         "give the folder of a data set that `dataset_pack` wrote")
+    return [name for name in ("train", "val", "test") if name in names] + sorted(names - {"train", "val", "test"})
+
+
+def shards(root: Path, split: str) -> list[Path]:
+    """The Parquet files of one split. ValueError when there is none."""
+    if split not in splits(root):
+        raise ValueError(f"{root.name}/data: expected {split}-*.parquet, found the splits {', '.join(splits(root))}")
+    return sorted((root / "data").glob(f"{split}-*-of-*.parquet"))
+
+
+def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Rows of the table as they are written (images as bytes), in order; one row group in memory."""
+    for path in shards(root, split):
+        with pq.ParquetFile(path) as file:
+            for group in range(file.num_row_groups):
+                yield from file.read_row_group(group, columns=list(columns)).to_pylist()
+
+
+class Dataset(Sequence[Item]):
+    """One split. Indexing decodes one sample; iterating reads the shards in order."""
+
+    def __init__(self, root: Path, split: str = "train") -> None:
+        self.files = shards(root, split)
+        opened = [pq.ParquetFile(path) for path in self.files]
+        self.groups = [(n, group) for n, file in enumerate(opened) for group in range(file.num_row_groups)]
+        self.ends = list(accumulate(opened[n].metadata.row_group(group).num_rows for n, group in self.groups))
+        self.features = json.loads(opened[0].schema_arrow.metadata[b"huggingface"])["info"]["features"]
+        self._group = lru_cache(maxsize=4)(self._read)
+
+    def __len__(self) -> int:
+        return self.ends[-1]
+
+    def __getitem__(self, index: Any) -> Any:
+        """Sample `index`; negative ones count from the end."""
+        at = index + len(self) if index < 0 else index
+        if not 0 <= at < len(self):
+            raise IndexError(f"sample {index}: the split has {len(self)}")
+        group = bisect_right(self.ends, at)
+        return self._group(group).item(at - (self.ends[group - 1] if group else 0))
+
+    def __iter__(self) -> Iterator[Item]:
+        for group in range(len(self.groups)):
+            read = self._read(group)
+            yield from (read.item(n) for n in range(read.size))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: found for name, found in self.__dict__.items() if name != "_group"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._group = lru_cache(maxsize=4)(self._read)
+
+    def class_names(self, column: str) -> list[str]:
+        """Names behind the labels of `verb_class`, `noun_class`, `taxonomy` or `taxonomy3`."""
+        return self.features[column]["names"]
+
+    def _read(self, group: int) -> _Group:
+        number, inside = self.groups[group]
+        with pq.ParquetFile(self.files[number]) as file:
+            return _Group(file.read_row_group(inside, columns=list(NEEDED)).combine_chunks())
+
+
+class _Group:
+    """A row group, its columns unpacked, its pictures not yet decoded."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self.size = table.num_rows
+        self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
+        self.jpeg = table["image"].chunk(0).field("bytes")
+        self.counts = [table[f"{name}_rle"].to_pylist() for name in MASKS]
+        self.times = _block(table["motion_time_ns"].chunk(0), self.size)
+        motion = table["motion"].chunk(0)
+        self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
+
+    def item(self, n: int) -> Item:
+        data = np.frombuffer(self.jpeg[n].as_buffer(), np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+        if image is None:
+            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG; compare the shard with manifest.json")
+        decoded = masks.decode_rle([counts[n] for counts in self.counts], *image.shape[:2])
+        return Item(image=image, masks=decoded, motion=self.motion[n], motion_time_ns=self.times[n],
+                    **{name: found[n] for name, found in self.plain.items()})
+
+
+def _block(lists: Any, size: int, *last: int) -> np.ndarray:
+    """Nested lists of equal length -> (size, s, *last)."""
+    while pa.types.is_list(lists.type):
+        lists = lists.flatten()
+    return lists.to_numpy(zero_copy_only=False).reshape(size, -1, *last)

@@ -1,0 +1,117 @@
+"""Samples of all clips -> the folder of a data set. Two passes: one over the words, one that writes rows as they come."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from afford import codecs
+from afford.dataset import card, classes, columns, croissant, files, plots, rows, shards, sheet
+from afford.dataset.split import Rule, assign
+from afford.dataset.tally import Tally, statistics
+from schemas.sample import Samples
+
+SPLITS = ("train", "val", "test")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the first pass finds out: the classes, and which clips go into which split."""
+
+    clips: tuple[Samples, ...]
+    verbs: classes.Classes
+    nouns: classes.Classes
+    split: dict[str, str]
+    samples: Counter[str]
+    """samples per split"""
+
+    def splits(self) -> list[str]:
+        """The splits that have samples, in the usual order, others after them."""
+        known = [name for name in SPLITS if name in self.samples]
+        return known + sorted(set(self.samples) - set(SPLITS))
+
+
+def plan(clips: Sequence[Samples], rule: Rule) -> Plan:
+    """First pass. ValueError when there is no sample, or when two have the same id."""
+    ordered = tuple(sorted(clips, key=lambda clip: (clip.video_id, clip.clip_id)))
+    split = assign(ordered, rule)
+    said = [sample.narration for clip in ordered for sample in clip.samples]
+    if not said:
+        raise ValueError(f"no clip gives a sample, so there is no data set to write; {_why_none(ordered)}")
+    _check_ids(ordered)
+    samples: Counter[str] = Counter()
+    for clip in ordered:
+        samples[split[clip.video_id]] += len(clip.samples)
+    return Plan(ordered, classes.emerge((one.verb_key, one.verb_class) for one in said),
+                classes.emerge((one.noun_key, one.noun_class) for one in said), split, +samples)
+
+
+def _why_none(clips: Sequence[Samples]) -> str:
+    reasons: Counter[str] = Counter()
+    for clip in clips:
+        reasons.update(dict(clip.rejected))
+    frames = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
+    return f"frames left out: {frames}" if frames else "there was no frame at all"
+
+
+def _check_ids(clips: Sequence[Samples]) -> None:
+    seen = Counter(sample.sample_id for clip in clips for sample in clip.samples)
+    name, count = seen.most_common(1)[0]
+    if count > 1:
+        raise ValueError(f"sample_id {name!r}: expected once, found {count} times; two clips cover the same frame")
+
+
+@dataclass
+class Writing:
+    """Second pass: rows of one split after the other, counted, and a few of them kept for the contact sheet."""
+
+    plan: Plan
+    wanted: frozenset[int]
+    progress: Callable[[int, int], None]
+    tally: Tally = field(default_factory=Tally)
+    kept: list[dict[str, Any]] = field(default_factory=list)
+
+    def rows(self, split: str) -> Iterator[dict[str, Any]]:
+        """The rows of one split, by video, clip and frame."""
+        verbs, nouns = self.plan.verbs.labels(), self.plan.nouns.labels()
+        for clip in self.plan.clips:
+            if self.plan.split[clip.video_id] == split and clip.samples:
+                provenance = codecs.digest(clip)
+                for sample in clip.samples:
+                    row = rows.row(clip, sample, verbs, nouns, provenance)
+                    self._note(split, sample, row)
+                    yield row
+
+    def _note(self, split: str, sample: Any, row: dict[str, Any]) -> None:
+        done = self.tally.splits.total()
+        if done in self.wanted:
+            self.kept.append(row)
+        self.tally.add(split, sample, row)
+        self.progress(done + 1, self.plan.samples.total())
+
+
+def write_samples(root: Path, made: Plan, per_shard: int, pictures: int, progress: Callable[[int, int], None]) -> Writing:
+    """Write the Parquet shards of every split; returns what was counted and kept on the way."""
+    writing = Writing(made, frozenset(sheet.spread(made.samples.total(), pictures)), progress)
+    schema = columns.arrow_schema(columns.columns(made.verbs, made.nouns))
+    for split in made.splits():
+        names = shards.shard_names(split, made.samples[split], per_shard)
+        shards.write(writing.rows(split), schema, root, names, per_shard)
+    return writing
+
+
+def describe(root: Path, writing: Writing, name: str, licence: str, version: str) -> None:
+    """Everything that stands beside the shards: statistics, plots, contact sheet, card, Croissant, manifest."""
+    made = writing.plan
+    table = columns.columns(made.verbs, made.nouns)
+    numbers = statistics(writing.tally, made.clips, made.verbs, made.nouns)
+    files.write_json(root / "statistics.json", numbers)
+    plots.write(root, writing.tally, numbers)
+    sheet.write(root / "contact_sheet.png", writing.kept)
+    (root / "README.md").write_text(card.text(name, licence, numbers, table), encoding="utf-8", newline="\n")
+    parquet = [file for file in files.names(root) if file.endswith(".parquet")]
+    files.write_json(root / "croissant.json", croissant.describe(name, licence, version, table, root, parquet))
+    files.write_manifest(root)

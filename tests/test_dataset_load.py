@@ -1,0 +1,137 @@
+"""Reading the data set back, and augmentation at load time."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import fields, replace
+
+import cv2
+import numpy as np
+import pytest
+
+from afford.dataset import augment, load
+from stages import dataset_pack
+from tests.made_samples import Scratch, clip
+
+CLIP = clip("P01_01", 230, split="train", height=32, width=48)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory) -> load.Dataset:
+    folder = tmp_path_factory.mktemp("packed")
+    dataset_pack.run((CLIP,), dataset_pack.Params(samples_per_shard=120, sheet_samples=1), Scratch(folder))
+    return load.Dataset(folder / "dataset", "train")
+
+
+def same(a: load.Item, b: load.Item) -> bool:
+    pairs = ((getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") if isinstance(x, np.ndarray) else x == y for x, y in pairs)
+
+
+def test_items_are_the_samples(data):
+    """Masks to the bit, the picture as its JPEG decodes, words and motion as they were."""
+    assert len(data) == len(CLIP.samples)
+    for item, sample in zip(data, CLIP.samples, strict=True):
+        assert np.array_equal(item.masks, sample.masks)
+        assert np.array_equal(item.image, cv2.imdecode(sample.image_jpeg, cv2.IMREAD_COLOR)[..., ::-1])
+        assert np.array_equal(item.motion, sample.motion, equal_nan=True)
+        assert np.array_equal(item.motion_time_ns, sample.motion_time_ns)
+        assert (item.narration, item.object_left, item.taxonomy) == (sample.narration.text, sample.object_left, sample.taxonomy)
+
+
+def test_random_access_is_iteration(data):
+    """Across row groups and shards, from both ends."""
+    items = list(data)
+    for index in (0, 99, 100, 119, 120, 229, -1, -230):
+        assert same(data[index], items[index])
+    with pytest.raises(IndexError):
+        data[230]
+
+
+def test_it_travels_to_worker_processes(data):
+    """A data loader sends the data set to its workers by pickle."""
+    assert same(pickle.loads(pickle.dumps(data))[150], data[150])
+
+
+def test_class_names_belong_to_labels(data):
+    """Labels are places in the list of names."""
+    assert data.class_names("noun_class")[data[2].noun_class] == "wire"
+
+
+def test_a_missing_split_is_named(data):
+    """The message says what is there."""
+    with pytest.raises(ValueError, match=r"expected test-\*\.parquet, found the splits train"):
+        load.Dataset(data.files[0].parents[1], "test")
+
+
+def test_flip_twice_is_the_identity(data):
+    """For pictures, masks, motion, words and taxonomy alike."""
+    for item in list(data)[:8]:
+        back = augment.flip(augment.flip(item))
+        np.testing.assert_allclose(back.motion, item.motion, atol=1e-4)
+        assert same(replace(back, motion=item.motion), item)
+
+
+def test_flip_swaps_the_hands(data):
+    """What the left hand did at x, the right hand does at the mirrored x."""
+    item = data[0]
+    flipped = augment.flip(item)
+    assert item.taxonomy == 0 and flipped.taxonomy == 1
+    assert np.array_equal(flipped.masks[1], item.masks[0][:, ::-1])
+    assert (flipped.object_left, flipped.object_right) == (item.object_right, item.object_left)
+    assert flipped.narration == "pick up the right mug with the left hand"
+    np.testing.assert_allclose(flipped.motion[1, :, 0], item.image.shape[1] - 1 - item.motion[0, :, 0])
+
+
+@pytest.mark.parametrize(("text", "swapped"), [
+    ("Left hand, RIGHT hand", "Right hand, LEFT hand"),
+    ("leftover bright copyright", "leftover bright copyright"),
+    ("top-left", "top-right"),
+])
+def test_only_whole_words_are_swapped(text, swapped):
+    """The case is kept, words that merely contain left or right are not touched."""
+    assert augment.swap_sides(text) == swapped
+
+
+def test_crop_keeps_masks_and_motion_together(data):
+    """The object fills the frame, masks stay inside each other, and a point on the affordance stays on it."""
+    item = data[0]
+    ys, xs = np.nonzero(item.masks[0])
+    middle = len(xs) // 2
+    item = replace(item, motion=np.full_like(item.motion, 0) + np.float32([xs[middle], ys[middle]]))
+    cut = augment.crop(item, 0.05)
+    assert cut.image.shape == item.image.shape and cut.masks.shape == item.masks.shape
+    assert cut.masks[2].sum() > item.masks[2].sum()
+    assert not (cut.masks[0] & ~cut.masks[2]).any()
+    x, y = np.rint(cut.motion[0, 0]).astype(int)
+    assert cut.masks[0, y, x]
+
+
+def test_crop_without_an_object_changes_nothing(data):
+    """There is nothing to zoom to."""
+    item = replace(data[0], masks=np.zeros_like(data[0].masks))
+    assert augment.crop(item, 0.05) is item
+
+
+def test_neutral_colours_change_nothing(data):
+    """Factors of one are the identity."""
+    assert np.array_equal(augment.recolour(data[0].image, 1, 1, 1), data[0].image)
+
+
+def test_augmentation_is_seeded_and_leaves_its_input_alone(data):
+    """Same (seed, epoch, index), same sample; another epoch, other samples."""
+    settings, before = augment.Settings(), pickle.dumps(data[3])
+    first = [augment.augment(data[n], settings, 1, 0, n) for n in range(12)]
+    again = [augment.augment(data[n], settings, 1, 0, n) for n in range(12)]
+    other = [augment.augment(data[n], settings, 1, 1, n) for n in range(12)]
+    assert all(map(same, first, again))
+    assert not all(map(same, first, other))
+    assert pickle.dumps(data[3]) == before
+
+
+def test_vague_words_are_always_cropped(data):
+    """Only the picture can tell what "something" is."""
+    item = replace(data[0], narration="take Something")
+    settings = augment.Settings(flip_share=0, crop_share=0, colour_share=0)
+    assert same(augment.augment(item, settings, 0, 0, 0), augment.crop(item, settings.crop_margin))
+    assert same(augment.augment(data[0], settings, 0, 0, 0), data[0])
