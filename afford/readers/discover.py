@@ -7,7 +7,7 @@ that must not or cannot be read in `refused`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,9 @@ SPARSE = "GroundTruth-SparseAnnotations/"
 DENSE = "Interpolations-DenseAnnotations/"
 DENSE_ENDING = "_interpolations"
 TRUTH = "truth/"
-EXTRAS = ("corrections.json", "frame_mapping.json")
+CORRECTIONS = "corrections.json"
+FRAME_MAPPING = "frame_mapping.json"
+EXTRAS = (CORRECTIONS, FRAME_MAPPING)
 Digest = Callable[[Path], str]
 
 
@@ -66,17 +68,13 @@ def _epic(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
     annotations = _annotations(found)
     media = _media([e for e in found if not e.name.startswith((TRUTH, SPARSE, DENSE))])
     present = {video: media.get(video) or _blocking_links(video, found) for video in annotations}
-    trees, refused = [], []
-    for video in sorted(video for video in annotations if present[video]):
-        try:
-            trees.append(_tree(video, [*shared, *annotations[video], *present[video]], digest))
-        except (SourceError, OSError) as error:
-            refused.append(Refused(video, str(error)))
+    groups = {video: [*shared, *annotations[video], *present[video]] for video in sorted(annotations) if present[video]}
+    trees, refused = _trees(groups, digest)
     missing = tuple(sorted(video for video in annotations if not present[video]))
     if not trees and not refused:
         raise SourceError(str(root), "a video or frame folder for an annotated video", f"none of {', '.join(missing)}",
                           "put videos/<video id>.MP4 or rgb_frames/<video id>/*.jpg there")
-    return Source("epic", root.resolve().name, tuple(trees), _truths(found, digest), missing, tuple(refused))
+    return Source("epic", root.resolve().name, trees, _truths(found, digest), missing, refused)
 
 
 def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
@@ -123,10 +121,7 @@ def _own(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
     if not any(e.suffix == ".json" and e.name not in EXTRAS for e in texts):
         raise SourceError(str(root), f"an EPIC-KITCHENS root ({SPARSE}) or a mask file (VISOR or COCO JSON) beside the video",
                           "no JSON file", "see docs/own-video.md")
-    try:
-        trees, refused = (_tree(video, [*texts, *media], digest),), ()
-    except (SourceError, OSError) as error:
-        trees, refused = (), (Refused(video, str(error)),)
+    trees, refused = _trees({video: [*texts, *media]}, digest)
     return Source("own", root.resolve().name, trees, {}, (), refused)
 
 
@@ -142,6 +137,16 @@ def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:
         got = ", ".join(sorted(e.name for e in videos) or sorted(folders)) or "none"
         raise SourceError(str(root), "exactly one video, or one folder of frame images", got, "see docs/own-video.md")
     return next(iter(choices.items()))
+
+
+def _trees(groups: Mapping[str, list[Entry]], digest: Digest) -> tuple[tuple[FileTree, ...], tuple[Refused, ...]]:
+    trees, refused = [], []
+    for video, group in groups.items():
+        try:
+            trees.append(_tree(video, group, digest))
+        except (SourceError, OSError) as error:
+            refused.append(Refused(video, str(error)))
+    return tuple(trees), tuple(refused)
 
 
 def _tree(name: str, group: Iterable[Entry], digest: Digest, prefix: str = "") -> FileTree:

@@ -49,7 +49,7 @@ def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
         items = [item for item in found if not item.name.startswith(".")]
     for item in items:
         path = Path(item.path)
-        target = path.resolve() if item.is_symlink() else path
+        target = Path(os.path.realpath(path)) if item.is_symlink() else path
         if target != path and not target.is_relative_to(real):
             yield Entry(prefix + item.name, path, leaves=True)
         elif not item.is_dir():

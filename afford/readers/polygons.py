@@ -1,4 +1,4 @@
-"""Outlines <-> masks by VISOR's rule: corners truncated to integers, the outlines of an annotation filled together (even-odd)."""
+"""Outlines <-> masks by VISOR's rule: corners truncated, the outlines of an annotation filled together (even-odd)."""
 
 from __future__ import annotations
 

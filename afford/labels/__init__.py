@@ -1,0 +1,1 @@
+"""Narrations -> labels of frames."""

@@ -1,0 +1,73 @@
+"""Every mask file of one video -> its key frames: VISOR sparse and dense, VISOR or COCO JSON of one's own."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import Any
+
+from afford.readers import coco, visor
+from afford.readers.discover import CORRECTIONS, DENSE, FRAME_MAPPING, SPARSE
+from afford.readers.errors import SourceError
+from afford.readers.hands import key_frame
+from afford.readers.rows import Note, Sheet
+from afford.readers.strict_json import parse
+from schemas.clip import KeyFrame
+from schemas.files import FileRef, FileTree
+
+
+def read_keys(files: FileTree, notes: list[Note]) -> list[KeyFrame]:
+    """Key frames by frame; a ready-made one gives way to the annotator's own. SourceError when a file is malformed or none has
+    masks. `notes` says what was corrected or left out."""
+    corrections, mapped = _extra(files, CORRECTIONS), _mapped(files)
+    sheets: dict[int, tuple[Sheet, bool]] = {}
+    for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
+        dense = file.name.startswith(DENSE)
+        sheets.update({sheet.frame: (sheet, dense) for sheet in _sheets(file, dense, mapped)})
+    keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
+    if not any(keys):
+        raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")
+    return [key for key in keys if key]
+
+
+def _mask_files(files: FileTree) -> list[FileRef]:
+    own = not any(file.name.startswith((SPARSE, DENSE)) for file in files.files)
+    return [file for file in files.files if file.name.startswith((SPARSE, DENSE)) or
+            (own and file.name.endswith(".json") and file.name not in (CORRECTIONS, FRAME_MAPPING))]
+
+
+def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
+    document = parse(_bytes(file), file.name)
+    if isinstance(document, dict) and "video_annotations" in document:
+        return visor.sheets(document, file.name, visor.DENSE_GRID_WH if dense else visor.SPARSE_GRID_WH, mapped)
+    if isinstance(document, dict) and {"images", "annotations", "categories"} <= document.keys():
+        return coco.sheets(document, file.name)
+    got = ", ".join(map(str, document)) if isinstance(document, dict) else type(document).__name__
+    raise SourceError(file.name, "'video_annotations' (VISOR) or 'images', 'annotations' and 'categories' (COCO)",
+                      got or "nothing", "see docs/own-video.md")
+
+
+def _bytes(file: FileRef) -> bytes:
+    """The JSON text of a file, or of the one JSON file in a zip."""
+    data = file.path.read_bytes()
+    if not file.name.endswith(".zip"):
+        return data
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            inside = [name for name in archive.namelist() if name.endswith(".json")]
+            if len(inside) == 1:
+                return archive.read(inside[0])
+    except zipfile.BadZipFile as error:
+        raise SourceError(file.name, "a zip file", str(error), "get the file again") from error
+    raise SourceError(file.name, "one JSON file in the zip", f"{len(inside)}", "unpack it by hand")
+
+
+def _extra(files: FileTree, name: str) -> Any:
+    file = files.find(name)
+    return parse(file.path.read_bytes(), name) if file else {}
+
+
+def _mapped(files: FileTree) -> visor.Mapped:
+    """VISOR's image names -> names of EPIC's released frames, when frame_mapping.json is there and those frames are used."""
+    released = any(file.name.rsplit("/", 1)[-1].startswith("frame_") for file in files.files)
+    return _extra(files, FRAME_MAPPING).get(files.name, {}) if released else {}

@@ -1,0 +1,40 @@
+"""EPIC's verb and noun classes: a word -> its class, by exact match. Words outside the map are classes of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from afford.readers.errors import SourceError
+from afford.readers.tables import read_table, words
+
+COLUMNS = ("id", "key", "instances")
+UNKNOWN = -1
+
+
+@dataclass(frozen=True)
+class Classes:
+    """A class map; empty when the source has none."""
+
+    keys: Mapping[int, str] = field(default_factory=dict)
+    """class id -> key"""
+    ids: Mapping[str, int] = field(default_factory=dict)
+    """word -> class id; a word that is a key belongs to that class, otherwise the first class that lists it"""
+
+    def look_up(self, word: str, stated: int | None) -> tuple[int, str]:
+        """(class id, key) of a word. A class that the source states wins; outside the map the word is its own key."""
+        number = stated if stated in self.keys else self.ids.get(word)
+        return (UNKNOWN, word) if number is None else (number, self.keys[number])
+
+
+def read_classes(data: bytes, name: str) -> Classes:
+    """The map in EPIC_100_verb_classes.csv or EPIC_100_noun_classes.csv (v2 as well). SourceError on a bad column or row."""
+    keys: dict[int, str] = {}
+    listed: dict[str, int] = {}
+    for where, row in read_table(data, name, COLUMNS):
+        if not row["id"].isdigit():
+            raise SourceError(f"{where}, column 'id'", "a whole number", repr(row["id"]), "correct the row")
+        keys[int(row["id"])] = row["key"]
+        for word in words(row["instances"], f"{where}, column 'instances'"):
+            listed.setdefault(word, int(row["id"]))
+    return Classes(keys, listed | {key: number for number, key in keys.items()})

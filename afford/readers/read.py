@@ -1,0 +1,84 @@
+"""The files of one video -> its clips, whatever the source: the one door through which annotations come in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+from afford.readers.annotations import read_keys
+from afford.readers.cut import Cutting, Part, cut
+from afford.readers.errors import SourceError
+from afford.readers.media import Media, find_media
+from afford.readers.rows import Note
+from afford.readers.speech import frame_rates, read_speech
+from schemas.clip import Clip, KeyFrame, Narration
+from schemas.files import FileTree
+
+TAIL_SLACK_S = 0.5
+"""annotations may end this much later than the video: the tools that count frames disagree at the end of a file"""
+SPLITS = ("train", "val", "test")
+
+
+def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Clip, ...]:
+    """Clips of the video `files.name`, by time. SourceError when the video or a file about it cannot be used.
+
+    still_fps: rate of a folder of frame images whose own rate nothing states, 1/s.
+    """
+    media = find_media(files, frame_rates(files), still_fps)
+    notes: list[Note] = []
+    keys = _present(read_keys(files, notes), media, notes)
+    narrations = read_speech(files, media.frame_at, notes)
+    given = [key.frame for key in keys if not key.dense] or [key.frame for key in keys]
+    parts = cut(given, media, cutting)
+    return tuple(
+        _clip(files, part, f"_s{i:02d}" if len(parts) > 1 else "", media, keys, narrations, _about(notes, part, parts))
+        for i, part in enumerate(parts, start=1))
+
+
+def _present(keys: Sequence[KeyFrame], media: Media, notes: list[Note]) -> list[KeyFrame]:
+    """Key frames whose frame exists. SourceError when an intact video ends well before them, or when none is left."""
+    numbers = set(media.numbers.tolist())
+    kept = [key for key in keys if key.frame in numbers]
+    lost = [key.frame for key in keys if key.frame not in numbers]
+    has = f"frames {media.numbers[0]} to {media.numbers[-1]} of {media.names[0]}"
+    if lost and media.kind == "video" and not media.truncated and lost[-1] > media.numbers[-1] + TAIL_SLACK_S * media.fps:
+        raise SourceError(f"key frame {lost[-1]}", f"one of {has}", "an annotation outside the video",
+                          "check that video and annotations belong together")
+    if not kept:
+        raise SourceError(media.names[0], "at least one annotated frame", f"{len(lost)} annotated frames, none of them present",
+                          "check that frames and annotations belong together, and that every frame has masks")
+    notes.extend((frame, f"frame {frame} is annotated but not among {has}; it was left out") for frame in lost)
+    return kept
+
+
+def _about(notes: Sequence[Note], part: Part, parts: Sequence[Part]) -> tuple[str, ...]:
+    """The remarks about a part: those on its frames, on frames nearest to it, and on the whole video."""
+    def nearest(frame: int) -> Part:
+        return min(parts, key=lambda p: max(p.first - frame, frame - p.last, 0))
+
+    return tuple(dict.fromkeys(text for frame, text in notes if frame == 0 or nearest(frame) == part))
+
+
+def _clip(
+    files: FileTree, part: Part, suffix: str, media: Media, keys: Sequence[KeyFrame], narrations: Sequence[Narration],
+    warnings: tuple[str, ...],
+) -> Clip:
+    names = media.names
+    if media.kind == "frames":
+        names = tuple(n for n, number in zip(names, media.numbers, strict=True) if part.first <= number <= part.last)
+    return Clip(
+        clip_id=files.name + suffix, video_id=files.name, participant_id=_participant(files), split=_split(files), media=names,
+        media_kind=media.kind, fps=media.fps, resample=media.resample, first_frame=part.first, last_frame=part.last,
+        key_frames=tuple(key for key in keys if part.first <= key.frame <= part.last),
+        narrations=tuple(n for n in narrations if n.start_frame <= part.last and n.stop_frame >= part.first), warnings=warnings)
+
+
+def _participant(files: FileTree) -> str:
+    """EPIC: what stands before the underscore; one's own video is a participant of its own."""
+    return files.name.split("_")[0] if _split(files) else files.name
+
+
+def _split(files: FileTree) -> str:
+    """train, val or test: the folder that holds the annotations."""
+    folders = [part for file in files.files if file.name.endswith(".json") for part in PurePosixPath(file.name).parts[:-1]]
+    return next((folder for folder in folders if folder in SPLITS), "")

@@ -1,0 +1,92 @@
+"""One mask of one key frame as the source has it, before hands and gloves are sorted out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from afford.readers.errors import SourceError
+from afford.readers.polygons import FAR_PX
+from schemas.clip import Polygon
+
+SLACK_PX = 1.0
+"""corners this far outside the grid are rounding, not worth a word"""
+
+
+Note = tuple[int, str]
+"""the frame that a remark is about, 0 for the whole video, and the remark: one sentence"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """An annotation as read; `worn` are the hands that a glove is on, as written."""
+
+    annotation_id: str
+    name: str
+    class_id: int
+    contact: str
+    exhaustive: str
+    worn: tuple[str, ...]
+    polygons: tuple[Polygon, ...]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """All annotations of one image; `where` names file and image in messages."""
+
+    where: str
+    image: str
+    frame: int
+    width_px: int
+    height_px: int
+    rows: tuple[Row, ...]
+
+
+def outlines(segments: Any, where: str) -> tuple[Polygon, ...]:
+    """Polygons of [[x, y], ...] lists; empty ones are left out. SourceError when one is not a list of number pairs."""
+    if not isinstance(segments, list):
+        raise SourceError(f"{where}, field 'segments'", "a list of polygons", type(segments).__name__, "correct the annotation")
+    return tuple(Polygon(_corners(segment, where)) for segment in segments if segment)
+
+
+def _corners(segment: Any, where: str) -> np.ndarray:
+    """(n, 2) float32 corners that truncate to the same integers as the numbers in the file."""
+    try:
+        exact = np.asarray(segment, np.float64)
+    except (TypeError, ValueError):
+        exact = np.zeros(0)
+    if exact.ndim != 2 or exact.shape[1] != 2:
+        raise SourceError(f"{where}, field 'segments'", "polygons as lists of [x, y] numbers", repr(segment)[:60],
+                          "correct the annotation")
+    exact = np.clip(exact, -FAR_PX, FAR_PX)
+    single = exact.astype(np.float32)
+    return np.where(single.astype(np.int32) == exact.astype(np.int32), single, np.trunc(exact)).astype(np.float32)
+
+
+def visible(sheet: Sheet, notes: list[Note]) -> list[Row]:
+    """The rows of which something lies in the image; `notes` says what was left out or cut off."""
+    kept, grid = [], f"{sheet.width_px}x{sheet.height_px}"
+    for row in sheet.rows:
+        label = f"{sheet.where}: {row.name!r} ({row.annotation_id})"
+        if not row.polygons:
+            notes.append((sheet.frame, f"{label} has no outline and was left out"))
+        elif not _touches(row.polygons, sheet.width_px, sheet.height_px):
+            notes.append((sheet.frame, f"{label} lies outside the {grid} grid and was left out"))
+        else:
+            kept.append(row)
+            if _sticks_out(row.polygons, sheet.width_px, sheet.height_px):
+                notes.append((sheet.frame, f"{label} leaves the {grid} grid and was cut off at its border"))
+    return kept
+
+
+def _touches(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+    size = np.array([width_px, height_px])
+    return any(bool((p.points.max(axis=0) >= 0).all() and (p.points.min(axis=0) < size).all()) for p in polygons)
+
+
+def _sticks_out(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+    far = np.array([width_px, height_px]) + SLACK_PX
+    return any(bool((p.points < -SLACK_PX).any() or (p.points > far).any()) for p in polygons)

@@ -1,0 +1,65 @@
+"""Every table about one video: narrations, verb and noun classes, frame rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from afford.readers.classes import Classes, read_classes
+from afford.readers.errors import SourceError
+from afford.readers.narrations import COLUMNS, read_narrations
+from afford.readers.own_narrations import read_own_narrations
+from afford.readers.rows import Note
+from afford.readers.tables import header, read_table
+from schemas.clip import Narration
+from schemas.files import FileRef, FileTree
+
+STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
+"""must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""
+INFO = "EPIC_100_video_info.csv"
+
+
+def frame_rates(files: FileTree) -> dict[str, float]:
+    """Video id -> frames per second, from the video info table. SourceError when a rate is not a number."""
+    info = files.find(INFO)
+    rates: dict[str, float] = {}
+    for where, row in read_table(info.path.read_bytes(), INFO, ("video_id", "fps")) if info else ():
+        if row["video_id"] == files.name:
+            rates[files.name] = _rate(row["fps"], where)
+    return rates
+
+
+def _rate(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise SourceError(f"{where}, column 'fps'", "a number", repr(text), "correct the row") from error
+
+
+def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note]) -> list[Narration]:
+    """The narrations of the video, in file order, each id once. SourceError when a table is malformed."""
+    verbs, nouns = _classes(files, "verb_classes"), _classes(files, "noun_classes")
+    found: dict[str, Narration] = {}
+    for file in _tables(files):
+        data = file.path.read_bytes()
+        if file.name in STANDARD or set(COLUMNS) <= set(header(data)):
+            rows = read_narrations(data, file.name, files.name, verbs, nouns)
+        elif file.name.startswith("EPIC_100_"):
+            continue
+        else:
+            rows = read_own_narrations(data, file.name, frame_at, verbs, nouns)
+        for row in rows:
+            found.setdefault(row.narration_id, row)
+    if not found:
+        names = ", ".join(file.name for file in _tables(files)) or "any table"
+        notes.append((0, f"no narration of {files.name} in {names}; without narrations it gives no samples"))
+    return list(found.values())
+
+
+def _classes(files: FileTree, kind: str) -> Classes:
+    """The newest class map of a kind (v2 sorts last); an empty one when the source has none."""
+    maps = [file for file in files.files if kind in file.name and file.name.endswith(".csv")]
+    return read_classes(maps[-1].path.read_bytes(), maps[-1].name) if maps else Classes()
+
+
+def _tables(files: FileTree) -> list[FileRef]:
+    return [file for file in files.files if file.name.endswith(".csv") and "_classes" not in file.name and file.name != INFO]

@@ -1,0 +1,32 @@
+"""JSON as the standard has it: no NaN, no Infinity."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NoReturn
+
+from afford.readers.errors import SourceError
+
+
+def parse(data: bytes, name: str) -> Any:
+    """The document in `data`; SourceError names the file and the line when it is not strict JSON in UTF-8."""
+
+    def refuse(word: str) -> NoReturn:
+        raise SourceError(name, "finite numbers", word, "JSON has no NaN or Infinity; correct or remove the annotation")
+
+    try:
+        return json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
+    except UnicodeDecodeError as error:
+        raise SourceError(name, "text in UTF-8", f"byte {error.start} that is not", "save the file as UTF-8") from error
+    except json.JSONDecodeError as error:
+        raise SourceError(f"{name}, line {error.lineno}", "JSON", error.msg, "was the file cut short? get it again") from error
+
+
+def entry(record: Any, key: str, kind: type, where: str) -> Any:
+    """`record[key]` when it is a `kind`; SourceError otherwise."""
+    if not isinstance(record, dict):
+        raise SourceError(where, "an object with fields", type(record).__name__, "compare the file with docs/own-video.md")
+    if not isinstance(record.get(key), kind):
+        got = type(record[key]).__name__ if key in record else "nothing"
+        raise SourceError(f"{where}, field {key!r}", kind.__name__, got, "compare the file with docs/own-video.md")
+    return record[key]

@@ -1,0 +1,41 @@
+"""CSV files with a header: rows as dictionaries, checked for their columns."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import io
+from collections.abc import Iterator, Sequence
+
+from afford.readers.errors import SourceError
+
+
+def header(data: bytes) -> tuple[str, ...]:
+    """Column names of a CSV file, stripped."""
+    first = data.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
+    return tuple(name.strip() for name in next(csv.reader([first]), ()))
+
+
+def read_table(data: bytes, name: str, needed: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
+    """(where, row) of every row; '' where a row is short. SourceError when a column is missing or it is no CSV in UTF-8."""
+    missing = [column for column in needed if column not in header(data)]
+    if missing:
+        raise SourceError(name, f"columns {', '.join(needed)}", f"no {', '.join(missing)}", "add it to the header and the rows")
+    try:
+        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
+        reader.fieldnames = [column.strip() for column in reader.fieldnames or ()]
+        for row in reader:
+            yield f"{name}, line {reader.line_num}", {key: value or "" for key, value in row.items() if isinstance(key, str)}
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise SourceError(name, "a CSV file in UTF-8", str(error), "save it again") from error
+
+
+def words(text: str, where: str) -> tuple[str, ...]:
+    """A Python list of strings, as EPIC writes it: "['tap', 'sponge']"."""
+    try:
+        found = ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        found = None
+    if not isinstance(found, list) or not all(isinstance(word, str) for word in found):
+        raise SourceError(where, "a list such as ['tap', 'sponge']", repr(text[:60]), "correct the row")
+    return tuple(found)

@@ -1,0 +1,63 @@
+"""VISOR JSON, sparse ground truth or dense interpolations -> sheets of annotations. VISOR, annotation format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from afford.readers.errors import SourceError
+from afford.readers.rows import Row, Sheet, outlines
+from afford.readers.strict_json import entry
+from afford.video.number import number_in
+
+SPARSE_GRID_WH = (1920, 1080)
+DENSE_GRID_WH = (854, 480)
+Mapped = Mapping[str, str]
+"""image name of VISOR -> image name of the frames in use (frame_mapping.json)"""
+
+
+def sheets(document: Any, name: str, grid_wh: tuple[int, int], mapped: Mapped) -> list[Sheet]:
+    """The annotated images of a file called `name`, by frame number.
+
+    `grid_wh` is the size that coordinates refer to, unless an image states its own `width` and `height`. SourceError when a
+    field is missing or of another kind, or a frame is there twice.
+    """
+    points = entry(document, "video_annotations", list, name)
+    found = [_sheet(point, f"{name}, image {number}", grid_wh, mapped) for number, point in enumerate(points, start=1)]
+    seen: dict[int, Sheet] = {}
+    for sheet in found:
+        if seen.setdefault(sheet.frame, sheet) is not sheet:
+            raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
+    return sorted(found, key=lambda sheet: sheet.frame)
+
+
+def frame_number(image: str, where: str) -> int:
+    """The frame that an image of this name shows; SourceError when the name does not say."""
+    number = number_in(image)
+    if number is None:
+        raise SourceError(where, "a name that ends in the frame number", repr(image), "rename it, e.g. frame_0000000001.jpg")
+    return number
+
+
+def _sheet(point: Any, where: str, grid_wh: tuple[int, int], mapped: Mapped) -> Sheet:
+    image = entry(point, "image", dict, where)
+    name = entry(image, "name", str, where)
+    label = f"{where} ({name})"
+    width_px, height_px = (int(image.get(key, size)) for key, size in zip(("width", "height"), grid_wh, strict=True))
+    raws = entry(point, "annotations", list, label)
+    rows = tuple(_row(raw, f"{label}, annotation {i}") for i, raw in enumerate(raws, start=1))
+    return Sheet(label, name, frame_number(mapped.get(name, name), label), width_px, height_px, rows)
+
+
+def _row(raw: Any, where: str) -> Row:
+    name = entry(raw, "name", str, where)
+    worn = raw.get("on_which_hand") or ()
+    return Row(
+        annotation_id=str(raw.get("id") or f"{name} at {where}"),
+        name=name,
+        class_id=entry(raw, "class_id", int, where) if raw.get("class_id") is not None else -1,
+        contact=str(raw.get("in_contact_object") or ""),
+        exhaustive=str(raw.get("exhaustive") or "inconclusive"),
+        worn=(worn,) if isinstance(worn, str) else tuple(worn),
+        polygons=outlines(entry(raw, "segments", list, where), where),
+    )

@@ -1,0 +1,75 @@
+"""Frames of a video file by number, upright and at working size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import numpy as np
+
+from afford.video.number import shown
+from afford.video.probe import Probe, probe
+from afford.video.size import shrink
+
+Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""frame numbers (t,) int64, media time (t,) int64 ns, images (t, h, w, 3) uint8 RGB"""
+
+
+def decode_video(path: Path, first: int, last: int, resample_fps: float | None, box_wh: tuple[int, int]) -> Decoded:
+    """Frames `first` to `last` (data-set numbers) as far as they can be decoded; damaged and missing ones are left out.
+
+    Times are those of the file, or those of the constant rate when it is resampled. ValueError when the file cannot be read.
+    """
+    info = probe(path)
+    source = shown(info.times_s, resample_fps)
+    numbers = np.arange(first, min(last, len(source)) + 1, dtype=np.int64)
+    indices = source[numbers - 1]
+    images = _images(path, info, info.pts[indices], box_wh)
+    kept = np.array([int(info.pts[i]) in images for i in indices], bool)
+    numbers, indices = numbers[kept], indices[kept]
+    times_s = (numbers - 1) / resample_fps if resample_fps else info.times_s[indices]
+    return numbers, np.rint(times_s * 1e9).astype(np.int64), np.array([images[int(info.pts[i])] for i in indices], np.uint8)
+
+
+def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
+    """Presentation time -> image, for those of the wanted `pts` that decode."""
+    if not len(pts):
+        return {}
+    starts = info.pts[info.is_key & (info.pts <= pts[0])]
+    wanted = set(pts.tolist())
+    images: dict[int, np.ndarray] = {}
+    try:
+        with av.open(str(path)) as container:
+            for frame in _frames(container, int(starts[-1]) if len(starts) else None):
+                time = frame.pts if frame.pts is not None else frame.dts
+                if time is not None and time in wanted:
+                    images[time] = shrink(_upright(frame), box_wh)
+                if time is not None and time >= pts[-1]:
+                    break
+    except av.error.FFmpegError as error:
+        raise ValueError(error.strerror or "unreadable data") from error
+    return images
+
+
+def _frames(container: av.container.InputContainer, start: int | None) -> Iterator[av.VideoFrame]:
+    """Frames in the order in which they are shown, from the key frame at `start` on; broken packets are passed over."""
+    stream = container.streams.video[0]
+    stream.codec_context.thread_count = 1
+    if start is not None:
+        container.seek(start, stream=stream)
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except (StopIteration, av.error.FFmpegError):
+            return
+        try:
+            yield from packet.decode()
+        except av.error.InvalidDataError:
+            continue
+
+
+def _upright(frame: av.VideoFrame) -> np.ndarray:
+    """RGB (h, w, 3) uint8, turned as the file's display matrix asks."""
+    return np.ascontiguousarray(np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90) % 4))
