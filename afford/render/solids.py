@@ -17,11 +17,11 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 def lathe(profile: np.ndarray, sides: int = 48, *, repeat_u: float = 1.0, v_per_m: float = 0.0, crease_deg: float = 35.0) -> Mesh:
     """A solid of revolution about z. `profile` (n, 2) of (radius, height), going from bottom to top on the outside.
 
-    u runs around (`repeat_u` textures), v along the profile's length (0..1, or `v_per_m` textures a metre).
+    u runs around (`repeat_u` textures), v down the profile (images stand upright; 1 texture, or `v_per_m` textures a metre).
     """
     line = np.asarray(profile, np.float32)
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    v = length * v_per_m if v_per_m else length / length[-1]
+    v = -length * v_per_m if v_per_m else 1 - length / length[-1]
     angle = np.linspace(0, 2 * np.pi, sides + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], -1)
     ring[-1] = ring[0]
