@@ -3,7 +3,8 @@
 Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame
 Writes  Inpainted: images, the mask that was replaced (hands, dilated), per-pixel source and confidence
 Method  `layered` looks behind the hands in other frames, background and objects by their own motion; `median` background
-        only; `telea` each frame alone. All deterministic, on the CPU. Works on a few far-apart frames as well
+        only; `telea` each frame alone; `vidm` is learned (weights needed, GPU advised). All deterministic; all work on a
+        few far-apart frames as well
 Fails   when frames and tracks are not of the same frames and size
 Paper   2HandedAfforder, hand inpainting (VIDM over four frames); masks dilated 7 px at 256 there
 """
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted, PixelSource
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "diffusers")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -23,15 +24,24 @@ BACKENDS = {
     "layered": "afford.backends.inpaint.layered:inpaint",
     "median": "afford.backends.inpaint.median:inpaint",
     "telea": "afford.backends.inpaint.telea:inpaint",
+    "vidm": "afford.backends.inpaint.vidm:inpaint",
 }
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "layered"
-    """layered, median or telea"""
+    """layered, median, telea or vidm"""
     dilate_px: int = 3
     """growth of the hand masks before they are replaced, in pixels of the working size"""
+    model: str = ""
+    """vidm: folder or hub id of the weights"""
+    ddim_steps: int = 200
+    """vidm: denoising steps"""
+    ddim_eta: float = 1.0
+    """vidm: share of fresh noise in every step, 0..1"""
+    seed: int = 0
+    """vidm: seed of the noise"""
 
 
 def run(frames: Frames, tracks: Tracks, params: Params) -> Inpainted:

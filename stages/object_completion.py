@@ -3,7 +3,8 @@
 Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands)
 Writes  CompleteObjects: every object that a hand ever touches, complete in every frame, with confidence
 Method  `template` follows each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the
-        baselines. All deterministic, on the CPU. A complete mask holds the visible one; the rest lies behind other masks
+        baselines; `sam2` is learned (weights needed, GPU advised). Deterministic. A complete mask holds the visible one;
+        the rest lies behind other masks
 Fails   when the inputs are not of the same frames and size
 Paper   2HandedAfforder, object completion (SAM2 from the frame to its inpainted twin)
 """
@@ -19,7 +20,7 @@ from schemas.video import Frames, Inpainted
 if TYPE_CHECKING:
     import numpy as np
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "transformers")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -27,13 +28,16 @@ BACKENDS = {
     "template": "afford.backends.complete.template:complete",
     "hull": "afford.backends.complete.hull:complete",
     "visible": "afford.backends.complete.visible:complete",
+    "sam2": "afford.backends.complete.sam2:complete",
 }
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "template"
-    """template, hull or visible"""
+    """template, hull, visible or sam2"""
+    model: str = ""
+    """sam2: folder or hub id of a Sam2VideoModel"""
 
 
 def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params) -> CompleteObjects:

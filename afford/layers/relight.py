@@ -10,17 +10,16 @@ LIMITS = (0.4, 2.0)
 
 
 def membrane(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Smooth (h, w, c) float32 surface through `values` where `weight` (h, w) is positive: pull-push over a pyramid."""
-    weight = weight.astype(np.float32)
-    levels = [(values.astype(np.float32) * weight[..., None], weight)]
-    while min(levels[-1][1].shape) > 2:
+    """Smooth (h, w, 3) float32 surface through `values` where `weight` (h, w) is positive: pull-push over a pyramid."""
+    weight = np.repeat(weight.astype(np.float32)[..., None], values.shape[2], axis=2)
+    levels = [(values.astype(np.float32) * weight, weight)]
+    while min(levels[-1][0].shape[:2]) > 2:
         levels.append((cv2.pyrDown(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
-    total, mass = levels[-1]
-    surface = total / np.maximum(mass, 1e-6)[..., None]
+    surface = levels[-1][0] / np.maximum(levels[-1][1], 1e-6)
     for total, mass in reversed(levels[:-1]):
-        coarse = cv2.pyrUp(surface, dstsize=mass.shape[::-1])
-        trust = np.minimum(mass * 4, 1)[..., None]
-        surface = trust * (total / np.maximum(mass, 1e-6)[..., None]) + (1 - trust) * coarse
+        coarse = cv2.pyrUp(surface, dstsize=mass.shape[1::-1])
+        trust = np.minimum(mass * 4, 1)
+        surface = trust * (total / np.maximum(mass, 1e-6)) + (1 - trust) * coarse
     return surface
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from afford.backends.inpaint import Filled
 from afford.backends.inpaint.telea import spread
 from afford.layers import regions
-from afford.layers.camera import background_cameras
+from afford.layers.camera import register
 from afford.layers.follow import follow
 from afford.layers.gather import gather_colour
 from afford.layers.relight import RIM_PX, relight
@@ -34,14 +34,15 @@ def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Fi
 
 
 def fill_background(frames: Frames, grey: np.ndarray, hole: np.ndarray, moving: np.ndarray) -> Filled:
-    cameras, usable = background_cameras(grey, frames.frame, ~moving), ~moving
+    usable = ~moving
+    background = register(grey, frames.frame, usable)
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
     for t in np.flatnonzero(hole.any(axis=(1, 2))):
         target = regions.dilate(hole[t], RIM_PX + 2)
         pixels = _pixels(target)
-        points = _unproject(cameras[t], pixels)
-        rows, weights = _nearby(frames.frame, int(t))
-        colour, found = gather_colour(points, cameras[rows], rows, weights, frames.rgb, usable)
+        points = background.scene_points(t, pixels, target.shape)
+        rows, weights = _nearby(frames.frame, int(t), background.group)
+        colour, found = gather_colour(points, background.cameras[rows], rows, weights, frames.rgb, usable)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
         rim = target & ~hole[t] & usable[t] & _mask(hole[t].shape, pixels, found > 0)
         fill = relight(fill, frames.rgb[t], rim)
@@ -74,7 +75,9 @@ def _put(filled: Filled, t: int, where: np.ndarray, fill: np.ndarray, shown: np.
     filled.confidence[t][where] = np.where(shown, 255 * trust, 0)[where]
 
 
-def _spread_unseen(image: np.ndarray, pixels: np.ndarray, colour: np.ndarray, found: np.ndarray, target: np.ndarray) -> np.ndarray:
+def _spread_unseen(
+    image: np.ndarray, pixels: np.ndarray, colour: np.ndarray, found: np.ndarray, target: np.ndarray
+) -> np.ndarray:
     """(h, w, 3) float32: the gathered colours, and cv2.inpaint where no frame has seen the point."""
     fill = image.copy()
     fill[pixels[:, 1], pixels[:, 0]] = np.rint(colour)
@@ -85,17 +88,13 @@ def _spread_unseen(image: np.ndarray, pixels: np.ndarray, colour: np.ndarray, fo
     return fill
 
 
-def _nearby(frame: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
+def _nearby(frame: np.ndarray, t: int, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows (n,) of up to SOURCES frames, dense near `t` and sparse far away, and their weights (n,)."""
     order = np.argsort(np.abs(np.arange(len(frame)) - t), kind="stable")[1:]
+    order = order[group[order] == group[t]]
     pick = np.unique(np.geomspace(1, max(len(order), 1), SOURCES).astype(int) - 1) if len(order) else np.zeros(0, int)
     rows = order[pick[pick < len(order)]]
     return rows, 0.02 + np.exp(-np.abs(frame[rows] - frame[t]) / FADE_FRAMES)
-
-
-def _unproject(camera: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    plane = np.linalg.solve(camera[:, :3], np.column_stack([pixels, np.ones(len(pixels))]).T).T
-    return np.column_stack([plane, np.zeros(len(pixels))])
 
 
 def _pixels(mask: np.ndarray) -> np.ndarray:
