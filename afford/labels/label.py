@@ -21,7 +21,7 @@ def label_frames(
     covers = (frame[:, None] >= start) & (frame[:, None] <= stop)
     at, number = choose(covers, kept)
     used, index = np.unique(number, return_inverse=True)
-    silent = [n.narration_id for n, hit in zip(kept, covers.any(axis=0).tolist(), strict=True) if not hit]
+    silent = [n.narration_id for n, column in zip(kept, covers.T, strict=True) if not column.any()]
     return FrameLabels(
         clip_id=clip.clip_id, narrations=tuple(kept[k] for k in used), frame=frame[at].astype(np.int64),
         narration=index.astype(np.int32), unmatched=tuple(silent),

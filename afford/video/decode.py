@@ -33,22 +33,29 @@ def decode_video(path: Path, first: int, last: int, resample_fps: float | None, 
 
 
 def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
-    """Presentation time -> image, for those of the wanted `pts` that decode."""
-    if not len(pts):
-        return {}
-    starts = info.pts[info.is_key & (info.pts <= pts[0])]
+    """Presentation time -> image, for those of the wanted `pts` that decode.
+
+    Decoding starts at the key frame before them, and again from the start when that does not give them all: some containers
+    seek to the wrong place, or lose their clock.
+    """
     wanted = set(pts.tolist())
-    images: dict[int, np.ndarray] = {}
+    before = info.pts[info.is_key & (info.pts <= pts[:1])] if wanted else pts
     try:
-        with av.open(str(path)) as container:
-            for frame in _frames(container, int(starts[-1]) if len(starts) else None):
-                time = frame.pts if frame.pts is not None else frame.dts
-                if time is not None and time in wanted:
-                    images[time] = shrink(_upright(frame), box_wh)
-                if time is not None and time >= pts[-1]:
-                    break
+        images = _decode(path, int(before[-1]), wanted, box_wh) if len(before) else {}
+        return images if len(images) == len(wanted) else images | _decode(path, None, wanted, box_wh)
     except av.error.FFmpegError as error:
         raise ValueError(error.strerror or "unreadable data") from error
+
+
+def _decode(path: Path, start: int | None, wanted: set[int], box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
+    last, images = max(wanted), {}
+    with av.open(str(path)) as container:
+        for frame in _frames(container, start):
+            time = frame.pts if frame.pts is not None else frame.dts
+            if time is not None and time in wanted and not frame.is_corrupt:
+                images[time] = shrink(_upright(frame), box_wh)
+            if time is not None and time >= last:
+                break
     return images
 
 

@@ -9,6 +9,9 @@ from pathlib import Path
 import av
 import numpy as np
 
+LATE_S = 0.25
+"""a video that ends this much before its container says so was cut short"""
+
 
 @dataclass(frozen=True)
 class Probe:
@@ -21,18 +24,13 @@ class Probe:
     time_base_s: float
     is_key: np.ndarray
     """(n,) bool: decoding may start here"""
-    declared: int
-    """number of frames that the container states, 0 when it does not"""
+    truncated: bool
+    """the file ends before the container says so; the last frames, whose order is in doubt, are not counted"""
 
     @property
     def times_s(self) -> np.ndarray:
         """(n,) float64 seconds since the first frame."""
         return (self.pts - self.pts[0]) * self.time_base_s
-
-    @property
-    def truncated(self) -> bool:
-        """The container states more frames than the file has data for."""
-        return self.declared > len(self.pts) + 1
 
 
 def probe(path: Path) -> Probe:
@@ -48,20 +46,28 @@ def probe(path: Path) -> Probe:
 
 def _probe(container: av.container.InputContainer) -> Probe:
     stream = container.streams.video[0]
-    times, keys = [], []
-    for packet in _packets(container, stream):
-        time = packet.pts if packet.pts is not None else packet.dts
-        if time is not None and not packet.is_discard:
-            times.append(time)
-            keys.append(packet.is_keyframe)
-    if not times or stream.time_base is None:
-        raise ValueError("no frames")
-    order = np.argsort(times, kind="stable")
+    packets = [packet for packet in _packets(container, stream) if _time(packet) is not None and not packet.is_discard]
     rate = stream.average_rate or stream.guessed_rate
-    if not rate:
-        raise ValueError("no frame rate")
-    pts, is_key = np.array(times, np.int64)[order], np.array(keys, bool)[order]
-    return Probe(float(rate), pts, float(stream.time_base), is_key, stream.frames)
+    if not packets or stream.time_base is None or not rate:
+        raise ValueError("no frames" if not packets else "no frame rate")
+    pts = np.array([_time(packet) for packet in packets], np.int64)
+    truncated = _ends_early(container, stream, len(pts), float((pts.max() - pts.min()) * stream.time_base + 1 / rate))
+    safe = pts.max() if not truncated or packets[-1].dts is None else packets[-1].dts
+    order = np.argsort(pts, kind="stable")
+    order = order[pts[order] <= max(safe, pts.min())]
+    keys = np.array([packet.is_keyframe for packet in packets], bool)
+    return Probe(float(rate), pts[order], float(stream.time_base), keys[order], truncated)
+
+
+def _ends_early(container: av.container.InputContainer, stream: av.VideoStream, count: int, length_s: float) -> bool:
+    if stream.frames:
+        return stream.frames > count + 1
+    stated_s = (container.duration or 0) / av.time_base
+    return stated_s > length_s + LATE_S
+
+
+def _time(packet: av.Packet) -> int | None:
+    return packet.pts if packet.pts is not None else packet.dts
 
 
 def _packets(container: av.container.InputContainer, stream: av.VideoStream) -> Iterator[av.Packet]:
