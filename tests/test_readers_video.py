@@ -90,7 +90,8 @@ def test_an_intact_file_is_not_called_truncated(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("video", "rate"), [
-    ("P01_01", 60.0), ("P37_102", 50.0), ("P03_101", 50.0), ("P38_01", None), ("P90_01", None), ("P01_201", None), ("mug", None)])
+    ("P01_01", 60.0), ("P37_102", 50.0), ("P03_101", 50.0), ("P38_01", None), ("P90_01", None), ("P01_201", None),
+    ("mug", None)])
 def test_epic_rates_are_for_the_ids_of_epic_only(video: str, rate: float | None) -> None:
     """60 for PXX_YY, 50 for PXX_1YY, P01 to P37; no rule for any other name."""
     assert epic_rate(video) == rate

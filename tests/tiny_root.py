@@ -74,7 +74,8 @@ def _turn_clockwise(path: Path) -> None:
 
 
 def mask(name: str, key: str, segments: Any = (SQUARE,), **more: Any) -> dict[str, Any]:
-    return {"id": key, "name": name, "class_id": 300 if "hand" in name else 13, "exhaustive": "y", "segments": list(segments), **more}
+    class_id = 300 if "hand" in name else 13
+    return {"id": key, "name": name, "class_id": class_id, "exhaustive": "y", "segments": list(segments), **more}
 
 
 def image(video: str, frame: int, annotations: Iterable[dict[str, Any]] | None = None) -> dict[str, Any]:
@@ -89,7 +90,7 @@ def row(video: str, number: int = 0, **more: Any) -> dict[str, Any]:
     given = {"narration_id": f"{video}_{number}", "participant_id": video[:3], "video_id": video, "start_frame": 1,
              "stop_frame": 40, "narration": "pick up mug", "verb": "pick-up", "verb_class": 0, "noun": "mug", "noun_class": 13,
              "all_nouns": "['mug']", "all_noun_classes": "[13]"}
-    return {column: "" for column in COLUMNS} | given | more
+    return dict.fromkeys(COLUMNS, "") | given | more
 
 
 def write_rows(path: Path, rows: Iterable[dict[str, Any]], columns: Sequence[str] = COLUMNS) -> None:
@@ -100,7 +101,9 @@ def write_rows(path: Path, rows: Iterable[dict[str, Any]], columns: Sequence[str
         writer.writerows(rows)
 
 
-def write_root(root: Path, video: str = "P95_01", frames: int = 40, points: list[Any] | None = None, rows: list[Any] | None = None) -> Path:
+def write_root(
+    root: Path, video: str = "P95_01", frames: int = 40, points: list[Any] | None = None, rows: list[Any] | None = None
+) -> Path:
     """An EPIC root of one video with key frames 1, 16 and 31 and one narration."""
     write_video(root / "videos" / f"{video}.MP4", frames)
     write_points(root, video, points if points is not None else [image(video, frame) for frame in (1, 16, 31)])

@@ -52,7 +52,7 @@ def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
         target = Path(os.path.realpath(path)) if item.is_symlink() else path
         if target != path and not target.is_relative_to(real):
             yield Entry(prefix + item.name, path, leaves=True)
-        elif not item.is_dir():
+        elif not os.path.isdir(path):
             yield Entry(prefix + item.name, path, leaves=False)
         elif target == path or not path.is_relative_to(target):
             yield from _walk(real, path, f"{prefix}{item.name}/")
