@@ -8,7 +8,7 @@ from afford.render.mesh import merge
 from afford.render.solids import lathe, tube
 from afford.scenes import materials
 from afford.scenes.asset import Joint, ObjectModel, Part
-from afford.scenes.grips import along, around, over, pair
+from afford.scenes.grips import UP, along, around, both, over, rod
 
 
 def bottle(rng: np.random.Generator) -> ObjectModel:
@@ -23,7 +23,7 @@ def bottle(rng: np.random.Generator) -> ObjectModel:
     cap = lathe(np.array([(neck + 0.003, 0.91 * h), (neck + 0.003, h - 0.002), (neck + 0.001, h), (0, h)]), 24)
     parts = (Part("glass", glass, materials.plastic(rng)), Part("label", wrap, materials.label(rng, repeat=int(rng.integers(1, 4)))),
              Part("cap", cap, materials.plastic(rng)))
-    grips = (*around("body", r, 0.42 * h, lean=0.1), *around("neck", neck + 0.004, 0.80 * h))
+    grips = (*around("body", r, 0.42 * h), *around("neck", neck + 0.004, 0.80 * h))
     return ObjectModel("bottle", "bottle", parts, grips, spins=True, opening=(0.0, 0.0, h))
 
 
@@ -33,7 +33,7 @@ def water(rng: np.random.Generator) -> ObjectModel:
     body = lathe(np.array([(0, 0), (r - 0.004, 0), (r, 0.005), (r, 0.80 * h), (r * 0.72, 0.87 * h)]))
     lid = lathe(np.array([(r * 0.74, 0.86 * h), (r * 0.76, 0.97 * h), (r * 0.6, h), (0, h)]))
     parts = (Part("body", body, materials.ceramic(rng)), Part("lid", lid, materials.plastic(rng)))
-    return ObjectModel("water", "bottle", parts, (*around("body", r, 0.45 * h, lean=0.1), *over("lid", 0.7 * r, h)), spins=True,
+    return ObjectModel("water", "bottle", parts, (*around("body", r, 0.45 * h), *over("lid", 0.7 * r, h)), spins=True,
                        opening=(0.0, 0.0, h))
 
 
@@ -52,7 +52,7 @@ def kettle(rng: np.random.Generator) -> ObjectModel:
     parts = (Part("body", merge(body, spout), shell), Part("base", base, dark), Part("handle", handle, dark), Part("lid", top, dark, moving=True))
     reach = 0.72 * r + 0.055
     grips = (
-        *pair("handle", "handle_wrap", (0.020, -reach - 0.022, 0.60 * h), (-0.60, 0.80, 0.0), (-0.75, 0.45, -0.35), 0.025),
+        *both(rod("handle", (0.0, -reach - 0.006, 0.60 * h), UP, (-0.45, 0.90, 0.0), 0.024, lean_deg=-12.0)),
         *over("lid", 0.14 * r + 0.004, 1.05 * h, moving=True),
     )
     joint = Joint("hinge", (0, -0.70 * r, 0.94 * h), (1, 0, 0), 0.0, 1.3)
@@ -87,7 +87,7 @@ def jar(rng: np.random.Generator) -> ObjectModel:
     under = lathe(np.array([(0, 0.93 * h), (r * 0.88, 0.93 * h), (r * 0.88, 0.85 * h)][::-1]), 40)
     parts = (Part("glass", body, materials.plastic(rng)), Part("label", wrap, materials.label(rng, repeat=int(rng.integers(1, 3)))),
              Part("lid", merge(lid, under), materials.ceramic(rng), moving=True))
-    grips = (*around("body", r, 0.42 * h, lean=0.15), *over("lid", r * 0.95, 0.97 * h, moving=True))
+    grips = (*around("body", r, 0.42 * h), *over("lid", r * 0.95, 0.97 * h, moving=True))
     joint = Joint("free", (0, 0, 0.85 * h), (0, 0, 1), 0.0, 0.2)
     return ObjectModel("jar", "jar", parts, grips, joint, spins=True, opening=(0.0, 0.0, 0.9 * h))
 

@@ -22,7 +22,7 @@ def stapler(rng: np.random.Generator) -> ObjectModel:
     arm = tube(np.stack([0 * y, y, 0.031 + 0.006 * np.sin(np.linspace(0, np.pi, 12))], -1), np.interp(y, [-long / 2, 0, long / 2], [0.0165, 0.0185, 0.0150]), 18, flat=0.8)
     rail = moved(box((0.015, long * 0.92, 0.010), 0.001, uv_per_m=8), 0, 0, 0.014)
     parts = (Part("base", base, materials.plastic(rng, (50, 50, 54))), Part("rail", rail, materials.metal(rng), moving=True), Part("arm", arm, materials.ceramic(rng), moving=True))
-    grips = (*along("body", (0.0, -0.012, 0.030), 0.034, tilt=1.2), *pinch("arm", (0.0, 0.0, 0.030), 0.034))
+    grips = (*along("body", (0.0, -0.012, 0.030), 0.034, tilt_deg=60.0), *pinch("arm", (0.0, 0.0, 0.030), 0.034))
     return ObjectModel("stapler", "stapler", parts, grips, Joint("hinge", (0, -long / 2, 0.014), (1, 0, 0), 0.0, 0.5), tip=(0.0, long / 2, 0.014))
 
 
@@ -102,7 +102,7 @@ def cup(rng: np.random.Generator) -> ObjectModel:
         line = np.array([out * -0.010 + [0, 0, 0.006], out * 0.012 + [0, 0, 0.07], out * (r - 0.012) + [0, 0, h + rng.uniform(0.02, 0.05)]])
         pens.append(tube(line, 0.0042, 8))
     parts = (Part("cup", wall, materials.ceramic(rng)), Part("pens", merge(*pens[:2]), materials.plastic(rng)), Part("pencils", merge(*pens[2:]), materials.plastic(rng)))
-    return ObjectModel("cup", "cup", parts, (*around("body", r, 0.5 * h, lean=0.1), *edge("rim", (r, 0, h), 0.006)))
+    return ObjectModel("cup", "cup", parts, (*around("body", r, 0.5 * h), *edge("rim", (r, 0, h), 0.006)))
 
 
 def phone(rng: np.random.Generator) -> ObjectModel:

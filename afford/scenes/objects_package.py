@@ -44,7 +44,7 @@ def can(rng: np.random.Generator) -> ObjectModel:
                             (r - 0.001, h), (r - 0.003, h - 0.003), (0.4 * r, h - 0.004), (0, h - 0.003)]))
     wrap = lathe(np.array([(r - 0.0004, 0.006), (r - 0.0004, h - 0.006)]))
     parts = (Part("steel", steel, materials.metal(rng)), Part("label", wrap, materials.label(rng, repeat=int(rng.integers(1, 4)))))
-    return ObjectModel("can", "can", parts, (*around("body", r, 0.5 * h, lean=0.1), *over("rim", r, 0.95 * h)), spins=True,
+    return ObjectModel("can", "can", parts, (*around("body", r, 0.5 * h), *over("rim", r, 0.95 * h)), spins=True,
                        opening=(0.0, 0.0, h))
 
 

@@ -8,7 +8,7 @@ from afford.render.mesh import merge, moved, transform
 from afford.render.solids import box, extrude, lathe, tube
 from afford.scenes import materials
 from afford.scenes.asset import ObjectModel, Part
-from afford.scenes.grips import along, around, edge, over, pair, pinch
+from afford.scenes.grips import LEFT, UP, along, around, edge, mirrored, over, pinch, rod
 
 
 def mug(rng: np.random.Generator) -> ObjectModel:
@@ -24,14 +24,11 @@ def mug(rng: np.random.Generator) -> ObjectModel:
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 13)
     path = np.stack([r - 0.003 + 0.031 * np.cos(turn), np.zeros(13), h * 0.5 + 0.32 * h * np.sin(turn)], -1)
     handle = tube(path, 0.0056, 10, up=(0, 1, 0), flat=1.35)
-    grips = (
-        *around("body", r, h * 0.52, lean=0.1),
-        *pair("handle", "handle_wrap", (r + 0.030, -0.012, h * 0.5 + 0.004), (-0.9, 0.3, 0.0), (-0.05, 1.0, -0.18), 0.024),
-        *over("rim", r, h * 0.92),
-    )
-    left = tuple(g for g in grips if not (g.side == "left" and g.name == "handle"))
-    other = pair("handle", "handle_wrap", (-r - 0.030, -0.012, h * 0.5 + 0.004), (-0.9, 0.3, 0.0), (-0.05, 1.0, -0.18), 0.024)[1]
-    grips = (*left, other)
+    bow = (r + 0.026, 0.0, h * 0.5)
+    right = rod("handle", bow, UP, LEFT, 0.012, lean_deg=-8.0)
+    turned = rod("handle", (-bow[0], 0.0, bow[2]), UP, LEFT, 0.012, lean_deg=-8.0)
+    left = mirrored(turned)
+    grips = (*around("body", r, h * 0.52), right, left, *over("rim", r, h * 0.92))
     parts = (Part("body", body, glaze), Part("inside", inside, plain), Part("handle", handle, plain))
     return ObjectModel("mug", "mug", parts, grips, opening=(0.0, 0.0, h))
 
@@ -89,7 +86,7 @@ def knife(rng: np.random.Generator) -> ObjectModel:
     parts = (Part("blade", moved(steel, 0, shift), materials.metal(rng, tone=185)), Part("handle", moved(grip, 0, shift), look),
              Part("rivets", moved(merge(*rivets), 0, shift), materials.metal(rng)))
     at = (0.0, shift - 0.45 * handle, 0.010)
-    return ObjectModel("knife", "knife", parts, (*pinch("handle", at, 0.024), *along("handle", at, 0.020)),
+    return ObjectModel("knife", "knife", parts, (*pinch("handle", at, 0.024), *along("handle", at, 0.020, tilt_deg=55.0)),
                        tip=(deep * 0.5, shift + blade * 0.8, 0.0096))
 
 

@@ -8,7 +8,7 @@ from afford.render.mesh import merge, moved, transform
 from afford.render.solids import box, extrude, lathe, tube
 from afford.scenes import materials
 from afford.scenes.asset import Joint, ObjectModel, Part
-from afford.scenes.grips import along, around, edge, over, pair, pinch, sides
+from afford.scenes.grips import LEFT, UP, along, around, both, edge, over, pinch, rod, sides
 
 LIE_Y = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """Turns a thing that stands along z so that it lies along y."""
@@ -57,7 +57,7 @@ def drill(rng: np.random.Generator) -> ObjectModel:
     trigger = moved(box((0.014, 0.016, 0.028), 0.003), 0, 0.024, 0.112)
     parts = (Part("body", moved(transform(body, LIE_Y), 0, -0.068, 0.172), shell), Part("battery", battery, dark), Part("handle", handle, dark),
              Part("chuck", front, materials.metal(rng, tone=120)), Part("trigger", trigger, materials.plastic(rng)))
-    grips = (*pair("handle", "handle_wrap", (0.0245, -0.020, 0.098), (-1.0, 0.10, 0.0), (0.0, 0.98, -0.18), 0.044), *over("body", 0.030, 0.19))
+    grips = (*both(rod("handle", (0.0, -0.004, 0.098), UP, (-0.55, 0.83, 0.0), 0.038)), *over("body", 0.030, 0.19))
     return ObjectModel("drill", "drill", parts, grips, tip=(0.0, 0.17, 0.172))
 
 
@@ -105,7 +105,7 @@ def toolbox(rng: np.random.Generator) -> ObjectModel:
              Part("lid", lid, materials.plastic(rng, size=256), moving=True), Part("handle", handle, materials.rubber(rng), moving=True))
     top = h + 0.054
     grips = (*pinch("lid", (0.0, -d / 2, h + 0.02), 0.02, moving=True), *sides("body", w / 2, 0.6 * h), *edge("side", (w / 2, 0.0, h * 0.9), 0.01),
-             *pair("handle", "handle_wrap", (0.0, -0.015, top + 0.010), (0.0, 0.25, -0.97), (-0.05, 0.97, 0.25), 0.014, moving=True))
+             *both(rod("handle", (0.0, 0.0, top - 0.006), LEFT, (0.0, 0.15, -1.0), 0.013, moving=True)))
     return ObjectModel("toolbox", "toolbox", parts, grips, Joint("hinge", (0, d / 2, h), (-1, 0, 0), 0.0, 1.7), opening=(0.0, 0.0, h))
 
 
@@ -116,7 +116,7 @@ def glue(rng: np.random.Generator) -> ObjectModel:
     wrap = lathe(np.array([(r + 0.0005, 0.1 * h), (r + 0.0005, 0.72 * h)]))
     tip = lathe(np.array([(0.55 * r, 0.88 * h), (0.5 * r, 0.95 * h), (0.2 * r, 1.0 * h), (0.12 * r, 1.2 * h), (0, 1.21 * h)]), 24)
     parts = (Part("body", body, materials.plastic(rng)), Part("label", wrap, materials.label(rng, repeat=int(rng.integers(1, 3)))), Part("tip", tip, materials.plastic(rng)))
-    return ObjectModel("glue", "glue", parts, (*around("body", r, 0.45 * h, lean=0.15), *over("tip", 0.5 * r, 0.95 * h)), spins=True, opening=(0.0, 0.0, 1.21 * h))
+    return ObjectModel("glue", "glue", parts, (*around("body", r, 0.45 * h), *over("tip", 0.5 * r, 0.95 * h)), spins=True, opening=(0.0, 0.0, 1.21 * h))
 
 
 def block(rng: np.random.Generator) -> ObjectModel:
@@ -135,7 +135,7 @@ def paint(rng: np.random.Generator) -> ObjectModel:
     t = np.linspace(0, np.pi, 17)
     wire = tube(np.stack([(r + 0.004) * np.cos(t), -(r + 0.006) * np.sin(t), 0.72 * h - 0.03 * np.sin(t)], -1), 0.0018, 8)
     parts = (Part("steel", steel, materials.metal(rng)), Part("label", wrap, materials.label(rng, repeat=2)), Part("wire", wire, materials.metal(rng)))
-    return ObjectModel("paint", "paint", parts, (*around("body", r, 0.5 * h, lean=0.1), *over("rim", r, 0.94 * h)), opening=(0.0, 0.0, h))
+    return ObjectModel("paint", "paint", parts, (*around("body", r, 0.5 * h), *over("rim", r, 0.94 * h)), opening=(0.0, 0.0, h))
 
 
 BUILDERS = {"hammer": hammer, "screwdriver": screwdriver, "drill": drill, "wrench": wrench, "saw": saw, "toolbox": toolbox, "glue": glue,
