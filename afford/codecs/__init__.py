@@ -1,0 +1,52 @@
+"""Values to files and back: what the runner must know about the nouns of afford, and cannot (`runner.codec.Codec`)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from afford.codecs.identity import digest
+from afford.codecs.kinds import BUNDLES, kind_of, kinds, schema_version, shard_name
+from afford.codecs.structure import load, load_folder, save
+
+__all__ = ["CODEC", "SchemaCodec", "digest", "load", "load_folder", "save"]
+
+
+class SchemaCodec:
+    """The codec of everything in `schemas/`; see `runner.codec.Codec` for the contract of each method."""
+
+    def children(self, value: object) -> list[tuple[str, object]] | None:
+        """Elements of a tuple by shard name, fields of a bundle by field name, None for a plain schema."""
+        if isinstance(value, tuple):
+            return [(shard_name(item), item) for item in value]
+        if type(value).__name__ in BUNDLES:
+            return [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]  # type: ignore[arg-type]  # a dataclass
+        return None
+
+    def combine(self, kind: str, children: list[tuple[str, object]]) -> object:
+        """The tuple or bundle again."""
+        return tuple(item for _, item in children) if kind == "tuple" else kinds()[kind](**dict(children))
+
+    def kind(self, value: object) -> str:
+        """'tuple' or the name of the schema."""
+        return kind_of(value)
+
+    def digest(self, value: object) -> str:
+        """Content digest of a plain value."""
+        return digest(value)
+
+    def save(self, value: object, folder: Path) -> None:
+        """Write a plain value into an empty folder."""
+        save(value, folder)
+
+    def load(self, kind: str, files: Mapping[str, Path]) -> object:
+        """Read a plain value."""
+        return load(kind, files)
+
+    def schema_version(self, kind: str) -> str:
+        """Digest of the fields of a schema."""
+        return schema_version(kind)
+
+
+CODEC = SchemaCodec()
