@@ -6,6 +6,8 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
+DYNAMIC = ()  # nothing is loaded here that the literal registry of the caller does not name
+
 
 def load(registry: Mapping[str, str], name: str) -> Any:
     """The object that `registry` names; KeyError lists the valid names."""

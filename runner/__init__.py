@@ -19,5 +19,10 @@ from __future__ import annotations
 from runner.codec import Codec
 from runner.graph import Graph, GraphError, Handle
 from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
+from runner.runner import Runner, UnknownNameError
+from runner.source import SourceError
+from runner.store import LostError, StoreError
+from runner.walk import UnknownShardError
 
-__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "Observer", "Reason", "RunReport", "TaskPlan"]
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "Observer", "Reason", "RunReport", "Runner", "SourceError",
+           "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]

@@ -97,7 +97,7 @@ class Graph:
             raise GraphError(f"stage {name!r} is added twice; give the second one another name: g.add(..., name='{name}_again')")
         bound, wants_ctx = _bind(fn, args, given, name)
         params = bound.pop("params", None)
-        if params is not None and not (dataclasses.is_dataclass(params) and type(params).__dataclass_params__.frozen):
+        if params is not None and not _is_frozen(params):
             raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
         inputs = tuple((key, self._input(value, f"{name}.{key}").id) for key, value in bound.items())
         handle = self._new("stage", name, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx)
@@ -206,3 +206,8 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
     arguments = dict(bound.arguments)
     arguments.pop("ctx", None)
     return arguments, wants_ctx
+
+
+def _is_frozen(params: Any) -> bool:
+    declared = getattr(type(params), "__dataclass_params__", None)
+    return declared is not None and bool(declared.frozen)

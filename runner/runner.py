@@ -1,0 +1,224 @@
+"""The verbs: run a target, plan it, explain it; read, check and clean what is stored."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from runner import upkeep
+from runner.codec import resolve
+from runner.desk import Desk, Task
+from runner.engines import Engine, Inline, Pool
+from runner.execute import Place
+from runner.graph import Graph, Handle, Node
+from runner.lease import Lease
+from runner.modules import Modules
+from runner.planner import Planner
+from runner.report import Observer, Reason, RunReport, Silent, TaskPlan
+from runner.schedule import Budget, Schedule
+from runner.store import Store, StoreError, prepare_store
+from runner.traces import Traces, failures
+from runner.walk import Walk
+
+
+class Runner:
+    """A store, the code under `root`, and the means to run a graph.
+
+    codec, worker: "module:attribute" of the Codec and of the function called as (seed, threads) before every task.
+    jobs: worker processes (0: everything in this process); memory_gib: what tasks that run at once may declare together.
+    schemas: packages whose doc lines do not count as code. StoreError when `store` cannot be written to.
+    """
+
+    def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
+                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",)) -> None:
+        self.root, self.place = root, Place(store.absolute(), codec, worker)
+        prepare_store(self.place.store)
+        self._budget = Budget(jobs, memory_gib)
+        self.store = Store(self.place.store, resolve(codec), rehash)
+        self.traces = Traces(self.place.store)
+        self.modules = Modules(root, self.place.store / ".cache" / "modules.json", schemas)
+
+    # -- run -------------------------------------------------------------------------------------------------------
+
+    def run(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None, only: str | None = None,
+            force: Iterable[str] = (), observer: Observer | None = None) -> RunReport:
+        """Make a target (its name, a handle, or handles). `shards` limits fan-outs to the elements named; `only` runs one
+        stage on its last recorded inputs; `force` names stages to make again. UnknownNameError and UnknownShardError before or after
+        nothing was harmed; failures of shards are in the report, not raised."""
+        began = time.monotonic()
+        self._check_names(graph, [*force, *([only] if only else [])])
+        report = RunReport(target if isinstance(target, str) else "")
+        with self._session() as engine:
+            desk = Desk(self.store, self.traces, self.modules, force)
+            schedule = Schedule(desk, engine, self._budget, observer or Silent(), report)
+            walk = Walk(graph, self._wanted(graph, target), desk, schedule, shards or ())
+            schedule.walk = walk
+            if only:
+                self._only(graph, only, set(shards or ()), schedule, report)
+            else:
+                walk.begin()
+                schedule.loop(walk.follow)
+                walk.check_shards()
+                report.outputs = self._outputs(graph, target, walk)
+        report.seconds = time.monotonic() - began
+        return report
+
+    def plan(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None, force: Iterable[str] = ()) -> list[TaskPlan]:
+        """What a run would do now, in the order of the graph; nothing is executed."""
+        self._check_names(graph, force)
+        planner = self._planned(graph, target, shards, force)
+        order = {node.name: node.id for node in graph.stages()}
+        return sorted(planner.plans, key=lambda plan: order[plan.stage])
+
+    def explain(self, graph: Graph, target: Any, *, stage: str | None = None, shard: str | None = None) -> list[TaskPlan]:
+        """The plan of one stage, or one shard, with the reason of every task."""
+        self._check_names(graph, [stage] if stage else [])
+        return [plan for plan in self.plan(graph, target)
+                if stage in (None, plan.stage) and (shard is None or shard in (plan.shard, *plan.shard.split("/")))]
+
+    # -- read ------------------------------------------------------------------------------------------------------
+
+    def load(self, digest: str) -> Any:
+        """The value of an artifact, out of verified files; LostError when one cannot be read."""
+        return self.store.load(digest)
+
+    def files(self, digest: str) -> dict[str, Path]:
+        """name -> verified path of every file of a plain artifact."""
+        return self.store.files(digest)
+
+    def children(self, digest: str) -> list[tuple[str, str]] | None:
+        """(name, digest) of the parts of a composite artifact, None for a plain one."""
+        found = self.store.manifest(digest).children
+        return None if found is None else list(found)
+
+    def kind(self, digest: str) -> str:
+        """The schema of an artifact."""
+        return self.store.manifest(digest).kind
+
+    def hash_file(self, path: Path) -> tuple[str, int]:
+        """(digest, size in bytes) of a file outside the store, remembered by size, mtime and inode."""
+        return self.store.memo.digest(path.absolute())
+
+    def failures(self) -> list[dict[str, str]]:
+        """key, stage, shard, message and traceback of everything that failed and has not succeeded since."""
+        return failures(self.place.store)
+
+    def lineage(self, artifact: str) -> upkeep.Origin:
+        """How an artifact (digest, its beginning, or a path in the store) came to be, down to the leafs."""
+        return upkeep.lineage(self.store, self.traces, artifact)
+
+    def verify(self) -> upkeep.Verdict:
+        """Hash everything again; what is damaged is moved aside, and made again by the next run."""
+        return upkeep.verify(self.store, self.traces)
+
+    def gc(self) -> upkeep.Swept:
+        """Delete what the last use of every shard does not reach. StoreError while a run is going on."""
+        lease = Lease(self.place.store / "leases" / "store.lock")
+        if not lease.held:
+            raise StoreError(f"a run is using {self.place.store}; collect garbage when it is over")
+        try:
+            return upkeep.gc(self.store, self.traces)
+        finally:
+            lease.release(remove=False)
+
+    # -- private ---------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _session(self) -> Iterator[Engine]:
+        """An engine, the shared lease that keeps gc away, and the caches written at the end, also after Ctrl-C."""
+        lease = self._share()
+        engine: Engine = Pool(self.place, self.root) if self._budget.jobs else Inline(self.place)
+        try:
+            yield engine
+        finally:
+            engine.close()
+            self._save()
+            lease.release(remove=False)
+
+    def _share(self) -> Lease:
+        while not (lease := Lease(self.place.store / "leases" / "store.lock", shared=True)).held:
+            time.sleep(0.1)  # gc is at work; it is short
+        return lease
+
+    def _save(self) -> None:
+        try:
+            self.traces.save()
+            self.store.save()
+            self.modules.save()
+        except OSError as error:
+            raise StoreError(error.errno, f"the caches of {self.place.store} could not be written ({error}); nothing that was "
+                                          "finished is lost, free some space and run again") from error
+
+    def _planned(self, graph: Graph, target: Any, shards: Iterable[str] | None, force: Iterable[str]) -> Planner:
+        desk = Desk(self.store, self.traces, self.modules, force)
+        planner = Planner(desk)
+        planner.walk = Walk(graph, self._wanted(graph, target), desk, planner, shards or ())
+        planner.walk.begin()
+        if not any(plan.status != "cached" for plan in planner.plans):
+            planner.walk.check_shards()
+        self._save()
+        return planner
+
+    def _only(self, graph: Graph, name: str, shards: set[str], schedule: Schedule, report: RunReport) -> None:
+        """Run one stage on the inputs that each of its shards had last."""
+        node = next(node for node in graph.stages() if node.name == name)
+        fresh = self._planned(graph, Handle(graph, node), None, ()).tasks
+        made: dict[str, str] = {}
+        for shard, key in sorted(self.traces.shards(name).items()):
+            trace = self.traces.get(key)
+            if trace is None or (shards and not shards & {shard, *shard.split("/")}):
+                continue
+            now = fresh.get((name, shard))
+            if now is None or now.inputs != trace.inputs:
+                report.stale.append(f"{name} {shard}: its recorded inputs are stale; run it without --only to bring them up to date")
+            made[shard] = self._again(node, tuple(shard.split("/")) if shard else (), trace.inputs, schedule)
+        if not made:
+            raise UnknownNameError(f"{name} has no recorded inputs yet; run it once without --only")
+        schedule.loop(lambda: None)
+        outcome = schedule.walk.outcome
+        report.outputs[name] = [(shard, outcome[node.id, tuple(shard.split("/")) if shard else ()]) for shard in made]
+        report.outputs[name] = [(shard, digest) for shard, digest in report.outputs[name] if digest != "failed"]
+
+    def _again(self, node: Node, path: tuple[str, ...], inputs: dict[str, str], schedule: Schedule) -> str:
+        desk = schedule.walk.desk
+        task: Task = desk.task(node, path, inputs)
+        output, reason = desk.judge(task)
+        if reason is None:
+            schedule.cached(task, output)
+            schedule.walk.publish(node, path, output)
+        else:
+            schedule.needed(task, Reason(reason.why, reason.detail))
+        return task.key
+
+    def _wanted(self, graph: Graph, target: Any) -> list[Node]:
+        return [graph.node_of(handle) for handle in _handles(graph, target)]
+
+    def _outputs(self, graph: Graph, target: Any, walk: Walk) -> dict[str, list[tuple[str, str]]]:
+        return {node.name: [("/".join(path), walk.outcome[node.id, path]) for path in walk._ordered(node.axes)
+                            if walk.outcome.get((node.id, path), "failed") != "failed"] for node in self._wanted(graph, target)}
+
+    def _check_names(self, graph: Graph, names: Iterable[str]) -> None:
+        valid = [node.name for node in graph.stages()]
+        for name in names:
+            if name not in valid:
+                raise UnknownNameError(f"there is no stage {name!r}; the nearest are {_nearest(name, valid)}")
+
+
+class UnknownNameError(ValueError):
+    """A target or stage that does not exist; the message lists the nearest ones."""
+
+
+def _handles(graph: Graph, target: Any) -> tuple[Any, ...]:
+    if isinstance(target, str):
+        if target not in graph.targets:
+            raise UnknownNameError(f"there is no target {target!r}; the nearest are {_nearest(target, list(graph.targets))}")
+        return graph.targets[target]
+    return tuple(target) if isinstance(target, (tuple, list)) else (target,)
+
+
+def _nearest(name: str, valid: list[str]) -> str:
+    return ", ".join(get_close_matches(name, valid, n=3, cutoff=0.3) or valid)

@@ -1,0 +1,184 @@
+"""A run: tasks that must be made go to an engine within a budget of cores and memory, and what they make goes back to the walk.
+
+Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from runner.desk import Desk, Path_, Task
+from runner.engines import Engine
+from runner.execute import Done
+from runner.graph import Node
+from runner.report import Failure, Observer, Reason, RunReport, count
+from runner.walk import FAILED, Walk
+
+PATIENCE_S = 0.05
+HEALS = 3  # so often is a task given new inputs when those it has cannot be read
+
+
+@dataclass
+class Budget:
+    """Cores and memory of the machine that may be used at once."""
+
+    jobs: int
+    memory_gib: float
+
+
+class Schedule:
+    """The listener of a walk that makes what is needed."""
+
+    def __init__(self, desk: Desk, engine: Engine, budget: Budget, observer: Observer, report: RunReport) -> None:
+        self._desk, self._engine, self._budget = desk, engine, budget
+        self._observer, self.report = observer, report
+        self._ready: list[tuple[int, int, Task, Reason]] = []
+        self._running: dict[str, tuple[Task, Reason]] = {}
+        self._parked: list[tuple[float, Task, Reason]] = []
+        self._twins: dict[str, list[Task]] = {}
+        self._heals: dict[tuple[int, Path_], int] = {}
+        self._planned: set[tuple[int, Path_]] = set()
+        self._order = 0
+        self.walk: Walk
+
+    # -- what the walk says ----------------------------------------------------------------------------------------
+
+    def cached(self, task: Task, output: str) -> None:
+        """Nothing to do but to count."""
+        trace = self._desk.traces.get(task.key)
+        cpu_s, wall_s = (trace.cpu_s, trace.wall_s) if trace else (0.0, 0.0)
+        self._plan(task)
+        self._finish(task, "cached", cpu_s, wall_s)
+
+    def needed(self, task: Task, reason: Reason) -> None:
+        """Keep it until cores and memory allow."""
+        self._plan(task)
+        self._push(task, reason)
+
+    def blocked(self, node: Node, path: Path_, cause: str) -> None:
+        """It cannot run; the run goes on."""
+        shard = "/".join(path)
+        count(self.report.blocked, node.name)
+        self._observer.planned(node.name, shard)
+        self._observer.finished(node.name, shard, "blocked", 0.0, 0.0, f"its input {cause} could not be made")
+
+    def pending(self, node: Node, path: Path_) -> None:
+        """Never in a run: every input is made."""
+        raise AssertionError(f"{node.name} {path} has an unknown input in a run")
+
+    # -- the loop --------------------------------------------------------------------------------------------------
+
+    def loop(self, follow: Callable[[], None]) -> None:
+        """Until nothing is left to do; `follow` takes outcomes down the graph."""
+        while self._ready or self._running or self._parked:
+            self._unpark()
+            self._fill()
+            for what, key, said in self._engine.wait(PATIENCE_S if self._parked else None):
+                if what == "done":
+                    self._done(*self._running.pop(key), said)
+                elif key in self._running:
+                    task, _ = self._running[key]
+                    self._observer.progress(task.node.name, task.shard, *said)
+            if self._parked and not self._running:
+                time.sleep(PATIENCE_S)
+            follow()
+
+    def _push(self, task: Task, reason: Reason) -> None:
+        self._order += 1
+        heapq.heappush(self._ready, (-task.node.id, self._order, task, reason))
+
+    def _fill(self) -> None:
+        """Start whatever fits, deepest first; something always runs, however much it asks for."""
+        waiting = []
+        while self._ready:
+            entry = heapq.heappop(self._ready)
+            _, _, task, reason = entry
+            if task.key in self._running:
+                self._twins.setdefault(task.key, []).append(task)
+            elif self._fits(task):
+                self._running[task.key] = task, reason
+                self._observer.started(task.node.name, task.shard, reason)
+                self._engine.submit(self._desk.job(task, reason))
+            else:
+                waiting.append(entry)
+                if len(waiting) > self._budget.jobs:
+                    break
+        for entry in waiting:
+            heapq.heappush(self._ready, entry)
+
+    def _fits(self, task: Task) -> bool:
+        specs = [running.spec for running, _ in self._running.values()]
+        cores = sum(spec.threads for spec in specs) + task.spec.threads
+        memory = sum(spec.memory_gib for spec in specs) + task.spec.memory_gib
+        return not specs or (cores <= self._budget.jobs and memory <= self._budget.memory_gib)
+
+    def _unpark(self) -> None:
+        now = time.monotonic()
+        due = [entry for entry in self._parked if entry[0] <= now]
+        self._parked = [entry for entry in self._parked if entry[0] > now]
+        for _, task, reason in due:
+            self._push(task, reason)
+
+    # -- what an engine says ---------------------------------------------------------------------------------------
+
+    def _done(self, task: Task, reason: Reason, done: Done) -> None:
+        for twin in self._twins.pop(task.key, []):
+            self._push(twin, reason)
+        if done.status == "ran":
+            self._desk.traces.reread(task.key)
+            self._desk.store.note(done.output)
+            self._finish(task, "ran", done.cpu_s, done.wall_s)
+            self.walk.publish(task.node, task.path, done.output)
+        elif done.status == "cached":
+            self._made_elsewhere(task, reason)
+        elif done.status == "busy":
+            self._parked.append((time.monotonic() + PATIENCE_S, task, reason))
+        elif done.status == "lost":
+            self._heal(task, done)
+        else:
+            self._fail(task, done.message)
+
+    def _made_elsewhere(self, task: Task, reason: Reason) -> None:
+        """Another run, or a twin under another name, was faster."""
+        output = self._desk.traces.reread(task.key)
+        if output is None or self._desk.store.state(output) != "ok":
+            self._push(task, reason)
+            return
+        self.cached(task, output)
+        self.walk.publish(task.node, task.path, output)
+
+    def _heal(self, task: Task, done: Done) -> None:
+        """An input cannot be read: what made it runs again, then this task does."""
+        place = task.node.id, task.path
+        self._heals[place] = self._heals.get(place, 0) + 1
+        if self._heals[place] > HEALS:
+            self._fail(task, f"an input ({done.message[:12]}) could not be read, although it was made again {HEALS} times")
+            return
+        self._desk.store.forget(done.message)
+        self.walk.forget_question(task.node, task.path)
+        makers = self.walk.reopen(done.message)
+        for node, path in makers:
+            self.walk.forget_question(node, path)
+            self.walk.retry(node, path)
+        if not makers:
+            self.walk.retry(task.node, task.path)
+
+    def _fail(self, task: Task, message: str) -> None:
+        self.report.failures.append(Failure(task.node.name, task.shard, message, task.key))
+        self._finish(task, "failed", 0.0, 0.0, message)
+        self.walk.publish(task.node, task.path, FAILED)
+
+    def _finish(self, task: Task, result: str, cpu_s: float, wall_s: float, message: str = "") -> None:
+        count(getattr(self.report, result), task.node.name)
+        if result != "failed":
+            self.report.cpu_s[task.node.name, task.shard] = cpu_s
+            self._desk.traces.use(task.node.name, task.shard, task.key)
+        self._observer.finished(task.node.name, task.shard, result, wall_s, cpu_s, message)  # type: ignore[arg-type]
+
+    def _plan(self, task: Task) -> None:
+        if (task.node.id, task.path) not in self._planned:
+            self._planned.add((task.node.id, task.path))
+            self._observer.planned(task.node.name, task.shard)

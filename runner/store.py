@@ -1,0 +1,315 @@
+"""Content-addressed artifacts: blobs, and manifests that say which blobs are one typed value.
+
+    blobs/ab/cdef...        bytes, named by their blake3, read-only, put in place by rename
+    manifests/ab/cdef.json  kind and files of a plain artifact, or kind and children of a composite one (tuple, bundle)
+    damaged/                blobs whose bytes no longer fit their name
+
+An artifact is named by the digest of its logical content, so that early cut-off works per element and per field of a
+composite and does not depend on how a codec lays values out. Files of leaf values are never copied: their manifest points
+at them. Whatever is read is hashed first; a blob that does not fit is moved aside and `LostError` is raised.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from runner.canonical import digest as tagged
+from runner.canonical import file_digest
+from runner.codec import Codec
+from runner.files import FileMemo, SeenBlobs, stamp, write_atomic
+
+FOLDERS = ("blobs", "manifests", "traces", "leases", "failures", "scratch", "damaged", ".cache")
+
+
+class StoreError(OSError):
+    """The store cannot be used; the message says what to do."""
+
+
+class LostError(Exception):
+    """An artifact cannot be read: `digest` names it, `damaged` tells a broken blob from a missing one."""
+
+    def __init__(self, digest: str, damaged: bool, what: str) -> None:
+        super().__init__(digest, damaged, what)
+        self.digest, self.damaged, self.what = digest, damaged, what
+
+    def __str__(self) -> str:
+        return f"artifact {self.digest[:12]} is {'damaged' if self.damaged else 'missing'}: {self.what}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One file of an artifact. `path` is '' for a blob; a leaf's file has its place and its stamp when it was hashed."""
+
+    name: str
+    blob: str
+    size: int
+    path: str = ""
+    stamp: tuple[int, int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What an artifact consists of: files (plain) or children (composite)."""
+
+    kind: str
+    files: tuple[Entry, ...] = ()
+    children: tuple[tuple[str, str], ...] | None = None
+
+
+class Store:
+    """The blobs and manifests under one folder."""
+
+    def __init__(self, root: Path, codec: Codec, rehash: bool = False) -> None:
+        self.root, self.codec = root, codec
+        self.memo = FileMemo(root, rehash)
+        self._manifests: dict[str, Manifest] = {}
+        self._seen = SeenBlobs(root)
+
+    # -- writing ---------------------------------------------------------------------------------------------------
+
+    def put(self, value: object, scratch: Path) -> str:
+        """Store the output of a stage; `scratch` is its private folder, out of which files are moved and not copied."""
+        parts = self.codec.children(value)
+        if parts is not None:
+            return self._put_composite(self.codec.kind(value), [(name, self.put(part, scratch)) for name, part in parts])
+        folder = scratch / "saved"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        self.codec.save(value, folder)
+        moved: dict[Path, tuple[str, int]] = {}
+        files = tuple(self._take(path, name, scratch, moved) for name, path in _files_in(folder))
+        return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), files))
+
+    def put_leaf(self, value: object, scratch: Path) -> str:
+        """Store a value that came from outside: what the codec writes itself becomes blobs, linked files stay where they are."""
+        parts = self.codec.children(value)
+        if parts is not None:
+            return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part, scratch)) for name, part in parts])
+        digest = self.codec.digest(value)
+        known = self.find(digest)
+        if known is not None and all(self.present(entry) for entry in known.files):
+            return digest
+        folder = scratch / "leaf"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        self.codec.save(value, folder)
+        files = tuple(self._refer(path, name) if path.is_symlink() else self._take(path, name, scratch, {})
+                      for name, path in _files_in(folder))
+        return self._put_manifest(digest, Manifest(self.codec.kind(value), files))
+
+    def put_tuple(self, children: list[tuple[str, str]]) -> str:
+        """A composite of artifacts that are there already."""
+        return self._put_composite("tuple", children)
+
+    def _put_composite(self, kind: str, children: list[tuple[str, str]]) -> str:
+        names = [name for name, _ in children]
+        if len(set(names)) != len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            raise ValueError(f"elements of a {kind} must have different names, got {twice[0]!r} more than once")
+        digest = tagged("afford-composite", [kind, [list(child) for child in children]])
+        return digest if self.find(digest) else self._put_manifest(digest, Manifest(kind, children=tuple(children)))
+
+    def _put_manifest(self, digest: str, manifest: Manifest) -> str:
+        tree = {"kind": manifest.kind, "files": [[e.name, e.blob, e.size, e.path, e.stamp] for e in manifest.files],
+                "children": manifest.children}
+        write_atomic(self.path("manifests", digest, ".json"), json.dumps(tree).encode())
+        self._manifests[digest] = manifest
+        return digest
+
+    def _take(self, path: Path, name: str, scratch: Path, moved: dict[Path, tuple[str, int]]) -> Entry:
+        """A file becomes a blob: moved when it lies in the task's own scratch, else copied."""
+        source = path.resolve()
+        if source in moved:
+            blob, size = moved[source]
+            return Entry(name, blob, size)
+        if not source.is_relative_to(scratch.resolve()):
+            held = self._held(source)
+            if held is not None:
+                return Entry(name, held, source.stat().st_size)
+            source = Path(shutil.copyfile(source, scratch / "copy"))
+        blob, size = file_digest(source), source.stat().st_size
+        moved[path.resolve()] = blob, size
+        place = self.path("blobs", blob)
+        source.chmod(0o444)
+        place.parent.mkdir(exist_ok=True)
+        os.replace(source, place)
+        return Entry(name, blob, size)
+
+    def _held(self, source: Path) -> str | None:
+        """The digest of a file that is one of our blobs, after checking that its bytes fit."""
+        blobs = (self.root / "blobs").resolve()
+        if not source.is_relative_to(blobs):
+            return None
+        named = "".join(source.relative_to(blobs).parts)
+        return named if file_digest(source) == named else None
+
+    def _refer(self, path: Path, name: str) -> Entry:
+        target = path.resolve()
+        blob, size = self.memo.digest(target)
+        return Entry(name, blob, size, str(target), stamp(target))
+
+    # -- reading ---------------------------------------------------------------------------------------------------
+
+    def find(self, digest: str) -> Manifest | None:
+        """The manifest, or None; one that cannot be read counts as missing."""
+        if digest not in self._manifests:
+            try:
+                tree = json.loads(self.path("manifests", digest, ".json").read_bytes())
+                files = tuple(Entry(n, b, s, p, tuple(t) if t else None) for n, b, s, p, t in tree["files"])
+                children = tree["children"]
+                self._manifests[digest] = Manifest(
+                    tree["kind"], files, None if children is None else tuple((n, d) for n, d in children))
+            except (FileNotFoundError, ValueError, KeyError, TypeError):
+                return None
+        return self._manifests[digest]
+
+    def manifest(self, digest: str) -> Manifest:
+        """The manifest; LostError when there is none."""
+        found = self.find(digest)
+        if found is None:
+            raise LostError(digest, False, "its manifest is gone")
+        return found
+
+    def closure(self, digest: str) -> Iterator[tuple[str, Manifest | None]]:
+        """The artifact and, when it is composite, everything inside it."""
+        found = self.find(digest)
+        yield digest, found
+        for _, child in (found.children or ()) if found else ():
+            yield from self.closure(child)
+
+    def kinds(self, digest: str) -> set[str]:
+        """The schemas that occur in an artifact."""
+        return {found.kind for _, found in self.closure(digest) if found}
+
+    def files(self, digest: str) -> dict[str, Path]:
+        """name -> path of every file of a plain artifact, verified by its digest; LostError when one is missing or damaged."""
+        return {entry.name: self._verified(digest, entry) for entry in self.manifest(digest).files}
+
+    def load(self, digest: str) -> object:
+        """The value, out of verified files."""
+        found = self.manifest(digest)
+        if found.children is not None:
+            return self.codec.combine(found.kind, [(name, self.load(child)) for name, child in found.children])
+        return self.codec.load(found.kind, self.files(digest))
+
+    def _verified(self, digest: str, entry: Entry) -> Path:
+        if entry.path:
+            return self._verified_leaf(digest, entry)
+        path = self.path("blobs", entry.blob)
+        try:
+            if file_digest(path) == entry.blob:
+                return path
+        except FileNotFoundError:
+            self.forget(digest)
+            raise LostError(digest, self.was_damaged(entry.blob), f"{entry.name} is not in the store") from None
+        self.set_aside(entry.blob)
+        self.forget(digest)
+        raise LostError(digest, True, f"{entry.name} did not fit its digest and was moved to damaged/")
+
+    def _verified_leaf(self, digest: str, entry: Entry) -> Path:
+        path = Path(entry.path)
+        try:
+            if stamp(path) == entry.stamp or self.memo.digest(path)[0] == entry.blob:
+                return path
+        except FileNotFoundError:
+            raise LostError(digest, False, f"{path} is gone") from None
+        raise LostError(digest, True, f"{path} changed after the run began")
+
+    def state(self, digest: str) -> str:
+        """'ok', 'lost' or 'damaged': whether all files of an artifact are there with the right bytes. Bytes are read again
+        only where a file's size or change time is not what it was; a damaged blob is moved aside."""
+        worst = "ok"
+        for _, found in self.closure(digest):
+            if found is None:
+                return "lost"
+            for entry in found.files:
+                state = self._entry_state(entry)
+                worst = state if state != "ok" else worst
+        if worst != "ok":
+            self.forget(digest)
+        return worst
+
+    def _entry_state(self, entry: Entry) -> str:
+        if entry.path:
+            return "ok" if self.present(entry) else "lost"
+        path = self.path("blobs", entry.blob)
+        try:
+            if self._seen.same(entry.blob, path):
+                return "ok"
+            if file_digest(path) == entry.blob:
+                self._seen.note(entry.blob, path)
+                return "ok"
+        except FileNotFoundError:
+            return "damaged" if self.was_damaged(entry.blob) else "lost"
+        self.set_aside(entry.blob)
+        return "damaged"
+
+    def note(self, digest: str) -> None:
+        """The artifact has just been written and hashed by a worker."""
+        self.forget(digest)
+        for _, found in self.closure(digest):
+            for entry in found.files if found else ():
+                self._seen.note(entry.blob, self.path("blobs", entry.blob))
+
+    def forget(self, digest: str) -> None:
+        """Read its manifests from disk the next time: another process may have written them anew."""
+        for inside, _ in list(self.closure(digest)):
+            self._manifests.pop(inside, None)
+
+    def save(self) -> None:
+        """Write what was learned about files, at once."""
+        self.memo.save()
+        self._seen.save()
+
+    def present(self, entry: Entry) -> bool:
+        """Whether a file is where it should be and has the right size; its bytes are not read."""
+        try:
+            if entry.path:
+                return stamp(Path(entry.path)) == entry.stamp
+            return os.stat(self.path("blobs", entry.blob)).st_size == entry.size
+        except FileNotFoundError:
+            return False
+
+    def set_aside(self, blob: str) -> None:
+        """Move a damaged blob out of the way, for somebody to look at."""
+        (self.root / "damaged").mkdir(exist_ok=True)
+        os.replace(self.path("blobs", blob), self.root / "damaged" / blob)
+
+    def was_damaged(self, blob: str) -> bool:
+        """Whether a blob of this name was once moved aside."""
+        return (self.root / "damaged" / blob).exists()
+
+    def path(self, room: str, digest: str, suffix: str = "") -> Path:
+        """Where something of this digest lies."""
+        return Path(f"{self.root}/{room}/{digest[:2]}/{digest[2:]}{suffix}")
+
+
+def prepare_store(root: Path) -> None:
+    """Make the folders; StoreError in one sentence when the place cannot be written to."""
+    try:
+        for name in FOLDERS:
+            (root / name).mkdir(parents=True, exist_ok=True)
+        probe = root / "scratch" / f".probe.{os.getpid()}"
+        probe.write_bytes(b"?")
+        probe.unlink()
+    except OSError as error:
+        raise StoreError(error.errno, f"the store {root} cannot be written to ({explain_os(error)}); free some space, fix its "
+                                      "permissions, or choose another folder for the store") from error
+
+
+def explain_os(error: OSError) -> str:
+    """An operating-system error in words."""
+    words = {errno.ENOSPC: "no space left on the disk", errno.EDQUOT: "the disk quota is used up",
+             errno.EROFS: "the file system is read-only", errno.EACCES: "permission denied"}
+    return words.get(error.errno or 0, str(error))
+
+
+def _files_in(folder: Path) -> list[tuple[str, Path]]:
+    """(name relative to the folder, path) of every file and link, sorted."""
+    return sorted((path.relative_to(folder).as_posix(), path) for path in folder.rglob("*") if path.is_symlink() or path.is_file())

@@ -1,0 +1,169 @@
+"""Looking after a store: where an artifact comes from, whether everything is still whole, and what may go."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from runner.canonical import file_digest
+from runner.store import Entry, Store
+from runner.traces import Trace, Traces
+
+
+@dataclass(frozen=True)
+class Origin:
+    """An artifact and what it was made from. `trace` is None for a leaf, a value that came from outside."""
+
+    digest: str
+    kind: str
+    trace: Trace | None
+    inputs: tuple[tuple[str, Origin], ...] = ()
+    """(argument, its origin); for a composite that no single stage made, (element, its origin)"""
+    files: tuple[str, ...] = ()
+    """a leaf's files outside the store"""
+
+
+@dataclass
+class Verdict:
+    """What verify found."""
+
+    blobs: int = 0
+    bytes: int = 0
+    damaged: list[str] = field(default_factory=list)
+    """blobs moved aside"""
+    missing: list[str] = field(default_factory=list)
+    """files that some artifact in use should have, with the reason"""
+    changed: list[str] = field(default_factory=list)
+    """leaf files outside the store that are not what they were"""
+
+    @property
+    def ok(self) -> bool:
+        """True when everything is whole."""
+        return not (self.damaged or self.missing or self.changed)
+
+
+@dataclass
+class Swept:
+    """What gc deleted."""
+
+    files: int = 0
+    bytes: int = 0
+
+
+def lineage(store: Store, traces: Traces, artifact: str) -> Origin:
+    """ValueError when no artifact has this digest, or more than one begins so."""
+    makers: dict[str, Trace] = {}
+    for trace in sorted(traces.all(), key=lambda trace: trace.finished):
+        for inside, _ in store.closure(trace.output):
+            makers.setdefault(inside, trace)  # the first that made it: a later stage may pass it on unchanged
+    return _origin(store, makers, _named(store, artifact), {})
+
+
+def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str, Origin]) -> Origin:
+    if digest not in done:
+        done[digest] = Origin(digest, "(itself)", None)  # an output equal to one of its own inputs ends here
+        found, trace = store.find(digest), makers.get(digest)
+        sources = trace.inputs.items() if trace else (found.children or ()) if found else ()
+        inputs = tuple((name, _origin(store, makers, source, done)) for name, source in sources)
+        files = tuple(entry.path for entry in found.files if entry.path) if found else ()
+        done[digest] = Origin(digest, found.kind if found else "(gone)", trace, inputs, files)
+    return done[digest]
+
+
+def _named(store: Store, artifact: str) -> str:
+    """The digest that a digest's beginning, or a path of a manifest or blob, stands for."""
+    path = Path(artifact)
+    if path.exists() and path.resolve().is_relative_to(store.root.resolve()):
+        room, *parts = path.resolve().relative_to(store.root.resolve()).parts
+        name = "".join(parts).removesuffix(".json")
+        return name if room == "manifests" else _holder(store, name)
+    matches = [digest for digest in _stored(store.root / "manifests") if digest.startswith(artifact)]
+    if len(matches) != 1:
+        raise ValueError(f"expected the digest of one artifact, its beginning, or a path in the store; {artifact!r} fits "
+                         f"{len(matches)} artifacts")
+    return matches[0]
+
+
+def _holder(store: Store, blob: str) -> str:
+    for digest in _stored(store.root / "manifests"):
+        found = store.find(digest)
+        if found and any(entry.blob == blob for entry in found.files):
+            return digest
+    raise ValueError(f"no artifact holds the blob {blob[:12]}")
+
+
+def verify(store: Store, traces: Traces) -> Verdict:
+    """Read every blob, and check every artifact that is in use."""
+    verdict = Verdict()
+    for blob in list(_stored(store.root / "blobs")):
+        path = store.path("blobs", blob)
+        verdict.blobs += 1
+        verdict.bytes += path.stat().st_size
+        if file_digest(path) != blob:
+            store.set_aside(blob)
+            verdict.damaged.append(blob)
+    for digest in _reached(store, traces):
+        found = store.find(digest)
+        if found is None:
+            verdict.missing.append(f"manifest of {digest[:12]}")
+            continue
+        for entry in found.files:
+            _check(store, entry, digest, verdict)
+    return verdict
+
+
+def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
+    if not entry.path:
+        if not store.path("blobs", entry.blob).exists() and entry.blob not in verdict.damaged:
+            verdict.missing.append(f"{entry.name} of {digest[:12]}")
+        return
+    path = Path(entry.path)
+    if not path.exists() or file_digest(path) != entry.blob:
+        verdict.changed.append(entry.path)
+
+
+def gc(store: Store, traces: Traces) -> Swept:
+    """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes."""
+    swept = Swept()
+    keep = set(_reached(store, traces))
+    blobs = {entry.blob for digest in keep if (found := store.find(digest)) for entry in found.files}
+    for trace in list(traces.all()):
+        if trace.key not in traces.latest_keys():
+            _drop(store.path("traces", trace.key, ".json"), swept)
+            traces.forget(trace.key)
+    for room, kept, suffix in (("manifests", keep, ".json"), ("blobs", blobs, ""), ("damaged", set(), "")):
+        for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
+            if name not in kept:
+                _drop(store.root / room / name if room == "damaged" else store.path(room, name, suffix), swept)
+    for folder in (store.root / "scratch").iterdir():
+        swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        shutil.rmtree(folder, ignore_errors=True)
+    traces.save()
+    return swept
+
+
+def _drop(path: Path, swept: Swept) -> None:
+    swept.files += 1
+    swept.bytes += path.stat().st_size
+    path.unlink()
+
+
+def _reached(store: Store, traces: Traces) -> Iterator[str]:
+    """Artifacts that the last use of every shard made or used."""
+    seen: set[str] = set()
+    for key in traces.latest_keys():
+        trace = traces.get(key)
+        for digest in (trace.output, *trace.inputs.values()) if trace else ():
+            for inside, _ in store.closure(digest):
+                if inside not in seen:
+                    seen.add(inside)
+                    yield inside
+
+
+def _stored(folder: Path) -> Iterator[str]:
+    """Digests in a folder that is split by their first two letters."""
+    for path in folder.glob("??/*"):
+        if not path.name.startswith("."):
+            yield path.parent.name + path.name.removesuffix(".json")

@@ -1,0 +1,243 @@
+"""Which task comes next: outcomes flow down the graph as they become known, one shard at a time, with no barrier but `collect`.
+
+A place is (node, path): one shard of a node. Its outcome is an artifact digest, FAILED, or (in a plan) UNKNOWN. Whoever walks
+is told through a `Listener` what to do with tasks whose inputs are known; it answers, now or later, with `publish`.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Protocol
+
+from runner.desk import Desk, Path_, Task
+from runner.graph import Graph, Node
+from runner.report import Reason
+
+FAILED, UNKNOWN = "failed", "unknown"
+Place_ = tuple[int, Path_]
+
+
+class UnknownShardError(ValueError):
+    """A shard was asked for that does not exist; the message lists the nearest ones."""
+
+
+class Listener(Protocol):
+    """What happens at the places that are stages."""
+
+    def cached(self, task: Task, output: str) -> None:
+        """The output is there."""
+
+    def needed(self, task: Task, reason: Reason) -> None:
+        """The output must be made; `publish` is expected some time."""
+
+    def blocked(self, node: Node, path: Path_, cause: str) -> None:
+        """An input failed; `cause` says which."""
+
+    def pending(self, node: Node, path: Path_) -> None:
+        """An input is not known in this plan."""
+
+
+class Walk:
+    """The state of one walk over a graph."""
+
+    def __init__(self, graph: Graph, wanted: list[Node], desk: Desk, listener: Listener, shards: Iterable[str] = ()) -> None:
+        self.graph, self.desk, self.listener = graph, desk, listener
+        self.nodes = graph.upstream(wanted)
+        self.outcome: dict[Place_, str] = {}
+        self.paths: dict[tuple[int, ...], dict[Path_, None]] = defaultdict(dict)
+        self.paths[()] = {(): None}
+        self._shards = set(shards)
+        self._met: set[str] = set()
+        self._seen: set[str] = set()
+        self._users: dict[int, list[Node]] = defaultdict(list)
+        self._expanded: dict[int, set[Path_]] = defaultdict(set)
+        self._known: dict[int, int] = defaultdict(int)
+        self._asked: dict[Place_, dict[str, str]] = {}
+        self._queue: deque[Place_] = deque()
+        for node in self.nodes:
+            for source in dict.fromkeys(source for _, source in node.inputs):
+                self._users[source].append(node)
+
+    def begin(self) -> None:
+        """Bring in the leafs and follow everything that is known."""
+        for node in self.nodes:
+            if node.sort == "leaf":
+                self.publish(node, (), self._leaf(node))
+        for node in self.nodes:
+            if node.sort in ("stage", "gather") and not node.inputs:
+                self._try(node, ())
+        self.follow()
+
+    def publish(self, node: Node, path: Path_, outcome: str) -> None:
+        """The outcome of a place is known; `follow` takes it further down."""
+        if (node.id, path) not in self.outcome:
+            self._known[node.id] += 1
+        self.outcome[node.id, path] = outcome
+        self._queue.append((node.id, path))
+
+    def follow(self) -> None:
+        """Take known outcomes down the graph until nothing more follows."""
+        while self._queue:
+            at, path = self._queue.popleft()
+            for user in self._users[at]:
+                self._tell(user, path)
+
+    def check_shards(self) -> None:
+        """After the walk: UnknownShardError when one that was asked for does not exist."""
+        for name in sorted(self._shards - self._met):
+            near = get_close_matches(name, sorted(self._seen), n=3, cutoff=0.3) or sorted(self._seen)[:5]
+            raise UnknownShardError(f"there is no {name!r} here; the nearest are {', '.join(near) or 'none'}")
+
+    def reopen(self, digest: str) -> list[tuple[Node, Path_]]:
+        """Places whose output holds an artifact that cannot be read: stages are to be run again, leafs are brought in again."""
+        found = []
+        for (at, path), outcome in list(self.outcome.items()):
+            node = self.graph.nodes[at]
+            if node.sort in ("stage", "leaf") and any(inside == digest for inside, _ in self.desk.store.closure(outcome)):
+                found.append((node, path))
+        for node, path in found:
+            if node.sort == "leaf":
+                self.publish(node, path, self._leaf(node))
+        return [(node, path) for node, path in found if node.sort == "stage"]
+
+    def forget_question(self, node: Node, path: Path_) -> None:
+        """Ask again for a task whose inputs are being made anew."""
+        self._asked.pop((node.id, path), None)
+
+    def retry(self, node: Node, path: Path_) -> None:
+        """Look at a place again."""
+        self._try(node, path)
+
+    def _leaf(self, node: Node) -> str:
+        return self.desk.store.put_leaf(node.value, self.desk.store.root / "scratch" / f"leaf-{node.name}")
+
+    def _tell(self, node: Node, path: Path_) -> None:
+        if node.sort == "each":
+            self._expand(node, path)
+        elif node.sort == "collect":
+            self._collect(node)
+        elif len(path) == len(node.axes):
+            self._try(node, path)
+        else:
+            for longer in [p for p in self.paths[node.axes] if p[: len(path)] == path]:
+                self._try(node, longer)
+
+    def _inputs(self, node: Node, path: Path_) -> dict[str, str] | None:
+        """Outcomes of the inputs of a place; None when one is not known yet."""
+        found = {}
+        for name, source in node.inputs:
+            outcome = self.outcome.get((source, path[: len(self.graph.nodes[source].axes)]))
+            if outcome is None:
+                return None
+            found[name] = outcome
+        return found
+
+    def _try(self, node: Node, path: Path_) -> None:
+        inputs = self._inputs(node, path)
+        if inputs is None or self._asked.get((node.id, path)) == inputs:
+            return
+        self._asked[node.id, path] = inputs
+        if FAILED in inputs.values():
+            self._blocked(node, path, inputs)
+        elif UNKNOWN in inputs.values():
+            if node.sort == "stage":
+                self.listener.pending(node, path)
+            self.publish(node, path, UNKNOWN)
+        elif node.sort == "pick":
+            self.publish(node, path, self._field(node, inputs[""]))
+        elif node.sort == "gather":
+            self.publish(node, path, self.desk.store.put_tuple(list(inputs.items())))
+        else:
+            self._judge(self.desk.task(node, path, inputs))
+
+    def _judge(self, task: Task) -> None:
+        output, reason = self.desk.judge(task)
+        if reason is not None:
+            self.listener.needed(task, reason)
+            return
+        self.listener.cached(task, output)
+        self.publish(task.node, task.path, output)
+
+    def _blocked(self, node: Node, path: Path_, inputs: dict[str, str]) -> None:
+        if node.sort == "stage":
+            cause = ", ".join(name for name, outcome in inputs.items() if outcome == FAILED)
+            self.listener.blocked(node, path, cause)
+        self.publish(node, path, FAILED)
+
+    def _field(self, node: Node, digest: str) -> str:
+        children = dict(self.desk.store.manifest(digest).children or ())
+        if node.value not in children:
+            raise ValueError(f"g.pick: {node.name} is no part that the codec splits off; it has {', '.join(children) or 'none'}")
+        return children[node.value]
+
+    def _expand(self, node: Node, path: Path_) -> None:
+        """A list is known: its elements become places, in order."""
+        outcome = self.outcome[node.inputs[0][1], path]
+        elements = [] if outcome == FAILED else [("*", UNKNOWN)] if outcome == UNKNOWN else self._elements(node, outcome)
+        kept = [(name, digest) for name, digest in elements if self._wanted(node, path, name, [n for n, _ in elements])]
+        self._expanded[node.id].add(path)
+        for name, _ in kept:
+            self.paths[node.axes][*path, name] = None
+        for name, digest in kept:
+            self.publish(node, (*path, name), digest)
+        for name, _ in kept:
+            for user in self.nodes:
+                if user.axes == node.axes and user.sort == "stage" and self._asked.get((user.id, (*path, name))) is None:
+                    self._try(user, (*path, name))
+        for collector in self.nodes:
+            if collector.sort == "collect" and node.id in self.graph.nodes[collector.inputs[0][1]].axes:
+                self._collect(collector)
+
+    def _elements(self, node: Node, digest: str) -> tuple[tuple[str, str], ...]:
+        children = self.desk.store.manifest(digest).children
+        if children is None:
+            raise ValueError(f"g.each: the output of {node.name.removeprefix('each ')} is not a tuple")
+        return children
+
+    def _wanted(self, node: Node, path: Path_, name: str, siblings: list[str]) -> bool:
+        """Whether an element is selected. Above a deeper fan-out, names that no sibling bears may still be met below."""
+        self._seen.add(name)
+        self._met |= self._shards & {name}
+        if not self._shards or name == "*" or name in self._shards:
+            return True
+        if self._shards & set(path):
+            return not self._shards & set(siblings)
+        deeper = any(other.sort == "each" and node.id in other.axes[:-1] for other in self.nodes)
+        return deeper and bool(self._shards - set(siblings))
+
+    def _collect(self, node: Node) -> None:
+        source = self.graph.nodes[node.inputs[0][1]]
+        paths = self.paths[source.axes]
+        if not self._complete(source.axes) or self._known[source.id] < len(paths):
+            return
+        outcomes = [(path, self.outcome[source.id, path]) for path in self._ordered(source.axes)]
+        if any(outcome == UNKNOWN for _, outcome in outcomes):
+            self._settle(node, UNKNOWN)
+            return
+        good = [("/".join(path), outcome) for path, outcome in outcomes if outcome != FAILED]
+        failed = len(good) < len(outcomes) or self._failed_above(source) or bool(self._shards)
+        self._settle(node, FAILED if failed and not good else self.desk.store.put_tuple(good))
+
+    def _settle(self, node: Node, outcome: str) -> None:
+        if self.outcome.get((node.id, ())) != outcome:
+            self.publish(node, (), outcome)
+
+    def _failed_above(self, source: Node) -> bool:
+        """Whether some list above could not be made, so that nothing came of it."""
+        return any(self.outcome.get((self.graph.nodes[axis].inputs[0][1], path)) == FAILED
+                   for axis in source.axes for path in self._expanded[axis])
+
+    def _complete(self, axes: tuple[int, ...]) -> bool:
+        return not axes or (self._complete(axes[:-1]) and len(self._expanded[axes[-1]]) == len(self.paths[axes[:-1]]))
+
+    def _ordered(self, axes: tuple[int, ...]) -> list[Path_]:
+        """All paths in the order of their lists, whatever the order in which they became known."""
+        paths: list[Path_] = [()]
+        for depth in range(1, len(axes) + 1):
+            below: dict[Path_, list[Path_]] = defaultdict(list)
+            for path in self.paths[axes[:depth]]:
+                below[path[:-1]].append(path)
+            paths = [longer for path in paths for longer in below[path]]
+        return paths
