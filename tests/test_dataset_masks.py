@@ -21,6 +21,16 @@ def test_png_is_exact(mask):
     image = Image.open(io.BytesIO(masks.encode_png(mask)))
     assert image.mode == "1"
     assert np.array_equal(np.asarray(image), mask)
+    assert np.array_equal(masks.decode_png(masks.encode_png(mask)), mask)
+
+
+@given(ANY_MASK)
+def test_png_of_others_is_read_too(mask):
+    """Whatever wrote it, with one bit or eight."""
+    for image in (Image.fromarray(mask), Image.fromarray(mask.astype(np.uint8) * 255)):
+        file = io.BytesIO()
+        image.save(file, "PNG")
+        assert np.array_equal(masks.decode_png(file.getvalue()), mask)
 
 
 @given(ANY_MASK)

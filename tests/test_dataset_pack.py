@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from afford.dataset import columns, load, masks
+from afford.codecs.identity import digest
+from afford.dataset import card, columns, load, masks
 from afford.dataset.classes import emerge
 from afford.dataset.split import Rule, assign
 from stages import dataset_pack
@@ -134,17 +135,16 @@ def test_croissant_speaks_of_every_column_and_shard(packed):
 
 
 def test_croissant_is_valid(packed):
-    """mlcroissant finds no fault (only where it is installed)."""
+    """mlcroissant finds no fault, and reads every sample (only where it is installed)."""
     mlcroissant = pytest.importorskip("mlcroissant")
     described = mlcroissant.Dataset(str(packed / "croissant.json"))
     assert not described.metadata.ctx.issues.errors
+    assert sum(1 for _ in described.records("samples")) == 27
 
 
 def test_provenance_is_the_digest_of_the_clips_samples(packed):
     """The same digest by which the store knows the input of the stage."""
-    from afford import codecs
-
-    wanted = {made.clip_id: codecs.digest(made) for made in CLIPS}
+    wanted = {made.clip_id: digest(made) for made in CLIPS}
     for split in ("train", "val"):
         assert all(row["provenance"] == wanted[row["clip"]] for row in load.rows(packed, split, ["clip", "provenance"]))
 
@@ -225,8 +225,6 @@ def test_classes_emerge_in_epics_order_then_new_ones():
 
 def test_the_guide_lists_the_columns_as_they_are():
     """The table in docs/dataset.md is the one the card prints."""
-    from afford.dataset import card
-
     guide = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
     assert card.table(columns.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)

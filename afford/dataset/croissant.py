@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from afford.dataset.columns import Column
+from afford.dataset.columns import Column, Feature
 from afford.dataset.files import sha256
 
 PREFIXES = {
@@ -23,6 +23,8 @@ TYPES = {"string": "sc:Text", "int32": "sc:Integer", "int64": "sc:Integer", "flo
 LICENCES = "https://spdx.org/licenses/"
 SPDX = {"apache-2.0": "Apache-2.0", "cc-by-4.0": "CC-BY-4.0", "cc-by-nc-4.0": "CC-BY-NC-4.0", "cc0-1.0": "CC0-1.0",
         "mit": "MIT"}
+SHARDS = {"@type": "cr:FileSet", "@id": "shards", "name": "shards", "encodingFormat": "application/x-parquet",
+          "includes": "data/*.parquet"}
 
 
 def describe(
@@ -38,9 +40,9 @@ def describe(
         "license": LICENCES + SPDX[licence] if licence in SPDX else licence,
         "version": version,
         "citeAs": "2HandedAfforder (2025); VISOR (2022); EPIC-KITCHENS-100 (2022)",
-        "distribution": [*(_file(root, shard) for shard in shards), _set(shards)],
-        "recordSet": [{"@type": "cr:RecordSet", "@id": "samples", "name": "samples",
-                       "description": "one frame with its task", "field": [_field(column) for column in columns]}],
+        "distribution": [*(_file(root, shard) for shard in shards), SHARDS],
+        "recordSet": [{"@type": "cr:RecordSet", "@id": "samples", "name": "samples", "description": "one frame with its task",
+                       "field": [field for column in columns for field in _fields(column)]}],
     }
 
 
@@ -49,22 +51,26 @@ def _file(root: Path, shard: str) -> dict[str, Any]:
             "encodingFormat": "application/x-parquet", "sha256": sha256(root / shard)}
 
 
-def _set(shards: Sequence[str]) -> dict[str, Any]:
-    return {"@type": "cr:FileSet", "@id": "shards", "name": "shards", "containedIn": [{"@id": shard} for shard in shards],
-            "encodingFormat": "application/x-parquet", "includes": "data/*.parquet"}
+def _fields(column: Column) -> list[dict[str, Any]]:
+    """One field for a column, one per member for a struct."""
+    if column.feature.get("_type") == "Image":
+        return [_field(column.name, column, column.feature, "bytes")]
+    if "_type" in column.feature:
+        return [_field(column.name, column, column.feature, "")]
+    return [_field(f"{column.name}/{member}", column, inner, member) for member, inner in column.feature.items()]
 
 
-def _field(column: Column) -> dict[str, Any]:
-    kind, repeated = _data_type(column.feature)
+def _field(name: str, column: Column, feature: Feature, member: str) -> dict[str, Any]:
+    kind, repeated = _data_type(feature)
     source: dict[str, Any] = {"fileSet": {"@id": "shards"}, "extract": {"column": column.name}}
-    if kind == "sc:ImageObject":
-        source["transform"] = {"jsonPath": "bytes"}
-    field = {"@type": "cr:Field", "@id": f"samples/{column.name}", "name": f"samples/{column.name}",
-             "description": column.doc, "dataType": kind, "source": source}
+    if member:
+        source["transform"] = {"jsonPath": member}
+    field = {"@type": "cr:Field", "@id": f"samples/{name}", "name": f"samples/{name}", "description": column.doc,
+             "dataType": kind, "source": source}
     return field | {"repeated": True} if repeated else field
 
 
-def _data_type(feature: Any) -> tuple[str, bool]:
+def _data_type(feature: Feature) -> tuple[str, bool]:
     match feature.get("_type"):
         case "Image":
             return "sc:ImageObject", False
@@ -74,4 +80,4 @@ def _data_type(feature: Any) -> tuple[str, bool]:
             return TYPES[feature["dtype"]], False
         case "Sequence":
             return _data_type(feature["feature"])[0], True
-    return "sc:Text", False
+    raise ValueError(f"croissant: expected an Image, ClassLabel, Value or Sequence, got {feature}")

@@ -21,7 +21,7 @@ from afford.dataset.columns import MASKS, PATHS
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
-NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *(f"{name}_rle" for name in MASKS))
+NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *MASKS)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, A
     for path in shards(root, split):
         with pq.ParquetFile(path) as file:
             for group in range(file.num_row_groups):
-                yield from file.read_row_group(group, columns=list(columns)).to_pylist()
+                yield from file.read_row_group(group, columns=list(columns), use_threads=False).to_pylist()
 
 
 class Dataset(Sequence[Item]):
@@ -116,7 +116,7 @@ class Dataset(Sequence[Item]):
     def _read(self, group: int) -> _Group:
         number, inside = self.groups[group]
         with pq.ParquetFile(self.files[number]) as file:
-            return _Group(file.read_row_group(inside, columns=list(NEEDED)).combine_chunks())
+            return _Group(file.read_row_group(inside, columns=list(NEEDED), use_threads=False).combine_chunks())
 
 
 class _Group:
@@ -126,7 +126,7 @@ class _Group:
         self.size = table.num_rows
         self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
         self.jpeg = table["image"].chunk(0).field("bytes")
-        self.counts = [table[f"{name}_rle"].to_pylist() for name in MASKS]
+        self.png = [table[name].chunk(0).field("bytes") for name in MASKS]
         self.times = _block(table["motion_time_ns"].chunk(0), self.size)
         motion = table["motion"].chunk(0)
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
@@ -136,8 +136,8 @@ class _Group:
         image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
         if image is None:
             raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG; compare the shard with manifest.json")
-        decoded = masks.decode_rle([counts[n] for counts in self.counts], *image.shape[:2])
-        return Item(image=image, masks=decoded, motion=self.motion[n], motion_time_ns=self.times[n],
+        planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
+        return Item(image=image, masks=planes, motion=self.motion[n], motion_time_ns=self.times[n],
                     **{name: found[n] for name, found in self.plain.items()})
 
 

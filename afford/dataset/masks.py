@@ -7,17 +7,31 @@ import zlib
 from collections.abc import Sequence
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from pycocotools import mask as coco
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+ONE_BIT_GREY = bytes((1, 0, 0, 0, 0))
 FILTER_UP = 2
+ZLIB_LEVEL = 3
+BODY_AT = 41
+"""where the compressed lines begin: behind the signature, the header and the head of the one data chunk"""
 
 
 def encode_rle(masks: np.ndarray) -> list[bytes]:
     """(n, h, w) bool -> n compressed COCO counts."""
-    columns = np.ascontiguousarray(masks.transpose(0, 2, 1)).view(np.uint8)
-    return [rle["counts"] for rle in coco.encode(columns.transpose(2, 1, 0))]
+    return [_encode_rle(mask) if mask.any() else empty_rle(*mask.shape) for mask in masks]
+
+
+@lru_cache(maxsize=16)
+def empty_rle(height: int, width: int) -> bytes:
+    """The run lengths of a mask without a pixel; most samples have two."""
+    return _encode_rle(np.zeros((height, width), bool))
+
+
+def _encode_rle(mask: np.ndarray) -> bytes:
+    return coco.encode(np.asfortranarray(mask).view(np.uint8))["counts"]
 
 
 def decode_rle(counts: Sequence[bytes | str], height: int, width: int) -> np.ndarray:
@@ -56,9 +70,33 @@ def _pack_png(mask: np.ndarray) -> bytes:
     lines = np.full((rows.shape[0], rows.shape[1] + 1), FILTER_UP, np.uint8)
     lines[0, 1:] = rows[0]
     lines[1:, 1:] = rows[1:] - rows[:-1]
-    header = struct.pack(">IIBBBBB", mask.shape[1], mask.shape[0], 1, 0, 0, 0, 0)
-    body = zlib.compress(lines.tobytes(), 6)
+    header = struct.pack(">II", mask.shape[1], mask.shape[0]) + ONE_BIT_GREY
+    body = zlib.compress(lines.tobytes(), ZLIB_LEVEL)
     return PNG_SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", body) + _chunk(b"IEND", b"")
+
+
+def decode_png(data: bytes) -> np.ndarray:
+    """A grey PNG -> (h, w) bool, True where it is not black. Files of `encode_png` take a tenth of the time of others."""
+    if not data.startswith(PNG_SIGNATURE):
+        raise ValueError(f"mask: expected a PNG, got {len(data)} bytes that are none")
+    width, height = struct.unpack(">II", data[16:24])
+    if data == empty_png(height, width):
+        return np.zeros((height, width), bool)
+    lines = _own_lines(data, height, width)
+    if lines is None:
+        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)) > 0
+    rows = np.add.accumulate(lines[:, 1:], axis=0, dtype=np.uint8)
+    return np.unpackbits(rows, axis=1, count=width).view(bool)
+
+
+def _own_lines(data: bytes, height: int, width: int) -> np.ndarray | None:
+    """The filtered lines, (h, 1 + bytes a line), of a file of `encode_png`; None for a file of others."""
+    if data[24:29] != ONE_BIT_GREY or data[37:41] != b"IDAT":
+        return None
+    lines = np.frombuffer(zlib.decompressobj().decompress(data[BODY_AT:]), np.uint8)
+    if lines.size != height * (1 + -(-width // 8)) or (lines[:: lines.size // height] != FILTER_UP).any():
+        return None
+    return lines.reshape(height, -1)
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

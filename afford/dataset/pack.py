@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from afford import codecs
+from afford.codecs.identity import digest
 from afford.dataset import card, classes, columns, croissant, files, plots, rows, shards, sheet
 from afford.dataset.split import Rule, assign
 from afford.dataset.tally import Tally, statistics
@@ -79,7 +79,7 @@ class Writing:
         verbs, nouns = self.plan.verbs.labels(), self.plan.nouns.labels()
         for clip in self.plan.clips:
             if self.plan.split[clip.video_id] == split and clip.samples:
-                provenance = codecs.digest(clip)
+                provenance = digest(clip)
                 for sample in clip.samples:
                     row = rows.row(clip, sample, verbs, nouns, provenance)
                     self._note(split, sample, row)
