@@ -107,6 +107,18 @@ def _falloff(x, y, width, height, vignette):  # type: ignore[no-untyped-def]
     return F(1.0 - vignette * (u * u + v * v))
 
 
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _mix(table, i, j, k, axis, a, b, c):  # type: ignore[no-untyped-def]
+    """One column of a vertex table, interpolated."""
+    return table[i, axis] * a + table[j, axis] * b + table[k, axis] * c
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _unit(x, y, z):  # type: ignore[no-untyped-def]
+    scale = F(1) / max(np.sqrt(x * x + y * y + z * z), F(1e-12))
+    return x * scale, y * scale, z * scale
+
+
 @numba.njit(cache=True, fastmath=True)
 def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambience):  # type: ignore[no-untyped-def]
     """Linear RGB of the triangle `face` seen at image point (px, py)."""
@@ -121,65 +133,80 @@ def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambie
     i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
     p = part[face]
     look, levels = looks[p], all_levels[layers[p]]
-    P = vertices[i] * F(a) + vertices[j] * F(b) + vertices[k] * F(c)
-    N = normals[i] * F(a) + normals[j] * F(b) + normals[k] * F(c)
-    dye = colours[i] * F(a) + colours[j] * F(b) + colours[k] * F(c)
-    u = uv[i, 0] * a + uv[j, 0] * b + uv[k, 0] * c
-    v = uv[i, 1] * a + uv[j, 1] * b + uv[k, 1] * c
+    u, v = _mix(uv, i, j, k, 0, a, b, c), _mix(uv, i, j, k, 1, a, b, c)
     sx, sy = (e[0, 0] + e[1, 0] + e[2, 0]) * inv, (e[0, 1] + e[1, 1] + e[2, 1]) * inv
-    ux = (e[0, 0] * uv[i, 0] + e[1, 0] * uv[j, 0] + e[2, 0] * uv[k, 0]) * inv - u * sx
-    uy = (e[0, 1] * uv[i, 0] + e[1, 1] * uv[j, 0] + e[2, 1] * uv[k, 0]) * inv - u * sy
-    vx = (e[0, 0] * uv[i, 1] + e[1, 0] * uv[j, 1] + e[2, 0] * uv[k, 1]) * inv - v * sx
-    vy = (e[0, 1] * uv[i, 1] + e[1, 1] * uv[j, 1] + e[2, 1] * uv[k, 1]) * inv - v * sy
+    ux = _mix(uv, i, j, k, 0, e[0, 0], e[1, 0], e[2, 0]) * inv - u * sx
+    uy = _mix(uv, i, j, k, 0, e[0, 1], e[1, 1], e[2, 1]) * inv - u * sy
+    vx = _mix(uv, i, j, k, 1, e[0, 0], e[1, 0], e[2, 0]) * inv - v * sx
+    vy = _mix(uv, i, j, k, 1, e[0, 1], e[1, 1], e[2, 1]) * inv - v * sy
     red, green, blue = sample(texels, levels, u, v, ux, vx, uy, vy)
-    V = eye - P
-    V /= np.sqrt((V * V).sum())
-    N /= max(np.sqrt((N * N).sum()), F(1e-12))
-    if (N * V).sum() < 0:
-        N = -N
-    albedo = np.array([red * dye[0] * look[0], green * dye[1] * look[1], blue * dye[2] * look[2]], np.float32)
-    return _light(P, N, V, albedo, look, lamps, maps, ambience)
+    a, b, c = F(a), F(b), F(c)
+    X, Y, Z = _mix(vertices, i, j, k, 0, a, b, c), _mix(vertices, i, j, k, 1, a, b, c), _mix(vertices, i, j, k, 2, a, b, c)
+    nx, ny, nz = _unit(_mix(normals, i, j, k, 0, a, b, c), _mix(normals, i, j, k, 1, a, b, c), _mix(normals, i, j, k, 2, a, b, c))
+    wx, wy, wz = _unit(eye[0] - X, eye[1] - Y, eye[2] - Z)
+    if nx * wx + ny * wy + nz * wz < 0:
+        nx, ny, nz = -nx, -ny, -nz
+    red = red * look[0] * _mix(colours, i, j, k, 0, a, b, c)
+    green = green * look[1] * _mix(colours, i, j, k, 1, a, b, c)
+    blue = blue * look[2] * _mix(colours, i, j, k, 2, a, b, c)
+    return _light((X, Y, Z), (nx, ny, nz), (wx, wy, wz), (red, green, blue), look, lamps, maps, ambience)
 
 
 @numba.njit(cache=True, fastmath=True)
 def _light(P, N, V, albedo, look, lamps, maps, ambience):  # type: ignore[no-untyped-def]
     """Reflected light. `lamps` (n, 20): frame (12), direction to the lamp (3), colour (3), softness, texel."""
-    specular, rough, metal, skin = look[3], look[4], look[6], look[7]
-    up = F(0.5) + F(0.5) * N[2]
-    diffuse = ambience[0] * up + ambience[1] * (F(1) - up)
-    shine = np.zeros(3, np.float32)
-    alpha = max(rough * rough, F(0.02))
-    nv = max((N * V).sum(), F(0.02))
+    specular, metal, skin = look[3], look[6], look[7]
+    alpha = max(look[4] * look[4], F(0.02))
+    nv = max(N[0] * V[0] + N[1] * V[1] + N[2] * V[2], F(0.02))
+    mirror = F(2) * nv * N[2] - V[2]
+    fringe = specular + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - look[4])
+    up, gleam = F(0.5) + F(0.5) * N[2], F(0.5) + F(0.5) * mirror
+    dr, dg, db = _sky(ambience, 0, up), _sky(ambience, 1, up), _sky(ambience, 2, up)
+    sr, sg, sb = _sky(ambience, 0, gleam) * fringe, _sky(ambience, 1, gleam) * fringe, _sky(ambience, 2, gleam) * fringe
     for n in range(len(lamps)):
         lamp = lamps[n]
-        L = lamp[12:15]
-        nl = (N * L).sum()
+        nl = N[0] * lamp[12] + N[1] * lamp[13] + N[2] * lamp[14]
         if nl <= F(-0.4) * skin:
             continue
-        Q = P + N * F(0.004)
-        x = lamp[0] * Q[0] + lamp[1] * Q[1] + lamp[2] * Q[2] + lamp[3]
-        y = lamp[4] * Q[0] + lamp[5] * Q[1] + lamp[6] * Q[2] + lamp[7]
-        z = lamp[8] * Q[0] + lamp[9] * Q[1] + lamp[10] * Q[2] + lamp[11] - F(0.002)
-        seen = lit(maps[n], x, y, z, lamp[18], lamp[19])
+        seen = _seen(P, N, lamp, maps[n])
         if seen <= 0:
             continue
-        glow = lamp[15:18] * seen
-        straight = max(nl, F(0))
-        wrapped = max((nl + F(0.4)) / F(1.4), F(0))
-        spread = np.array([F(1.0), F(0.55), F(0.45)], np.float32) * skin
-        diffuse += glow * (straight + (wrapped - straight) * spread)
+        straight, wrapped = max(nl, F(0)), max((nl + F(0.4)) / F(1.4), F(0))
+        spread = (wrapped - straight) * skin
+        dr += lamp[15] * seen * (straight + spread)
+        dg += lamp[16] * seen * (straight + spread * F(0.55))
+        db += lamp[17] * seen * (straight + spread * F(0.45))
         if straight > 0:
-            H = L + V
-            H /= np.sqrt((H * H).sum())
-            nh = max((N * H).sum(), F(0))
-            d = nh * nh * (alpha * alpha - F(1)) + F(1)
-            fresnel = specular + (F(1) - specular) * (F(1) - max((V * H).sum(), F(0))) ** 5
-            gloss = alpha * alpha / (F(3.14159) * d * d) * fresnel / (F(4) * max(straight * nv, F(0.05)))
-            shine += glow * min(gloss * straight, F(6))
-    mirror = F(2) * nv * N[2] - V[2]
-    sky = ambience[0] * (F(0.5) + F(0.5) * mirror) + ambience[1] * (F(0.5) - F(0.5) * mirror)
-    fringe = specular + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - rough)
-    shine += sky * fringe
-    tint = F(1) - metal + albedo * metal
-    colour = albedo * diffuse * (F(1) - metal * F(0.75)) + shine * tint
-    return colour[0], colour[1], colour[2]
+            gloss = _gloss(N, V, lamp, straight, nv, alpha, specular) * seen
+            sr, sg, sb = sr + lamp[15] * gloss, sg + lamp[16] * gloss, sb + lamp[17] * gloss
+    matt = F(1) - metal * F(0.75)
+    tint = F(1) - metal
+    red, green, blue = albedo
+    return (red * dr * matt + sr * (tint + red * metal), green * dg * matt + sg * (tint + green * metal),
+            blue * db * matt + sb * (tint + blue * metal))
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _sky(ambience, channel, up):  # type: ignore[no-untyped-def]
+    return ambience[0, channel] * up + ambience[1, channel] * (F(1) - up)
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _seen(P, N, lamp, depths):  # type: ignore[no-untyped-def]
+    """Share of the lamp seen from a point a little above the surface."""
+    qx, qy, qz = P[0] + N[0] * F(0.004), P[1] + N[1] * F(0.004), P[2] + N[2] * F(0.004)
+    x = lamp[0] * qx + lamp[1] * qy + lamp[2] * qz + lamp[3]
+    y = lamp[4] * qx + lamp[5] * qy + lamp[6] * qz + lamp[7]
+    z = lamp[8] * qx + lamp[9] * qy + lamp[10] * qz + lamp[11] - F(0.002)
+    return lit(depths, x, y, z, lamp[18], lamp[19])
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _gloss(N, V, lamp, nl, nv, alpha, specular):  # type: ignore[no-untyped-def]
+    """GGX highlight of one lamp, bounded."""
+    hx, hy, hz = _unit(lamp[12] + V[0], lamp[13] + V[1], lamp[14] + V[2])
+    nh = max(N[0] * hx + N[1] * hy + N[2] * hz, F(0))
+    vh = max(V[0] * hx + V[1] * hy + V[2] * hz, F(0))
+    d = nh * nh * (alpha * alpha - F(1)) + F(1)
+    fresnel = specular + (F(1) - specular) * (F(1) - vh) ** 5
+    return min(alpha * alpha / (F(3.14159) * d * d) * fresnel / (F(4) * max(nl * nv, F(0.05))) * nl, F(6))

@@ -41,13 +41,22 @@ def _lamp(light: Light, direction: tuple[float, float, float], softness: float, 
     return Lamp(np.c_[rows, offset].astype(np.float32), texel, softness, np.asarray(colour, np.float32))
 
 
-def depth_map(scene: Batch, lamp: Lamp, skip: frozenset[int] = frozenset()) -> np.ndarray:
-    """(SIZE, SIZE) float32 depth of what the lamp hits first; entities in `skip` let light through."""
-    points = scene.vertices @ lamp.frame[:, :3].T + lamp.frame[:, 3]
-    solid = scene.casts & ~np.isin(scene.entity, list(skip))
-    out = np.full((SIZE, SIZE), FAR, np.float32)
-    _fill_depth(points.astype(np.float32), scene.faces, solid[scene.part], out)
-    return out
+def depth_maps(scene: Batch, lamp: Lamp, last: frozenset[int] = frozenset()) -> tuple[np.ndarray, np.ndarray]:
+    """(SIZE, SIZE) float32 depth of what the lamp hits first: without the entities in `last`, and with everything."""
+    points = (scene.vertices @ lamp.frame[:, :3].T + lamp.frame[:, 3]).astype(np.float32)
+    late = np.isin(scene.entity, list(last))
+    without = np.full((SIZE, SIZE), FAR, np.float32)
+    _fill_depth(points, scene.faces, (scene.casts & ~late)[scene.part], without)
+    if not late.any():
+        return without, without
+    full = without.copy()
+    _fill_depth(points, scene.faces, (scene.casts & late)[scene.part], full)
+    return without, full
+
+
+def reach(lamp: Lamp) -> float:
+    """How far a shadow map is searched around a point, in texels."""
+    return min(0.12 * lamp.softness / lamp.texel_m + 2.0, 40.0)
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -86,7 +95,7 @@ SEARCH = _spiral(12)
 @numba.njit(cache=True, fastmath=True)
 def lit(depths, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
     """Share 0..1 of the lamp seen from light-space (x, y texels, z metres)."""
-    reach = min(0.12 * softness / texel_m + 2.0, 40.0)
+    reach = min(np.float32(0.12) * softness / texel_m + np.float32(2.0), np.float32(40.0))
     total, blockers = np.float32(0.0), 0
     for k in range(len(SEARCH)):
         i, j = int(y + SEARCH[k, 1] * reach + 0.5), int(x + SEARCH[k, 0] * reach + 0.5)
