@@ -25,6 +25,8 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    seed: int = 1
+    """seed of the clips that `make dataset` renders; each clip draws its own from it"""
     supersample: int = 2
     """samples per pixel and axis of the colour images"""
     crf: int = 21

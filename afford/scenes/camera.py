@@ -45,24 +45,24 @@ def intrinsics(width: int, height: int, field_of_view_deg: float) -> np.ndarray:
 class Head:
     """The pose of the camera at any time: gaze targets that follow the action, plus wandering."""
 
-    def __init__(self, rng: np.random.Generator, style: HeadStyle, eye: np.ndarray, frames: int) -> None:
-        self.style, self.eye, self.frames = style, eye, frames
+    def __init__(self, rng: np.random.Generator, style: HeadStyle, eye: np.ndarray, length: float) -> None:
+        self.style, self.eye, self.length = style, eye, length
         self.gazes: list[tuple[float, float, np.ndarray]] = []
         self._move = sway(rng, 3, (35, 90))
         self._turn = sway(rng, 3, (30, 80))
         self._side = 1.0 if rng.random() < 0.5 else -1.0
 
     def look(self, start: float, stop: float, target: np.ndarray) -> None:
-        """Turn the gaze to `target` (3,) between two times in frames."""
+        """Turn the gaze to `target` (3,) between two times."""
         self.gazes.append((start, stop, np.asarray(target, float)))
 
     def at(self, time: float) -> Pose:
-        """T_world_cam at a time in frames."""
+        """T_world_cam at a time."""
         style = self.style
         target = self.gazes[0][2]
         for start, stop, goal in self.gazes[1:]:
             target = target + (goal - target) * ease((time - start) / (stop - start))
-        travel = self._side * style.orbit_m * np.sin(np.pi * (time / self.frames - 0.5))
+        travel = self._side * style.orbit_m * np.sin(np.pi * (time / self.length - 0.5))
         eye = self.eye + style.sway_m * self._move(time) + (travel, 0, 0)
         wander = self._turn(time)
         reach = np.linalg.norm(target - eye) * np.tan(np.radians(style.turn_deg))

@@ -37,7 +37,7 @@ class Want:
 class Cast:
     """What a script works with: a random generator, the play, and objects that suit the hands."""
 
-    def __init__(self, rng: np.random.Generator, play: Play, setting: str, key_gap: int) -> None:
+    def __init__(self, rng: np.random.Generator, play: Play, setting: str, key_gap: float) -> None:
         self.rng, self.play, self.setting, self.key_gap = rng, play, setting, key_gap
         self.lead = "right" if rng.random() < 0.5 else "left"
 
@@ -56,8 +56,8 @@ class Cast:
         return self.play.arms[side]
 
     def beat(self, at: float) -> float:
-        """A moment of a 121-frame clip, in frames of this clip, a little early or late by seed."""
-        return (at + self.rng.uniform(-2.0, 2.0)) * self.play.frames / 121
+        """A moment of the play, a little early or late by seed."""
+        return float(at + self.rng.uniform(-2.0, 2.0))
 
     def spot(self, x: float, y: float, jitter_m: float = 0.02) -> np.ndarray:
         """A place (3,) on the table: x to the side of the leading hand, y away from the person, from the middle, metres."""

@@ -9,7 +9,7 @@ from blake3 import blake3
 
 from afford.codecs import save
 from afford.scenes import write_epic
-from afford.scenes.play import Play, Saying
+from afford.scenes.play import LENGTH, Play, Saying
 from afford.scenes.record import Recording
 from schemas.clip import Narration
 from schemas.files import FileRef, FileTree
@@ -29,7 +29,9 @@ def write_clip(root: Path, spec: SceneSpec, play: Play, recording: Recording, cr
     write_epic.write_classes(root, (noun for saying in play.sayings for noun in saying.nouns))
     height, width = recording.images.shape[1:3]
     write_epic.write_info(root, spec.video_id, spec.frames, width, height)
-    save(truth, root / "truth" / spec.video_id)
+    folder = root / "truth" / spec.video_id
+    folder.mkdir(parents=True, exist_ok=True)
+    save(truth, folder)
     return rendered_clip(root, spec.video_id)
 
 
@@ -54,6 +56,6 @@ def _keys(spec: SceneSpec, truth: ClipTruth) -> list[write_epic.KeyMasks]:
 
 
 def _narration(spec: SceneSpec, number: int, saying: Saying) -> Narration:
-    start = max(1, round(saying.start) + 1)
-    interval = (start, min(spec.frames, max(start, round(saying.stop) + 1)))
+    start, stop = (round(time * spec.frames / LENGTH) + 1 for time in (saying.start, saying.stop))
+    interval = (min(max(1, start), spec.frames), min(max(1, start, stop), spec.frames))
     return write_epic.narration(spec.video_id, number, interval, saying.text, saying.verb, saying.nouns)

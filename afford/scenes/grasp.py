@@ -17,7 +17,7 @@ class Fingers:
         self._closed = [closed_on(touch) for touch in arm.touches]
 
     def at(self, time: float) -> np.ndarray:
-        """Joint angles in radians at a time in frames."""
+        """Joint angles in radians at a play time."""
         if not self.arm.touches:
             return posture("relaxed")
         weights = np.array([_nearness(touch, time) for touch in self.arm.touches])

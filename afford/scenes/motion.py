@@ -79,13 +79,13 @@ def approach(a: Pose, b: Pose, leave: np.ndarray, arrive: np.ndarray) -> PoseAt:
 
 @dataclass
 class Track:
-    """A pose over time, in frames: segments one after another; before the first and after the last it stands still."""
+    """A pose over time: segments one after another; before the first and after the last it stands still."""
 
     rest: Pose
     segments: list[tuple[float, float, PoseAt]]
 
     def at(self, time: float) -> Pose:
-        """The pose at a time in frames."""
+        """The pose at a time."""
         current = self.rest
         for start, stop, path in self.segments:
             if time < start:
@@ -111,13 +111,13 @@ class Track:
 
 @dataclass
 class Curve:
-    """A vector over time, in frames: minimum-jerk steps between values; used for joints and finger postures."""
+    """A vector over time: minimum-jerk steps between values; used for joints and finger postures."""
 
     rest: np.ndarray
     steps: list[tuple[float, float, np.ndarray]]
 
     def at(self, time: float) -> np.ndarray:
-        """The value at a time in frames."""
+        """The value at a time."""
         current = self.rest
         for start, stop, target in self.steps:
             if time <= start:
@@ -131,7 +131,7 @@ class Curve:
 
 
 def sway(rng: np.random.Generator, size: int, periods: tuple[float, float], count: int = 3) -> Callable[[float], np.ndarray]:
-    """Slow aperiodic wandering (size,) of unit amplitude: a few sines with random phases; periods in frames."""
+    """Slow aperiodic wandering (size,) of unit amplitude: a few sines with random phases; periods in units of time."""
     period = rng.uniform(*periods, (count, size))
     phase = rng.uniform(0, 2 * np.pi, (count, size))
     weight = rng.uniform(0.5, 1.0, (count, size))

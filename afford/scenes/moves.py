@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from afford.scenes.asset import Grip
 from afford.scenes.cast import Cast
 from afford.scenes.motion import Pose, PoseAt, about, blend, pose, sway
 from afford.scenes.play import Thing
@@ -41,13 +44,21 @@ def held_at(cast: Cast, at: Pose, frames: float) -> PoseAt:
 
 
 def tilt_to_pour(cast: Cast, vessel: Thing, cup: Thing, tilt_rad: float) -> Pose:
-    """The vessel leaning towards the cup, its mouth a little above and beside the cup's mouth."""
-    upright = vessel.at(0)
-    mouth = np.asarray(vessel.model.opening or (0, 0, vessel.model.size[2]))
+    """The vessel leaning towards the cup, its mouth a little above and beside the cup's mouth; a spout turns that way first."""
+    upright = vessel.at(0)[:3, :3]
+    mouth = np.asarray(vessel.model.opening or (0, 0, vessel.model.size[2]), float)
     target = cup.at(0) @ np.array([*(cup.model.opening or (0, 0, cup.model.size[2])), 1.0])
-    turned = about((0, 1, 0), -cast.mirror * tilt_rad) @ upright[:3, :3]
-    gap = (0.03 * cast.mirror * (1 + 2 * np.cos(tilt_rad)), 0.0, 0.035 + 0.05 * np.cos(tilt_rad))
-    return pose(target[:3] + gap - turned @ mouth, turned)
+    towards = np.array([-cast.mirror, 0.25, 0.0])
+    if np.hypot(*mouth[:2]) > 0.01:
+        spout = upright @ (mouth * (1, 1, 0)) / np.hypot(*mouth[:2])
+        goal = spout + 1.3 * towards
+        turn = np.arctan2(spout[0] * goal[1] - spout[1] * goal[0], spout[:2] @ goal[:2])
+        upright, towards = about((0, 0, 1), turn) @ upright, goal
+    towards = towards / np.linalg.norm(towards)
+    turned = about(np.cross((0, 0, 1), towards), tilt_rad) @ upright
+    beside = 0.03 * (1 + 2 * np.cos(tilt_rad))
+    lip = target[:3] - beside * towards + (0, 0, 0.035 + 0.05 * np.cos(tilt_rad))
+    return pose(lip - turned @ mouth, turned)
 
 
 def aim(cast: Cast, tool: Thing, along: np.ndarray, up: np.ndarray, tip_at: np.ndarray) -> Pose:
@@ -58,6 +69,11 @@ def aim(cast: Cast, tool: Thing, along: np.ndarray, up: np.ndarray, tip_at: np.n
     turned = np.stack([np.cross(y, z), y, z], axis=1)
     tip = np.asarray(tool.model.tip or (0, tool.model.size[1] / 2, 0))
     return pose(tip_at - turned @ tip, turned)
+
+
+def rolled(grip: Grip, angle_rad: float) -> Grip:
+    """The grip turned about the long axis (y) of what it holds."""
+    return replace(grip, T_obj_palm=pose((0, 0, 0), about((0, 1, 0), angle_rad)) @ grip.T_obj_palm)
 
 
 def circle(start: Pose, radius_m: float, turns: float) -> PoseAt:

@@ -1,6 +1,6 @@
 """The actors of a clip: things with a motion, arms that take hold of them, a head, and what is said about it.
 
-Time is in frames from 0. A script writes the motion of the things; an arm that holds one follows it rigidly, grip by grip, so
+Time runs from 0 to `LENGTH`; a clip of so many frames shows one unit a frame, a shorter or longer one is faster or slower. A script writes the motion of the things; an arm that holds one follows it rigidly, grip by grip, so
 that hand and object never slip. Everything is evaluated late: a script may write what a hand does before the thing it follows.
 """
 
@@ -14,6 +14,10 @@ import numpy as np
 from afford.scenes.asset import Grip, ObjectModel
 from afford.scenes.camera import Head
 from afford.scenes.motion import Curve, Pose, PoseAt, Track, approach, arc
+
+
+LENGTH = 121.0
+"""How long a play is, in units of time."""
 
 
 @dataclass
@@ -89,9 +93,10 @@ class Arm:
         self.closed.add(start - 1, start + 6, 0.0)
         self.track.add(start, stop, path)
 
-    def withdraw(self, start: float, stop: float) -> None:
-        """Go home, out of sight."""
-        self.go(start, stop, self.home)
+    def withdraw(self, stop: float) -> None:
+        """Let go and go home, out of sight, until `stop`."""
+        start = self.track.segments[-1][1]
+        self.go(start, max(stop, start + 4), self.home)
 
     def touch_at(self, time: float) -> Touch | None:
         """What the hand holds at a time."""
@@ -109,7 +114,7 @@ def _reach(before: Callable[[], Pose], target: Callable[[], Pose], grip: Grip) -
 
 @dataclass(frozen=True)
 class Saying:
-    """One narration: the interval in frames from 0, the sentence, the verb and the nouns, the acted-on one first."""
+    """One narration: the interval in play time, the sentence, the verb and the nouns, the acted-on one first."""
 
     start: float
     stop: float
@@ -122,7 +127,6 @@ class Saying:
 class Play:
     """Everything that happens in one clip."""
 
-    frames: int
     head: Head
     arms: dict[str, Arm]
     things: list[Thing] = field(default_factory=list)

@@ -10,6 +10,7 @@ import numpy as np
 from afford.render.draw import render_bundle
 from afford.render.model import Bundle, Camera
 from afford.scenes.contact import Surfaces
+from afford.scenes.play import LENGTH
 from afford.scenes.world import HEIGHT, WIDTH, World
 from schemas.scene import SceneSpec
 from schemas.truth import ClipTruth
@@ -39,13 +40,14 @@ def record(spec: SceneSpec, world: World, supersample: int, progress: Callable[[
     contact, poses = np.full((2, count), -1, np.int16), np.zeros((count, 4, 4))
     surfaces, noise = Surfaces(world), np.random.default_rng([spec.seed, 7])
     for t in range(count):
-        camera = world.camera(t)
-        bundle = render_bundle(world.instances(t), HANDS, n, camera, world.room.light, world.textures, supersample=supersample)
+        time = t * LENGTH / count
+        camera = world.camera(time)
+        bundle = render_bundle(world.instances(time), HANDS, n, camera, world.room.light, world.textures, supersample=supersample)
         rgb[t], clean[t], kept[t] = grain(bundle.rgb, noise), bundle.rgb_no_hands, bundle.rgb_no_hands_shadow
         visible[:, t], amodal[:, t] = seen(bundle, n), bundle.amodal
         depth[t] = np.round(1000 * bundle.depth_m).astype(np.uint16)
-        contact[:, t], poses[t] = world.touched(t), camera.T_world_cam
-        touch[:, t] = _touching(surfaces, camera, bundle, contact[:, t], t)
+        contact[:, t], poses[t] = world.touched(time), camera.T_world_cam
+        touch[:, t] = _touching(surfaces, camera, bundle, contact[:, t], time)
         progress(t + 1, count)
     frame = np.arange(1, count + 1, dtype=np.int64)
     truth = ClipTruth(spec.video_id, world.play.hard, world.entities, frame, visible, amodal, clean, kept, depth, contact, touch,
@@ -69,7 +71,7 @@ def grain(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.clip(np.round(level + sigma * (0.8 * grey + 0.6 * colour)), 0, 255).astype(np.uint8)
 
 
-def _touching(surfaces: Surfaces, camera: Camera, bundle: Bundle, contact: np.ndarray, time: int) -> np.ndarray:
+def _touching(surfaces: Surfaces, camera: Camera, bundle: Bundle, contact: np.ndarray, time: float) -> np.ndarray:
     out = np.zeros((2, *bundle.ids.shape), bool)
     for hand, entity in enumerate(contact):
         if entity >= 0:

@@ -7,6 +7,7 @@ import numpy as np
 from afford.scenes.cast import Cast, Want
 from afford.scenes.motion import about, pose
 from afford.scenes.moves import carry, held_at, put
+from afford.scenes.play import LENGTH
 from afford.scenes.scripts_kitchen import GRASPABLE
 
 FLAT_THINGS = {"kitchen": ("box", "carton", "plate"), "workshop": ("paint", "wood"), "desk": ("book", "phone")}
@@ -16,18 +17,18 @@ HINGED = {"kitchen": ("box",), "workshop": ("toolbox",), "desk": ("laptop", "boo
 def never_free(cast: Cast) -> None:
     """A thing is in the hand from the first frame to the last."""
     thing, (grip,) = cast.thing(cast.pick(("mug", "bottle", "pan", "bowl", "can")), cast.spot(0.10, 0.0), Want(cast.lead))
-    cast.arm(cast.lead).start_holding(thing, grip, cast.play.frames)
+    cast.arm(cast.lead).start_holding(thing, grip, LENGTH)
     start = thing.at(0)
     start[:3, 3] += (0.0, 0.0, 0.06)
     thing.track.rest = start
-    stops = np.linspace(0, cast.play.frames, 5)
+    stops = np.linspace(0, LENGTH, 5)
     for first, last in zip(stops[:-1], stops[1:], strict=True):
         target = put(thing, cast.spot(0.05, 0.04, 0.09) + (0, 0, cast.rng.uniform(0.03, 0.16)), cast.rng.uniform(-0.4, 0.4))
         target[:3, :3] = about((1, 0, 0), cast.rng.uniform(-0.3, 0.3)) @ target[:3, :3]
         thing.move(first, last, target)
     cast.thing("board", cast.spot(-0.22, 0.16))
-    cast.play.say(2, cast.play.frames - 2, f"hold {thing.name}", "hold", thing)
-    cast.watch(thing, 16, cast.play.frames - 10)
+    cast.play.say(2, LENGTH - 2, f"hold {thing.name}", "hold", thing)
+    cast.watch(thing, 16, LENGTH - 10)
     cast.play.hard = ("never_unoccluded",)
 
 
@@ -44,7 +45,7 @@ def turn_over(cast: Cast) -> None:
     thing.move(take + 24, take + 44, tipped)
     thing.track.add(take + 44, drop - 24, held_at(cast, tipped, drop - 68 - take))
     thing.move(drop - 24, drop - 2, put(thing, cast.spot(0.06, 0.04), 0.0), lift_m=0.04)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(117))
+    cast.arm(cast.lead).withdraw(cast.beat(117))
     cast.play.say(take, drop, f"turn {thing.name}", "turn", thing)
     cast.watch(thing, take, drop)
     cast.play.hard = ("out_of_plane",)
@@ -61,8 +62,8 @@ def open_hinged(cast: Cast) -> None:
     wide = joint.low + cast.rng.uniform(0.5, 0.75) * (joint.high - joint.low) if joint else 0.0
     thing.open(take + 2, take + 26, wide)
     thing.open(let - 26, let - 3, 0.0)
-    cast.arm(cast.lead).withdraw(let, cast.beat(116))
-    cast.arm(cast.support).withdraw(cast.beat(99), cast.beat(117))
+    cast.arm(cast.lead).withdraw(cast.beat(116))
+    cast.arm(cast.support).withdraw(cast.beat(117))
     cast.play.say(take - 6, take + 28, f"open {thing.name}", "open", thing)
     cast.play.say(let - 28, let, f"close {thing.name}", "close", thing)
     cast.watch(thing, take, let)
@@ -78,11 +79,11 @@ def dart(cast: Cast) -> None:
     take, drop = cast.beat(24), cast.beat(94)
     cast.arm(cast.lead).take(thing, grip, cast.beat(4), take, drop)
     carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(0.10, 0.18), 0.3), lift_m=0.12)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(116))
+    cast.arm(cast.lead).withdraw(cast.beat(116))
     for number in (2, 4):
         key = number * cast.key_gap
         cast.arm(cast.support).take(target, tap, key + 0.5, key + 0.48 * cast.key_gap, key + 0.58 * cast.key_gap)
-        cast.arm(cast.support).withdraw(key + 0.58 * cast.key_gap, key + cast.key_gap - 0.5)
+        cast.arm(cast.support).withdraw(key + cast.key_gap - 0.5)
         cast.play.say(key, key + cast.key_gap, f"tap {target.name}", "tap", target)
     cast.play.say(take, drop, f"move {thing.name}", "move", thing)
     cast.watch(thing, take, drop)

@@ -1,4 +1,4 @@
-"""Standard choreographies of a kitchen. Each takes a `Cast` and writes one play; times are those of a 121-frame clip."""
+"""Standard choreographies of a kitchen. Each takes a `Cast` and writes one play; times are units of `play.LENGTH`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from afford.scenes.cast import Cast, Want, floor_of
 from afford.scenes.motion import Pose, PoseAt, about, pose
-from afford.scenes.moves import aim, carry, circle, held_at, put, tilt_to_pour
+from afford.scenes.moves import aim, carry, circle, held_at, put, rolled, tilt_to_pour
 
 GRASPABLE = ("mug", "bottle", "bowl", "kettle", "pan", "jar", "can", "carton", "box")
 
@@ -19,7 +19,7 @@ def carry_one(cast: Cast, kinds: tuple[str, ...] = GRASPABLE) -> None:
     cast.arm(cast.lead).take(thing, grip, cast.beat(4), take, drop)
     turn = cast.mirror * cast.rng.uniform(0.1, 0.6)
     carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(-0.08, -0.02), turn), lift_m=cast.rng.uniform(0.10, 0.16))
-    cast.arm(cast.lead).withdraw(drop, cast.beat(116))
+    cast.arm(cast.lead).withdraw(cast.beat(116))
     cast.play.say(take - 8, take + 14, f"pick up {thing.name}", "pick-up", thing)
     cast.play.say(drop - 24, drop + 2, f"put down {thing.name}", "put-down", thing)
     cast.watch(thing, take, drop)
@@ -37,7 +37,7 @@ def carry_both(cast: Cast) -> None:
     take, drop = cast.beat(26), cast.beat(92)
     for want, grip in zip(wants, grips, strict=True):
         cast.arm(want.side).take(thing, grip, cast.beat(4), take + cast.rng.uniform(-3, 0), drop)
-        cast.arm(want.side).withdraw(drop, cast.beat(115))
+        cast.arm(want.side).withdraw(cast.beat(115))
     carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(-0.10, 0.02), 0.2 * cast.mirror), lift_m=0.13)
     cast.play.say(take - 6, take + 20, f"lift {thing.name}", "lift", thing)
     cast.play.say(drop - 22, drop, f"put {thing.name}", "put", thing)
@@ -53,7 +53,7 @@ def carry_two(cast: Cast) -> None:
     for side, thing, grip, shift, place in ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 9, (-0.16, -0.06))):
         take, drop = cast.beat(22 + shift), cast.beat(86 + shift)
         cast.arm(side).take(thing, grip, cast.beat(3 + shift), take, drop)
-        cast.arm(side).withdraw(drop, cast.beat(107 + shift))
+        cast.arm(side).withdraw(cast.beat(107 + shift))
         carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(*place), cast.rng.uniform(-0.3, 0.3)), lift_m=0.12)
         cast.play.say(take - 6, drop, f"move {thing.name}", "move", thing)
     cast.watch(near, cast.beat(24), cast.beat(90))
@@ -73,8 +73,8 @@ def pour(cast: Cast) -> None:
     vessel.move(start, start + 12, poured)
     vessel.track.add(start + 12, stop, held_at(cast, poured, stop - start - 12))
     vessel.move(stop, drop - 2, put(vessel, home[:3, 3] + cast.rng.uniform(-0.04, 0.04, 3) * (1, 1, 0), 0.0), lift_m=0.06)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(116))
-    cast.arm(cast.support).withdraw(cast.beat(91), cast.beat(112))
+    cast.arm(cast.lead).withdraw(cast.beat(116))
+    cast.arm(cast.support).withdraw(cast.beat(112))
     cast.play.say(take - 8, take + 12, f"pick up {vessel.name}", "pick-up", vessel)
     cast.play.say(start - 4, stop + 2, f"pour from {vessel.name} into {cup.name}", "pour", vessel, cup)
     cast.play.say(drop - 16, drop + 2, f"put down {vessel.name}", "put-down", vessel)
@@ -98,8 +98,8 @@ def open_jar(cast: Cast) -> None:
     lid.track.add(take, off, lambda s: jar.at(take + s * (off - take)) @ pose((0, 0, 0), about((0, 0, 1), float(
         np.interp(take + s * (off - take), times, swing)))))
     lid.move(off, drop - 1, put(lid, cast.spot(0.20, -0.02) - (0, 0, floor_of(lid.model)), 0.3), lift_m=0.06)
-    lead.withdraw(drop, cast.beat(114))
-    cast.arm(cast.support).withdraw(cast.beat(95), cast.beat(115))
+    lead.withdraw(cast.beat(114))
+    cast.arm(cast.support).withdraw(cast.beat(115))
     cast.play.say(take - 4, off + 6, f"open {jar.name}", "open", jar)
     cast.play.say(off, drop + 2, f"put down {lid.name}", "put-down", lid)
     cast.watch(jar, take, drop)
@@ -107,20 +107,22 @@ def open_jar(cast: Cast) -> None:
 
 def cut(cast: Cast) -> None:
     """A knife chops on a board that the other hand keeps in place."""
+    cast.lead = "right"  # our knives have their edge on the side that suits a right hand
     board, (press,) = cast.thing("board", cast.spot(-0.06, 0.04), Want(cast.support))
-    knife, (grip,) = cast.thing("knife", cast.spot(0.24, -0.04), Want(cast.lead, ("handle",)))
+    knife, (grip,) = cast.thing("knife", cast.spot(0.24, -0.04), Want(cast.lead, ("pinch",)))
+    grip = rolled(grip, -0.65)
     take, drop = cast.beat(22), cast.beat(96)
     first, last = cast.beat(42), cast.beat(78)
     cast.arm(cast.lead).take(knife, grip, cast.beat(3), take, drop)
     cast.arm(cast.support).take(board, press, cast.beat(10), cast.beat(32), cast.beat(86))
     start = knife.at(0)
-    blade = aim(cast, knife, np.array([-0.30 * cast.mirror, 0.9, -0.18]), np.array([cast.mirror, 0.1, 0.0]),
-                board.at(0)[:3, 3] + (0.02 * cast.mirror, 0.02, 0.03))
+    blade = aim(cast, knife, np.array([-0.35, 0.9, -0.2]), np.array([0.94, 0.2, 0.34]),
+                board.at(0)[:3, 3] + (0.03, 0.03, float(board.model.size[2]) + 0.004))
     knife.move(take + 2, first, blade, lift_m=0.06)
     knife.track.add(first, last, chop(cast, blade, strokes=4))
     knife.move(last, drop - 2, put(knife, start[:3, 3] + (0, 0.02, 0), -0.1, start), lift_m=0.07)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(115))
-    cast.arm(cast.support).withdraw(cast.beat(87), cast.beat(106))
+    cast.arm(cast.lead).withdraw(cast.beat(115))
+    cast.arm(cast.support).withdraw(cast.beat(106))
     cast.play.say(take - 8, take + 12, f"pick up {knife.name}", "pick-up", knife)
     cast.play.say(first, last, f"chop on {board.name} with {knife.name}", "chop", board, knife)
     cast.play.say(drop - 16, drop, f"put down {knife.name}", "put-down", knife)
@@ -151,12 +153,12 @@ def stir(cast: Cast) -> None:
     cast.arm(cast.support).take(vessel, hold, cast.beat(10), cast.beat(32), cast.beat(88))
     start = spoon.at(0)
     mouth = vessel.at(0) @ np.array([*(vessel.model.opening or (0, 0, 0.05)), 1.0])
-    dip = aim(cast, spoon, np.array([-0.42 * cast.mirror, 0.35, -0.8]), np.array([0.0, 1.0, 0.3]), mouth[:3] - (0, 0, 0.02))
+    dip = aim(cast, spoon, np.array([-0.45 * cast.mirror, 0.6, -0.65]), np.array([0.0, 1.0, 0.3]), mouth[:3] - (0, 0, 0.02))
     spoon.move(take + 2, first, dip, lift_m=0.10)
     spoon.track.add(first, last, circle(dip, radius_m=0.022, turns=2.5 * cast.mirror))
     spoon.move(last, drop - 2, put(spoon, start[:3, 3], 0.1, start), lift_m=0.12)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(115))
-    cast.arm(cast.support).withdraw(cast.beat(89), cast.beat(108))
+    cast.arm(cast.lead).withdraw(cast.beat(115))
+    cast.arm(cast.support).withdraw(cast.beat(108))
     cast.play.say(take - 8, take + 10, f"pick up {spoon.name}", "pick-up", spoon)
     cast.play.say(first - 2, last + 2, f"stir {vessel.name} with {spoon.name}", "stir", vessel, spoon)
     cast.play.say(drop - 16, drop, f"put down {spoon.name}", "put-down", spoon)
@@ -173,8 +175,8 @@ def hand_over(cast: Cast) -> None:
     middle = put(thing, cast.spot(0.0, -0.04) + (0, 0, 0.12), 0.0)
     thing.move(take + 2, swap - 1, middle, lift_m=0.03)
     thing.move(swap + 7, drop - 2, put(thing, cast.spot(-0.22, 0.06), 0.2 * cast.mirror), lift_m=0.03)
-    cast.arm(cast.lead).withdraw(swap + 6, swap + 30)
-    cast.arm(cast.support).withdraw(drop, cast.beat(116))
+    cast.arm(cast.lead).withdraw(swap + 30)
+    cast.arm(cast.support).withdraw(cast.beat(116))
     cast.play.say(take - 8, take + 10, f"pick up {thing.name}", "pick-up", thing)
     cast.play.say(swap - 12, swap + 10, f"pass {thing.name} to other hand", "pass", thing)
     cast.play.say(drop - 18, drop, f"put down {thing.name}", "put-down", thing)

@@ -9,7 +9,7 @@ from afford.scenes.motion import Pose, PoseAt, about, pose
 from afford.scenes.moves import aim, carry, put
 from afford.scenes.scripts_kitchen import carry_one
 
-DESK_THINGS = ("book", "tape", "phone", "bottle", "cup", "stapler")
+DESK_THINGS = ("book", "tape", "phone", "water", "cup", "stapler")
 SHOP_THINGS = ("glue", "paint", "drill", "wood", "hammer", "screwdriver")
 
 
@@ -51,8 +51,8 @@ def _work(cast: Cast, piece, hold, tool, grip, ready: Pose, act: PoseAt, verb: s
     tool.move(take + 2, first, ready, lift_m=0.10)
     tool.track.add(first, last, act)
     tool.move(last, drop - 2, put(tool, start[:3, 3] + (0, 0.02, 0), 0.1, start), lift_m=0.10)
-    cast.arm(cast.lead).withdraw(drop, cast.beat(115))
-    cast.arm(cast.support).withdraw(cast.beat(88), cast.beat(107))
+    cast.arm(cast.lead).withdraw(cast.beat(115))
+    cast.arm(cast.support).withdraw(cast.beat(107))
     cast.play.say(take - 8, take + 10, f"pick up {tool.name}", "pick-up", tool)
     cast.play.say(first, last, f"{verb} {piece.name} with {tool.name}", verb, piece, tool)
     cast.play.say(drop - 16, drop, f"put down {tool.name}", "put-down", tool)
@@ -101,7 +101,7 @@ def tidy_desk(cast: Cast) -> None:
     for side, thing, grip, shift, goal in ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 8, (-0.14, -0.05))):
         take, drop = cast.beat(23 + shift), cast.beat(87 + shift)
         cast.arm(side).take(thing, grip, cast.beat(3 + shift), take, drop)
-        cast.arm(side).withdraw(drop, cast.beat(108 + shift))
+        cast.arm(side).withdraw(cast.beat(108 + shift))
         carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(*goal), cast.rng.uniform(-0.4, 0.4)), lift_m=0.11)
         cast.play.say(take - 6, drop, f"move {thing.name}", "move", thing)
     cast.watch(near, cast.beat(24), cast.beat(90))

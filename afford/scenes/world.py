@@ -7,16 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.render.model import BACKGROUND, Camera, Instance
+from afford.render.model import Camera, Instance
 from afford.render.textures import Textures
 from afford.scenes.asset import palm_frame
 from afford.scenes.camera import CALM, PARALLAX, Head, intrinsics
-from afford.scenes.cast import CENTRE, Cast
+from afford.scenes.cast import Cast
 from afford.scenes.grasp import Fingers
 from afford.scenes.hand import HandModel
 from afford.scenes.hand_look import person
-from afford.scenes.play import Arm, Play, Thing
-from afford.scenes.rooms import Room, build_room
+from afford.scenes.play import LENGTH, Arm, Play, Thing
+from afford.scenes.rooms import Room
+from afford.scenes.rooms import build as build_room
 from afford.scenes.scripts import STRONG_PARALLAX, script
 from afford.scenes.vocabulary import noun_class
 from afford.scenes.write_epic import hands
@@ -44,11 +45,11 @@ class World:
     K: np.ndarray
 
     def camera(self, time: float) -> Camera:
-        """The camera at a time in frames."""
+        """The camera at a play time."""
         return Camera(self.K, self.play.head.at(time), WIDTH, HEIGHT)
 
     def instances(self, time: float) -> list[Instance]:
-        """All that can be seen at a time in frames."""
+        """All that can be seen at a play time."""
         out = list(self.room.instances)
         for number, thing in enumerate(self.things):
             out += thing.model.instances(thing.at(time), number + 2, float(thing.opened.at(time)[0]))
@@ -76,25 +77,19 @@ def build_world(spec: SceneSpec) -> World:
     rng = np.random.default_rng([spec.seed, zlib.crc32(f"{spec.setting}/{spec.script}".encode())])
     act = script(spec.script)
     style = PARALLAX if spec.script in STRONG_PARALLAX else CALM
-    head = Head(rng, style, EYE + rng.uniform(-0.03, 0.03, 3), spec.frames)
-    play = Play(spec.frames, head, {side: Arm(side, palm_frame(HOMES[side], (0, 0, -1), (0, 1, 0))) for side in SIDES})
-    act(Cast(rng, play, spec.setting, spec.key_gap))
+    head = Head(rng, style, EYE + rng.uniform(-0.03, 0.03, 3), LENGTH)
+    play = Play(head, {side: Arm(side, palm_frame(HOMES[side], (0, 0, -1), (0, 1, 0))) for side in SIDES})
+    act(Cast(rng, play, spec.setting, spec.key_gap * LENGTH / spec.frames))
     return _furnish(spec, play, rng)
 
 
 def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
     things = tuple(sorted(play.things, key=lambda thing: thing.name))
     objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
-    room = build_room(spec.setting, rng, keep_free=_paths(things, play.frames))
+    room = build_room(spec.setting, rng)
     look = person(rng)
     pair = (HandModel.build("left", look), HandModel.build("right", look))
     materials = [i.material for i in room.instances] + [p.material for t in things for p in t.model.parts]
     textures = Textures.of([*materials, look.skin, look.cloth])
     fingers = (Fingers(play.arms["left"]), Fingers(play.arms["right"]))
     return World(play, room, pair, fingers, (*hands(), *objects), things, textures, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
-
-
-def _paths(things: tuple[Thing, ...], frames: int) -> np.ndarray:
-    """(n, 3) places that things pass through: x, y and a radius in metres, for clutter to keep away from."""
-    rows = [(*thing.at(time)[:2, 3], 0.5 * float(np.hypot(*thing.model.size[:2]))) for thing in things for time in range(0, frames, 10)]
-    return np.array(rows)

@@ -1,6 +1,6 @@
-"""One synthetic clip -> the files of an EPIC-KITCHENS-100 / VISOR root: video, sparse annotations, narrations, classes, video info.
+"""One synthetic clip -> the files of an EPIC-KITCHENS-100 / VISOR root: video, sparse annotations, narrations, classes, info.
 
-The readers must not be able to tell the root from a real one: same names, same columns, same JSON, masks as polygons in 1920 x 1080.
+The readers must not be able to tell the root from a real one: same names, columns and JSON, polygons in 1920 x 1080.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ class KeyMasks:
     """entity index that the (left, right) hand touches, -1 for none"""
 
 
-def write_video(path: Path, images: Iterable[np.ndarray], crf: int) -> None:
-    """H.264 at 30 fps, one thread, of (h, w, 3) uint8 RGB images; the same images give the same bytes."""
+def write_video(path: Path, images: np.ndarray, crf: int) -> None:
+    """H.264 at 30 fps, one thread, of (t, h, w, 3) uint8 RGB images; the same images give the same bytes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as container:
         stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), "preset": "medium", "threads": "1"})
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1
         stream.codec_context.time_base = Fraction(1, FPS)
+        stream.height, stream.width = images.shape[1:3]
         for number, image in enumerate(images):
-            stream.height, stream.width = image.shape[:2]
             picture = av.VideoFrame.from_ndarray(image, format="rgb24")
             picture.pts = number
             container.mux(stream.encode(picture))
@@ -139,7 +139,8 @@ def narration(video_id: str, number: int, interval: tuple[int, int], text: str, 
     action, thing = verb_class(verb), noun_class(nouns[0])
     return Narration(
         narration_id=f"{video_id}_{number}", start_frame=interval[0], stop_frame=interval[1], text=text, verb=verb,
-        verb_class=action.id, verb_key=action.key, noun=nouns[0], noun_class=thing.id, noun_key=thing.key, all_nouns=tuple(nouns))
+        verb_class=action.id, verb_key=action.key, noun=nouns[0], noun_class=thing.id, noun_key=thing.key,
+        all_nouns=tuple(nouns))
 
 
 def hands() -> tuple[Entity, Entity]:

@@ -47,6 +47,6 @@ def _join(path: Path, files: list[FileRef], by_id: bool) -> None:
             for row in reader:
                 key = row[columns[0]]
                 if rows.setdefault(key, row) != row:
-                    raise ValueError(f"{path.name}: {columns[0]} {key} has two different rows; give the clips different video ids")
+                    raise ValueError(f"{path.name}: {columns[0]} {key} has two different rows; give clips different video ids")
     ordered = sorted(rows.values(), key=lambda row: int(row[columns[0]])) if by_id else list(rows.values())
     write_csv(path, columns, ordered)
