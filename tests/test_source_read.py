@@ -102,7 +102,9 @@ def test_corrections_replace_wrong_contacts(tmp_path: Path) -> None:
 def test_dense_masks_join_the_sparse_ones(tmp_path: Path) -> None:
     """Ready-made frames are marked, refer to 854 x 480, and never replace an annotator's own frame."""
     write_root(tmp_path)
-    dense = write_points(tmp_path, "P95_01_interpolations", [image("P95_01", frame) for frame in (16, 17, 18)])
+    small = [[x / 2.25, y / 2.25] for x, y in SQUARE]
+    points = [image("P95_01", frame, [mask("mug", f"d{frame}", [small])]) for frame in (16, 17, 18)]
+    dense = write_points(tmp_path, "P95_01_interpolations", points)
     folder = tmp_path / "Interpolations-DenseAnnotations" / "train"
     folder.mkdir(parents=True)
     dense.rename(folder / dense.name)

@@ -9,6 +9,7 @@ from typing import Any
 from afford.readers import coco, visor
 from afford.readers.discover import CORRECTIONS, DENSE, FRAME_MAPPING, SPARSE
 from afford.readers.errors import SourceError
+from afford.readers.grid import check_grid
 from afford.readers.hands import key_frame
 from afford.readers.rows import Note, Sheet
 from afford.readers.strict_json import parse
@@ -23,7 +24,9 @@ def read_keys(files: FileTree, notes: list[Note]) -> list[KeyFrame]:
     sheets: dict[int, tuple[Sheet, bool]] = {}
     for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
         dense = file.name.startswith(DENSE)
-        sheets.update({sheet.frame: (sheet, dense) for sheet in _sheets(file, dense, mapped)})
+        found = _sheets(file, dense, mapped)
+        check_grid(found, file.name, notes)
+        sheets.update({sheet.frame: (sheet, dense) for sheet in found})
     keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
     if not any(keys):
         raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")

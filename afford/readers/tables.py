@@ -11,9 +11,9 @@ from afford.readers.errors import SourceError
 
 
 def header(data: bytes) -> tuple[str, ...]:
-    """Column names of a CSV file, stripped."""
+    """Column names of a CSV file, in lower case."""
     first = data.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
-    return tuple(name.strip() for name in next(csv.reader([first]), ()))
+    return tuple(name.strip().lower() for name in next(csv.reader([first]), ()))
 
 
 def read_table(data: bytes, name: str, needed: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
@@ -23,7 +23,7 @@ def read_table(data: bytes, name: str, needed: Sequence[str]) -> Iterator[tuple[
         raise SourceError(name, f"columns {', '.join(needed)}", f"no {', '.join(missing)}", "add it to the header and the rows")
     try:
         reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
-        reader.fieldnames = [column.strip() for column in reader.fieldnames or ()]
+        reader.fieldnames = [column.strip().lower() for column in reader.fieldnames or ()]
         for row in reader:
             yield f"{name}, line {reader.line_num}", {key: value or "" for key, value in row.items() if isinstance(key, str)}
     except (csv.Error, UnicodeDecodeError) as error:
