@@ -76,7 +76,8 @@ def quality(
     total = np.ones(len(tracks.frame), np.float32)
     for side, row in enumerate(objects):
         active = row >= 0
-        total[active] = np.minimum(total, _trust(tracks, complete, side, row, masks[side], fade_frames))[active]
+        if active.any():
+            total[active] = np.minimum(total, _trust(tracks, complete, side, row, masks[side], fade_frames))[active]
         total[tracks.contact[side] == UNKNOWN_CONTACT] *= OTHER_HAND_UNKNOWN
     return np.where((objects >= 0).any(axis=0), total, np.float32(0)).astype(np.float32)
 

@@ -18,15 +18,16 @@ def complete_shape(path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by
     """Complete masks (t, h, w) bool, and confidence (t,) float32: how sure the hidden pixels are, 1 where none is hidden.
 
     frame: (t,) frame numbers. visible, hidden_by: (t, h, w) bool. A hidden pixel belongs to the object when most of the other
-    frames, nearer ones counting more, have seen the object there. Frames that the object could not be followed to keep their
-    visible mask.
+    frames, nearer ones counting more, have seen the object there. In frames that it could not be followed to, and for pixels
+    that were never seen, the convex hull decides.
     """
     complete, confidence = visible.copy(), np.zeros(len(frame), np.float32)
     cameras = as_cameras(path.poses)
     known = ~hidden_by
-    for t in np.flatnonzero(path.fit >= MIN_FIT):
-        pixels = _candidates(path.poses[t], visible[t], hidden_by[t])
-        rows, weights = recall(path, frame, int(t))
+    for t in np.flatnonzero(visible.any(axis=(1, 2)) | (path.fit >= MIN_FIT)):
+        followed = path.fit[t] >= MIN_FIT
+        pixels = _candidates(path.poses[t], visible[t], hidden_by[t], followed)
+        rows, weights = recall(path, frame, int(t)) if followed else (np.zeros(0, np.int64), np.zeros(0))
         points = on_canvas(path.poses[t], pixels)
         yes, seen = gather_votes(points, cameras[rows], rows, weights, visible, known)
         hull = _in_hull(points, yes > 0.5 * seen, pixels, visible[t])
@@ -59,10 +60,13 @@ def on_canvas(pose: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return np.column_stack([canvas, np.ones(len(pixels)), np.zeros(len(pixels))])
 
 
-def _candidates(pose: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray) -> np.ndarray:
-    """Pixels (m, 2) x, y that are hidden, near the object."""
+def _candidates(pose: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray, followed: bool) -> np.ndarray:
+    """Pixels (m, 2) x, y that are hidden, in the box of the visible mask and, when followed, of the canvas."""
     reach = np.abs(pose[:, :2]).sum(axis=1) * 1.35 + 4
     x, y, width, height = cv2.boundingRect(visible.view(np.uint8))
+    if not followed:
+        rows, columns = np.nonzero(hidden_by[y : y + height, x : x + width])
+        return np.stack([columns + x, rows + y], axis=1)
     low = np.minimum(pose[:, 2] - reach, [x, y]).astype(int).clip(0)
     high = np.maximum(pose[:, 2] + reach, [x + width, y + height]).astype(int) + 1
     rows, columns = np.nonzero(hidden_by[low[1] : high[1], low[0] : high[0]])
