@@ -72,7 +72,7 @@ def write_hf(clips: list[Samples], path: Path) -> None:
     def generate():
         for made_ in clips:
             for one in made_.samples:
-                row = rows._task(one, verbs.labels(), nouns.labels()) | rows._source(made_, one)
+                row = rows.task(one, verbs.labels(), nouns.labels()) | rows.source(made_, one)
                 yield {name: row.get(name) for name in plain} | {
                     "image": {"bytes": one.image_jpeg.tobytes(), "path": None}, "sample_id": one.sample_id,
                     **dict(zip(columns.MASKS, one.masks, strict=True))}

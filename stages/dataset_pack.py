@@ -52,6 +52,6 @@ def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
     root = files.empty_folder(ctx.scratch / "dataset")
     rule = Rule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
     plan = pack.plan(samples, rule)
-    writing = pack.write_samples(root, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
+    writing = pack.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
     pack.describe(root, writing, params.name, params.license, params.version)
     return files.tree(params.name, root)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,6 +102,17 @@ def test_same_input_same_bytes(tmp_path):
     (tmp_path / "b" / "dataset" / "left_over").write_text("x")
     first, second = pack(tmp_path / "a")[0], pack(tmp_path / "b", CLIPS[::-1])[0]
     assert [(file.name, file.digest) for file in first.files] == [(file.name, file.digest) for file in second.files]
+
+
+def test_other_hash_seed_same_bytes(packed):
+    """Nothing hangs on the order of sets: a process with another hash seed writes the same manifest."""
+    code = ("import sys; from pathlib import Path; from tests.test_dataset_pack import pack; "
+            "print(pack(Path(sys.argv[1]), samples_per_shard=7)[1])")
+    folder = packed.parent / "other_process"
+    folder.mkdir()
+    done = subprocess.run([sys.executable, "-c", code, folder], cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": "77"}, check=True,
+                          capture_output=True, text=True)
+    assert (Path(done.stdout.strip()) / "manifest.json").read_bytes() == (packed / "manifest.json").read_bytes()
 
 
 def test_manifest_names_every_file(packed):

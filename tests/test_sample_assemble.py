@@ -145,6 +145,14 @@ def test_inputs_on_other_frames_are_refused():
         run(x | {"inpainted": replace(x["inpainted"], frame=FRAME + 1)})
 
 
+def test_an_object_without_complete_mask_is_refused():
+    """The object that a hand holds must have been completed."""
+    x = extraction()
+    bare = replace(x["complete"], entities=(), masks=np.zeros((0, T, H, W), bool), confidence=np.zeros((0, T), np.float32))
+    with pytest.raises(ValueError, match=r"CompleteObjects\.entities: .*mug#1 missing"):
+        run(x | {"complete": bare})
+
+
 def test_same_input_same_samples():
     """Two runs give equal bytes."""
     first, second = run(extraction()), run(extraction())

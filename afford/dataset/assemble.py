@@ -32,12 +32,16 @@ class Extraction:
     labels: FrameLabels
 
     def check(self) -> None:
-        """ValueError when two parts speak of different frames."""
+        """ValueError when two parts speak of different frames, or an object that is held has no complete mask."""
         for part in (self.inpainted, self.tracks, self.complete, self.affordances):
             if not np.array_equal(part.frame, self.frames.frame):
                 raise ValueError(
                     f"{self.clip.clip_id}: {type(part).__name__}.frame differs from Frames.frame "
                     f"({part.frame.size} frames, expected {self.frames.frame.size}); run the stages on the same frames")
+        missing = {entity.entity_id for entity in self.affordances.objects} - {e.entity_id for e in self.complete.entities}
+        if missing:
+            raise ValueError(f"{self.clip.clip_id}: CompleteObjects.entities: expected the objects of Affordances, "
+                             f"{', '.join(sorted(missing))} missing; run object_completion on the same tracks")
 
 
 @dataclass(frozen=True)

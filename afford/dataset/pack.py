@@ -1,10 +1,13 @@
-"""Samples of all clips -> the folder of a data set. Two passes: one over the words, one that writes rows as they come."""
+"""Samples of all clips -> the folder of a data set. Two passes: one over the words, one that writes rows as they come.
+
+Clips are taken by index, one at a time and never kept, so that a sequence that loads them when asked stays out of memory.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +21,23 @@ SPLITS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
+class Head:
+    """What the first pass keeps of a clip."""
+
+    index: int
+    clip: Samples
+    """the clip without its samples"""
+    ids: tuple[str, ...]
+    verbs: frozenset[tuple[str, int]]
+    nouns: frozenset[tuple[str, int]]
+
+
+@dataclass(frozen=True)
 class Plan:
     """What the first pass finds out: the classes, and which clips go into which split."""
 
-    clips: tuple[Samples, ...]
+    heads: tuple[Head, ...]
+    """by video and clip"""
     verbs: classes.Classes
     nouns: classes.Classes
     split: dict[str, str]
@@ -36,29 +52,37 @@ class Plan:
 
 def plan(clips: Sequence[Samples], rule: Rule) -> Plan:
     """First pass. ValueError when there is no sample, or when two have the same id."""
-    ordered = tuple(sorted(clips, key=lambda clip: (clip.video_id, clip.clip_id)))
-    split = assign(ordered, rule)
-    said = [sample.narration for clip in ordered for sample in clip.samples]
-    if not said:
-        raise ValueError(f"no clip gives a sample, so there is no data set to write; {_why_none(ordered)}")
-    _check_ids(ordered)
+    found = (_head(index, clip) for index, clip in enumerate(clips))
+    heads = tuple(sorted(found, key=lambda head: (head.clip.video_id, head.clip.clip_id)))
+    split = assign((head.clip for head in heads), rule)
     samples: Counter[str] = Counter()
-    for clip in ordered:
-        samples[split[clip.video_id]] += len(clip.samples)
-    return Plan(ordered, classes.emerge((one.verb_key, one.verb_class) for one in said),
-                classes.emerge((one.noun_key, one.noun_class) for one in said), split, +samples)
+    for head in heads:
+        samples[split[head.clip.video_id]] += len(head.ids)
+    if not samples.total():
+        raise ValueError(f"no clip gives a sample, so there is no data set to write; {_why_none(heads)}")
+    _check_ids(heads)
+    verbs = classes.emerge(pair for head in heads for pair in head.verbs)
+    nouns = classes.emerge(pair for head in heads for pair in head.nouns)
+    return Plan(heads, verbs, nouns, split, +samples)
 
 
-def _why_none(clips: Sequence[Samples]) -> str:
+def _head(index: int, clip: Samples) -> Head:
+    said = [sample.narration for sample in clip.samples]
+    return Head(index, replace(clip, samples=()), tuple(sample.sample_id for sample in clip.samples),
+                frozenset((one.verb_key, one.verb_class) for one in said),
+                frozenset((one.noun_key, one.noun_class) for one in said))
+
+
+def _why_none(heads: Iterable[Head]) -> str:
     reasons: Counter[str] = Counter()
-    for clip in clips:
-        reasons.update(dict(clip.rejected))
+    for head in heads:
+        reasons.update(dict(head.clip.rejected))
     frames = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
     return f"frames left out: {frames}" if frames else "there was no frame at all"
 
 
-def _check_ids(clips: Sequence[Samples]) -> None:
-    seen = Counter(sample.sample_id for clip in clips for sample in clip.samples)
+def _check_ids(heads: Iterable[Head]) -> None:
+    seen = Counter(name for head in heads for name in head.ids)
     name, count = seen.most_common(1)[0]
     if count > 1:
         raise ValueError(f"sample_id {name!r}: expected once, found {count} times; two clips cover the same frame")
@@ -68,6 +92,7 @@ def _check_ids(clips: Sequence[Samples]) -> None:
 class Writing:
     """Second pass: rows of one split after the other, counted, and a few of them kept for the contact sheet."""
 
+    clips: Sequence[Samples]
     plan: Plan
     wanted: frozenset[int]
     progress: Callable[[int, int], None]
@@ -77,8 +102,9 @@ class Writing:
     def rows(self, split: str) -> Iterator[dict[str, Any]]:
         """The rows of one split, by video, clip and frame."""
         verbs, nouns = self.plan.verbs.labels(), self.plan.nouns.labels()
-        for clip in self.plan.clips:
-            if self.plan.split[clip.video_id] == split and clip.samples:
+        for head in self.plan.heads:
+            if self.plan.split[head.clip.video_id] == split and head.ids:
+                clip = self.clips[head.index]
                 provenance = digest(clip)
                 for sample in clip.samples:
                     row = rows.row(clip, sample, verbs, nouns, provenance)
@@ -93,9 +119,10 @@ class Writing:
         self.progress(done + 1, self.plan.samples.total())
 
 
-def write_samples(root: Path, made: Plan, per_shard: int, pictures: int, progress: Callable[[int, int], None]) -> Writing:
+def write_samples(root: Path, clips: Sequence[Samples], made: Plan, per_shard: int, pictures: int,
+                  progress: Callable[[int, int], None]) -> Writing:
     """Write the Parquet shards of every split; returns what was counted and kept on the way."""
-    writing = Writing(made, frozenset(sheet.spread(made.samples.total(), pictures)), progress)
+    writing = Writing(clips, made, frozenset(sheet.spread(made.samples.total(), pictures)), progress)
     schema = columns.arrow_schema(columns.columns(made.verbs, made.nouns))
     for split in made.splits():
         names = shards.shard_names(split, made.samples[split], per_shard)
@@ -107,7 +134,7 @@ def describe(root: Path, writing: Writing, name: str, licence: str, version: str
     """Everything that stands beside the shards: statistics, plots, contact sheet, card, Croissant, manifest."""
     made = writing.plan
     table = columns.columns(made.verbs, made.nouns)
-    numbers = statistics(writing.tally, made.clips, made.verbs, made.nouns)
+    numbers = statistics(writing.tally, [head.clip for head in made.heads], made.verbs, made.nouns)
     files.write_json(root / "statistics.json", numbers)
     plots.write(root, writing.tally, numbers)
     sheet.write(root / "contact_sheet.png", writing.kept)

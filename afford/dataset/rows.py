@@ -27,15 +27,16 @@ def row(clip: Samples, sample: Sample, verbs: dict[str, int], nouns: dict[str, i
         "key_frame": sample.key_frame,
         "key_distance": sample.key_distance,
         "provenance": provenance,
-        **_source(clip, sample),
-        **_task(sample, verbs, nouns),
+        **source(clip, sample),
+        **task(sample, verbs, nouns),
         **dict(_masks(sample)),
         "motion": dict(zip(PATHS, sample.motion.tolist(), strict=True)),
         "motion_time_ns": sample.motion_time_ns.tolist(),
     }
 
 
-def _source(clip: Samples, sample: Sample) -> dict[str, Any]:
+def source(clip: Samples, sample: Sample) -> dict[str, Any]:
+    """Columns that say where the sample comes from."""
     return {
         "video": clip.video_id,
         "clip": clip.clip_id,
@@ -48,7 +49,8 @@ def _source(clip: Samples, sample: Sample) -> dict[str, Any]:
     }
 
 
-def _task(sample: Sample, verbs: dict[str, int], nouns: dict[str, int]) -> dict[str, Any]:
+def task(sample: Sample, verbs: dict[str, int], nouns: dict[str, int]) -> dict[str, Any]:
+    """Columns of the narration."""
     said = sample.narration
     return {
         "narration": said.text,

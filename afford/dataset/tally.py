@@ -40,7 +40,7 @@ class Tally:
         self.splits[split] += 1
         self.verbs[sample.narration.verb_key] += 1
         self.nouns[sample.narration.noun_key] += 1
-        self.objects.update({name for name in (sample.object_left, sample.object_right) if name})
+        self.objects.update(sorted({sample.object_left, sample.object_right} - {""}))
         self.taxonomy[row["taxonomy"]] += 1
         self.taxonomy3[row["taxonomy3"]] += 1
         for name in MASKS:
@@ -75,7 +75,7 @@ def statistics(tally: Tally, clips: Iterable[Samples], verbs: Classes, nouns: Cl
         "taxonomy3": {name: tally.taxonomy3[label] for label, name in enumerate(TAXONOMY3)},
         "verbs": _by_class(verbs, tally.verbs),
         "nouns": _by_class(nouns, tally.nouns),
-        "objects": dict(tally.objects.most_common()),
+        "objects": dict(sorted(tally.objects.items(), key=lambda item: (-item[1], item[0]))),
         "area_fraction": {name: _spread(found) for name, found in tally.areas.items()},
         **{name: _spread(found) for name, found in tally.numbers.items()},
         "frames_without_sample": dict(sorted(rejected.items())),
