@@ -24,5 +24,5 @@ from runner.source import SourceError
 from runner.store import LostError, StoreError
 from runner.walk import UnknownShardError
 
-__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "Observer", "Reason", "RunReport", "Runner", "SourceError",
-           "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "Observer", "Reason", "RunReport", "Runner",
+           "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]

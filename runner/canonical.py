@@ -26,8 +26,9 @@ def canonical(value: object) -> Any:
     if isinstance(value, Mapping):
         return {"map": sorted([str(key), canonical(item)] for key, item in value.items())}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {"of": type(value).__name__, "fields": {f.name: canonical(getattr(value, f.name)) for f in dataclasses.fields(value)}}
-    raise TypeError(f"expected str, int, float, bool, None, a tuple or a dataclass of them, got {type(value).__name__}: {value!r}")
+        fields = {item.name: canonical(getattr(value, item.name)) for item in dataclasses.fields(value)}
+        return {"of": type(value).__name__, "fields": fields}
+    raise TypeError(f"expected str, int, float, bool, None, a tuple or a dataclass of them, got {type(value).__name__}")
 
 
 def dumps(tree: Any) -> str:

@@ -6,6 +6,7 @@ import json
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 from runner.canonical import file_digest
 
@@ -24,10 +25,8 @@ class FileMemo:
 
     def __init__(self, store: Path, rehash: bool = False) -> None:
         self._path = store / ".cache" / "files.json"
-        self._known: dict[str, list] = {}
+        self._known: dict[str, list] = {} if rehash else read_cache(self._path) or {}
         self._fresh = False
-        if not rehash and self._path.exists():
-            self._known = json.loads(self._path.read_bytes())
 
     def digest(self, path: Path) -> tuple[str, int]:
         """(digest, size in bytes); OSError when the file cannot be read."""
@@ -50,6 +49,14 @@ class FileMemo:
             self._fresh = False
 
 
+def read_cache(path: Path) -> Any:
+    """What a cache file holds, or None: one that is missing or torn is made anew from what it was made of."""
+    try:
+        return json.loads(path.read_bytes())
+    except (FileNotFoundError, ValueError):
+        return None
+
+
 def write_atomic(path: Path, data: bytes) -> None:
     """The whole file or the old one, also when killed half-way. Parent folders are made."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -67,7 +74,7 @@ class SeenBlobs:
 
     def __init__(self, store: Path) -> None:
         self._path = store / ".cache" / "blobs.json"
-        self._seen: dict[str, list[int]] = json.loads(self._path.read_bytes()) if self._path.exists() else {}
+        self._seen: dict[str, list[int]] = read_cache(self._path) or {}
         self._fresh = False
 
     def same(self, blob: str, path: Path) -> bool:

@@ -56,8 +56,9 @@ def declarations(modules: Modules, module: str) -> dict[str, Any]:
 
 def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
     """Which definitions differ: '~m:f' changed, '+m:f' came, '-m:f' went."""
-    return ([f"~{name}" for name in sorted(old.keys() & new.keys()) if old[name] != new[name]]
-            + [f"+{name}" for name in sorted(new.keys() - old.keys())] + [f"-{name}" for name in sorted(old.keys() - new.keys())])
+    edited = [f"~{name}" for name in sorted(old.keys() & new.keys()) if old[name] != new[name]]
+    came, went = sorted(new.keys() - old.keys()), sorted(old.keys() - new.keys())
+    return [*edited, *(f"+{name}" for name in came), *(f"-{name}" for name in went)]
 
 
 @dataclass
@@ -120,8 +121,8 @@ class _Closure:
             self._refer(module, ref, counts=False)
         for ref in statement["getattrs"]:
             if self._whole_module(module, ref) and "DYNAMIC" not in module.literals:
-                raise SourceError(f"{module.path}: getattr({ref}, <computed>) on a module cannot be followed; name what it may be in "
-                                  f"DYNAMIC = (\"module:attribute\", ...)")
+                raise SourceError(f"{module.path}: getattr({ref}, <computed>) on a module cannot be followed; name what it may "
+                                  'be in DYNAMIC = ("module:attribute", ...)')
             self._refer(module, ref, counts=True)
 
     def _refer(self, module: Module, ref: str, *, counts: bool) -> None:
@@ -171,18 +172,12 @@ class _Closure:
             passed, colon, attribute = found.imports[name].partition(":")
             self._resolve(found, passed, [attribute, *rest] if colon else rest, counts=counts)
         elif name not in found.items and self.modules.get(f"{target}.{name}") is not None:
-            self._resolve(found, f"{target}.{name}", rest, counts=counts) if rest else self._submodule(f"{target}.{name}", origin)
+            self._resolve(found, f"{target}.{name}", rest, counts=counts)
         elif name not in found.items and "__getattr__" in found.items:
             self._everything(found)
 
-    def _submodule(self, name: str, origin: Module) -> None:
-        """A module used as a value: whatever it has may be used."""
-        found = self.modules.get(name)
-        assert found is not None
-        self._load(found)
-        self._everything(found)
-
     def _everything(self, module: Module) -> None:
+        """A module used as a value: whatever it has may be used."""
         for name in module.items:
             self.reach(module.name, name)
 
@@ -192,8 +187,8 @@ class _Closure:
 
     def _computed(self, module: Module, what: str) -> None:
         if "DYNAMIC" not in module.literals:
-            raise SourceError(f"{module.path}: {what}() cannot be followed; use a literal registry, or name what it may load in "
-                              f"DYNAMIC = (\"module\", ...) of that module")
+            raise SourceError(f"{module.path}: {what}() cannot be followed; use a literal registry, or name what it may load "
+                              'in DYNAMIC = ("module", ...) of that module')
 
     def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
@@ -201,7 +196,8 @@ class _Closure:
             return
         self._loaded.add(module.name)
         self.files.add(module.path)
-        for index in (*module.effects, *(i for i, names in module.decorated if any(self._ours(module, name) for name in names))):
+        registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
+        for index in (*module.effects, *registering):
             statement = module.statements[index]
             self.definitions[f"{module.name}:<statement {statement['digest'][:8]}>"] = statement["digest"]
             self._follow(module, statement)

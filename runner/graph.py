@@ -11,7 +11,6 @@ axis, a node lives on the longest axes of its inputs, and every other input must
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -51,11 +50,12 @@ class Handle:
 
     def __getattr__(self, name: str) -> Any:
         node = self.__dict__["_node"]
-        raise AttributeError(f"the output of {node.name!r} exists only in a run: .{name} cannot be read while the graph is built; "
-                             f"read it inside a stage, or use g.pick(handle, lambda v: v.{name}) for a field of a bundle")
+        raise AttributeError(f"the output of {node.name!r} exists only in a run: .{name} cannot be read while the "
+                             f"graph is built; read it in a stage, or use g.pick(handle, lambda v: v.{name}) for a bundle")
 
     def __iter__(self) -> Any:
-        raise TypeError(f"the output of {self.__dict__['_node'].name!r} cannot be iterated while the graph is built; use g.each(handle)")
+        name = self.__dict__["_node"].name
+        raise TypeError(f"the output of {name!r} cannot be iterated while the graph is built; use g.each(handle)")
 
     def __repr__(self) -> str:
         return f"<handle {self.__dict__['_node'].name}>"
@@ -94,7 +94,9 @@ class Graph:
         given = dict(kwargs)
         name = str(given.pop("name", fn.__module__.rpartition(".")[2]))
         if any(node.sort == "stage" and node.name == name for node in self.nodes):
-            raise GraphError(f"stage {name!r} is added twice; give the second one another name: g.add(..., name='{name}_again')")
+            raise GraphError(f"stage {name!r} is added twice; name the second one: g.add(..., name='{name}_again')")
+        if "." in fn.__qualname__:
+            raise GraphError(f"{name}: expected a function of a module, got {fn.__qualname__}; workers import it by its name")
         bound, wants_ctx = _bind(fn, args, given, name)
         params = bound.pop("params", None)
         if params is not None and not _is_frozen(params):
@@ -108,7 +110,8 @@ class Graph:
         """One element of a list; whatever uses it runs once per element. The same list gives the same axis."""
         source = self._node(values, "g.each")
         if source.id not in self._axes:
-            self._axes[source.id] = self._new("each", f"each {source.name}", (("", source.id),), (*source.axes, len(self.nodes)))
+            axes = (*source.axes, len(self.nodes))
+            self._axes[source.id] = self._new("each", f"each {source.name}", (("", source.id),), axes)
         return cast(T, self._axes[source.id])
 
     def collect(self, value: T) -> tuple[T, ...]:
@@ -150,14 +153,15 @@ class Graph:
         """Every stage, in the order written."""
         return [node for node in self.nodes if node.sort == "stage"]
 
-    def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (), **more: Any) -> Handle:
+    def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (),
+             **more: Any) -> Handle:
         node = Node(len(self.nodes), sort, name, inputs, axes, **more)
         self.nodes.append(node)
         return Handle(self, node)
 
     def _node(self, handle: Any, where: str) -> Node:
         if not isinstance(handle, Handle):
-            raise GraphError(f"{where}: expected a handle of this graph, got {type(handle).__name__}; bring values in with g.leaf")
+            raise GraphError(f"{where}: expected a handle of this graph, got {type(handle).__name__}; use g.leaf for values")
         if handle.__dict__["_graph"] is not self:
             raise GraphError(f"{where}: {handle!r} belongs to another graph")
         return cast(Node, handle.__dict__["_node"])
@@ -179,8 +183,8 @@ class Graph:
             if longest[: len(axes)] != axes:
                 spread = " / ".join(self.nodes[axis].name for axis in axes)
                 other = " / ".join(self.nodes[axis].name for axis in longest)
-                raise GraphError(f"{where}: input {name!r} is spread over [{spread}], which is not part of [{other}], over which the "
-                                 f"stage runs; use g.collect on it, or derive both from the same g.each")
+                raise GraphError(f"{where}: input {name!r} is spread over [{spread}], which is not part of [{other}], over "
+                                 "which the stage runs; use g.collect on it, or derive both from the same g.each")
         return longest
 
     def _record(self, name: str, handle: Handle) -> None:

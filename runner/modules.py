@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from runner.canonical import digest
-from runner.files import RACY_NS, stamp, write_atomic
+from runner.files import RACY_NS, read_cache, stamp, write_atomic
 from runner.source import Module, parse_module
 
 
@@ -22,9 +22,9 @@ class Modules:
         self._saved: dict[str, list] = {}
         self._fresh = False
         self._version = _version(schemas)
-        if cache is not None and cache.exists():
-            saved = json.loads(cache.read_bytes())
-            self._saved = saved["modules"] if saved["version"] == self._version else {}
+        saved = read_cache(cache) if cache is not None else None
+        if saved and saved["version"] == self._version:
+            self._saved = saved["modules"]
 
     def get(self, name: str) -> Module | None:
         """The module, or None when it is not one of ours."""
@@ -53,7 +53,8 @@ class Modules:
         now = list(stamp(path))
         if name in self._saved and self._saved[name][0] == now:
             return Module(**self._saved[name][1])
-        module = parse_module(name, str(path), path.read_text(encoding="utf-8"), package, name.partition(".")[0] in self._schemas)
+        schema = name.partition(".")[0] in self._schemas
+        module = parse_module(name, str(path), path.read_text(encoding="utf-8"), package, schema)
         if time.time_ns() - now[1] > RACY_NS:
             self._saved[name] = [now, asdict(module)]
             self._fresh = True

@@ -92,12 +92,13 @@ class _Visitor(ast.NodeVisitor):
             self.visit(at)
 
     def visit_Call(self, node: ast.Call) -> None:
-        if isinstance(node.func, ast.Name) and node.func.id == "getattr" and len(node.args) > 1 and isinstance(node.args[0], ast.Name):
-            self._getattr(node.args[0].id, node.args[1])
-            for rest in node.args[1:]:
-                self.visit(rest)
+        plain = isinstance(node.func, ast.Name) and node.func.id == "getattr" and len(node.args) > 1
+        if not (plain and isinstance(node.args[0], ast.Name)):
+            self.generic_visit(node)
             return
-        self.generic_visit(node)
+        self._getattr(node.args[0].id, node.args[1])
+        for rest in node.args[1:]:
+            self.visit(rest)
 
     def _getattr(self, name: str, attribute: ast.expr) -> None:
         if isinstance(attribute, ast.Constant) and isinstance(attribute.value, str):
@@ -114,7 +115,7 @@ class _Visitor(ast.NodeVisitor):
             self._hint(hint)
         self._inside(node.body, [arg.arg for arg in _args(node.args)])
 
-    visit_AsyncFunctionDef = visit_FunctionDef
+    visit_AsyncFunctionDef = visit_FunctionDef  # noqa: N815 (ast.NodeVisitor's names)
 
     def visit_Lambda(self, node: ast.Lambda) -> None:
         for default in _defaults(node.args):
@@ -137,7 +138,7 @@ class _Visitor(ast.NodeVisitor):
             if self.scopes:
                 self.scopes[-1][bound] = target
 
-    visit_ImportFrom = visit_Import
+    visit_ImportFrom = visit_Import  # noqa: N815
 
     def _comprehension(self, node: ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp) -> None:
         self.visit(node.generators[0].iter)
@@ -149,7 +150,7 @@ class _Visitor(ast.NodeVisitor):
             self.visit(part)
         self.scopes.pop()
 
-    visit_ListComp = visit_SetComp = visit_GeneratorExp = visit_DictComp = _comprehension
+    visit_ListComp = visit_SetComp = visit_GeneratorExp = visit_DictComp = _comprehension  # noqa: N815
 
     def _inside(self, body: list[ast.stmt] | list[ast.expr], arguments: list[str], is_class: bool = False) -> None:
         scope = _Scope(arguments, is_class)

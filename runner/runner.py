@@ -47,8 +47,8 @@ class Runner:
     def run(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None, only: str | None = None,
             force: Iterable[str] = (), observer: Observer | None = None) -> RunReport:
         """Make a target (its name, a handle, or handles). `shards` limits fan-outs to the elements named; `only` runs one
-        stage on its last recorded inputs; `force` names stages to make again. UnknownNameError and UnknownShardError before or after
-        nothing was harmed; failures of shards are in the report, not raised."""
+        stage on its last recorded inputs; `force` names stages to make again. UnknownNameError, UnknownShardError;
+        SourceError when code cannot be followed. Failures of shards are in the report, not raised."""
         began = time.monotonic()
         self._check_names(graph, [*force, *([only] if only else [])])
         report = RunReport(target if isinstance(target, str) else "")
@@ -67,7 +67,8 @@ class Runner:
         report.seconds = time.monotonic() - began
         return report
 
-    def plan(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None, force: Iterable[str] = ()) -> list[TaskPlan]:
+    def plan(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None,
+             force: Iterable[str] = ()) -> list[TaskPlan]:
         """What a run would do now, in the order of the graph; nothing is executed."""
         self._check_names(graph, force)
         planner = self._planned(graph, target, shards, force)
@@ -174,7 +175,7 @@ class Runner:
                 continue
             now = fresh.get((name, shard))
             if now is None or now.inputs != trace.inputs:
-                report.stale.append(f"{name} {shard}: its recorded inputs are stale; run it without --only to bring them up to date")
+                report.stale.append(f"{name} {shard}: its recorded inputs are stale; run without --only to renew them")
             made[shard] = self._again(node, tuple(shard.split("/")) if shard else (), trace.inputs, schedule)
         if not made:
             raise UnknownNameError(f"{name} has no recorded inputs yet; run it once without --only")

@@ -76,13 +76,14 @@ class Schedule:
         while self._ready or self._running or self._parked:
             self._unpark()
             self._fill()
-            for what, key, said in self._engine.wait(PATIENCE_S if self._parked else None):
+            messages = self._engine.wait(PATIENCE_S if self._parked else None)
+            for what, key, said in messages:
                 if what == "done":
                     self._done(*self._running.pop(key), said)
                 elif key in self._running:
                     task, _ = self._running[key]
                     self._observer.progress(task.node.name, task.shard, *said)
-            if self._parked and not self._running:
+            if self._parked and not messages:
                 time.sleep(PATIENCE_S)
             follow()
 
@@ -159,7 +160,11 @@ class Schedule:
             return
         self._desk.store.forget(done.message)
         self.walk.forget_question(task.node, task.path)
-        makers = self.walk.reopen(done.message)
+        try:
+            makers = self.walk.reopen(done.message)
+        except OSError as error:
+            self._fail(task, str(error))
+            return
         for node, path in makers:
             self.walk.forget_question(node, path)
             self.walk.retry(node, path)

@@ -18,6 +18,7 @@ from runner.canonical import digest
 from runner.names import Uses, imports_of, uses_of
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
 
 
@@ -78,8 +79,9 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
         module.items.setdefault(item, []).append(index)
     if bound is None:
         _effect(module, index, uses)
-    elif isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-        names = [node.id for decorator in statement.decorator_list for node in ast.walk(decorator) if isinstance(node, ast.Name)]
+    elif isinstance(statement, DEFINITIONS):
+        parts = (node for decorator in statement.decorator_list for node in ast.walk(decorator))
+        names = [node.id for node in parts if isinstance(node, ast.Name)]
         module.decorated += [(index, names)] if names else []
     elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and len(bound) == 1:
         _literal(module, bound[0], statement.value)
@@ -105,7 +107,7 @@ def _literal(module: Module, name: str, value: ast.expr) -> None:
 
 def _bound_names(statement: ast.stmt) -> list[str] | None:
     """Names that a plain definition binds; None for a statement that does something else or more."""
-    if isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+    if isinstance(statement, DEFINITIONS):
         return [statement.name]
     if isinstance(statement, ast.AnnAssign):
         return [statement.target.id] if isinstance(statement.target, ast.Name) else None
@@ -129,12 +131,13 @@ def _targets(target: ast.expr) -> Iterator[str]:
 def _mentioned(statement: ast.stmt) -> set[str]:
     """Every name in a statement, and every name that it defines."""
     names = {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
-    return names | {node.name for node in ast.walk(statement) if isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.AsyncFunctionDef))}
+    return names | {node.name for node in ast.walk(statement) if isinstance(node, DEFINITIONS)}
 
 
 def _is_text(statement: ast.AST) -> bool:
     """A docstring, or a string literal that documents a field."""
-    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str)
+    value = statement.value if isinstance(statement, ast.Expr) else None
+    return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
 def _is_guard(statement: ast.stmt) -> bool:

@@ -87,7 +87,7 @@ class Store:
         return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), files))
 
     def put_leaf(self, value: object, scratch: Path) -> str:
-        """Store a value that came from outside: what the codec writes itself becomes blobs, linked files stay where they are."""
+        """Store a value from outside: what the codec writes itself becomes blobs, linked files stay where they are."""
         parts = self.codec.children(value)
         if parts is not None:
             return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part, scratch)) for name, part in parts])
@@ -101,6 +101,10 @@ class Store:
         self.codec.save(value, folder)
         files = tuple(self._refer(path, name) if path.is_symlink() else self._take(path, name, scratch, {})
                       for name, path in _files_in(folder))
+        before = {entry.name: entry.blob for entry in known.files} if known else {}
+        for entry in files:
+            if entry.path and before.get(entry.name, entry.blob) != entry.blob:
+                raise StoreError(errno.ESTALE, f"{entry.path} is not what it was when its digest was taken; run again")
         return self._put_manifest(digest, Manifest(self.codec.kind(value), files))
 
     def put_tuple(self, children: list[tuple[str, str]]) -> str:
@@ -312,4 +316,5 @@ def explain_os(error: OSError) -> str:
 
 def _files_in(folder: Path) -> list[tuple[str, Path]]:
     """(name relative to the folder, path) of every file and link, sorted."""
-    return sorted((path.relative_to(folder).as_posix(), path) for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    found = (path for path in folder.rglob("*") if path.is_symlink() or path.is_file())
+    return sorted((path.relative_to(folder).as_posix(), path) for path in found)

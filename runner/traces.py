@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from runner.files import write_atomic
+from runner.files import read_cache, write_atomic
+from runner.lease import Lease
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Traces:
         self._index = root / ".cache" / "index.json"
         self._rows: dict[str, dict[str, Any]] = {}
         self._latest: dict[str, dict[str, str]] = {}
+        self._forgotten: set[str] = set()
+        self._used: dict[tuple[str, str], str] = {}
         self._fresh = False
         self._load()
 
@@ -81,7 +85,7 @@ class Traces:
     def use(self, stage: str, shard: str, key: str) -> None:
         """A run has used this key for the shard."""
         if self._latest.setdefault(stage, {}).get(shard) != key:
-            self._latest[stage][shard] = key
+            self._latest[stage][shard] = self._used[stage, shard] = key
             self._fresh = True
 
     def all(self) -> Iterator[Trace]:
@@ -93,14 +97,24 @@ class Traces:
         return {key for shards in self._latest.values() for key in shards.values()}
 
     def save(self) -> None:
-        """Write the index, at once."""
-        if self._fresh:
-            write_atomic(self._index, json.dumps({"rows": self._rows, "latest": self._latest}).encode())
-            self._fresh = False
+        """Write the index, at once; what another run has written to it in the meantime stays."""
+        if not self._fresh:
+            return
+        while not (lease := Lease(self.root / "leases" / "index.lock")).held:
+            time.sleep(0.01)
+        saved = read_cache(self._index) or {"rows": {}, "latest": {}}
+        for stage, shards in saved["latest"].items():
+            for shard, key in shards.items():
+                if (stage, shard) not in self._used and key not in self._forgotten:
+                    self._latest.setdefault(stage, {})[shard] = key
+        write_atomic(self._index, json.dumps({"rows": self._rows, "latest": self._latest}).encode())
+        lease.release(remove=False)
+        self._fresh = False
 
     def forget(self, key: str) -> None:
         """Delete a trace."""
         self._rows.pop(key, None)
+        self._forgotten.add(key)
         trace_path(self.root, key).unlink(missing_ok=True)
         for shards in self._latest.values():
             for shard in [shard for shard, used in shards.items() if used == key]:
@@ -119,8 +133,8 @@ class Traces:
 
     def _load(self) -> None:
         """The index, less what is gone from disk, plus what is new there (the runs that were killed before they wrote it)."""
-        if self._index.exists():
-            saved = json.loads(self._index.read_bytes())
+        saved = read_cache(self._index)
+        if saved:
             self._rows, self._latest = saved["rows"], saved["latest"]
         there = set(_names(self.root / "traces"))
         for key in self._rows.keys() - there:

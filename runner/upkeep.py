@@ -137,6 +137,8 @@ def gc(store: Store, traces: Traces) -> Swept:
         for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
             if name not in kept:
                 _drop(store.root / room / name if room == "damaged" else store.path(room, name, suffix), swept)
+    for torn in (path for room in ("blobs", "manifests", "traces", "failures") for path in (store.root / room).glob("??/.*")):
+        _drop(torn, swept)
     for folder in (store.root / "scratch").iterdir():
         swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         shutil.rmtree(folder, ignore_errors=True)

@@ -6,6 +6,8 @@ is told through a `Listener` what to do with tasks whose inputs are known; it an
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections import defaultdict, deque
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -61,7 +63,10 @@ class Walk:
                 self._users[source].append(node)
 
     def begin(self) -> None:
-        """Bring in the leafs and follow everything that is known."""
+        """Read the code of every stage, bring in the leafs and follow everything that is known."""
+        for node in self.nodes:
+            if node.sort == "stage":
+                self.desk.spec(node)
         for node in self.nodes:
             if node.sort == "leaf":
                 self.publish(node, (), self._leaf(node))
@@ -111,7 +116,11 @@ class Walk:
         self._try(node, path)
 
     def _leaf(self, node: Node) -> str:
-        return self.desk.store.put_leaf(node.value, self.desk.store.root / "scratch" / f"leaf-{node.name}")
+        scratch = self.desk.store.root / "scratch" / f"leaf-{os.getpid()}"
+        try:
+            return self.desk.store.put_leaf(node.value, scratch)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
 
     def _tell(self, node: Node, path: Path_) -> None:
         if node.sort == "each":
@@ -169,7 +178,7 @@ class Walk:
     def _field(self, node: Node, digest: str) -> str:
         children = dict(self.desk.store.manifest(digest).children or ())
         if node.value not in children:
-            raise ValueError(f"g.pick: {node.name} is no part that the codec splits off; it has {', '.join(children) or 'none'}")
+            raise ValueError(f"g.pick: {node.name} is no part that the codec splits off; there are: {', '.join(children)}")
         return children[node.value]
 
     def _expand(self, node: Node, path: Path_) -> None:
@@ -182,10 +191,6 @@ class Walk:
             self.paths[node.axes][*path, name] = None
         for name, digest in kept:
             self.publish(node, (*path, name), digest)
-        for name, _ in kept:
-            for user in self.nodes:
-                if user.axes == node.axes and user.sort == "stage" and self._asked.get((user.id, (*path, name))) is None:
-                    self._try(user, (*path, name))
         for collector in self.nodes:
             if collector.sort == "collect" and node.id in self.graph.nodes[collector.inputs[0][1]].axes:
                 self._collect(collector)

@@ -1,0 +1,98 @@
+"""Building a graph: what is refused, and how it says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+from toy import join, pair, shout, split
+from toy.values import Word
+
+from runner import Graph, GraphError
+
+
+@dataclass
+class Thawed:
+    parts: int = 2
+
+
+def words(g: Graph, name: str = "words") -> tuple[Word, ...]:
+    return g.leaf(name, (Word("a", "x"), Word("b", "y")))
+
+
+def test_a_handle_has_none_of_the_attributes_of_its_value() -> None:
+    """Reading a field of an output while the graph is built says what to do instead."""
+    g = Graph()
+    handle = g.leaf("word", Word("a", "x"))
+    with pytest.raises(AttributeError, match=r"g\.pick\(handle, lambda v: v\.text\)"):
+        _ = handle.text
+    with pytest.raises(TypeError, match=r"g\.each"):
+        list(words(g))  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize(("build", "message"), [
+    (lambda g: g.add(split.run, word=Word("a", "x"), params=split.Params()), "expected a handle of this graph, got Word"),
+    (lambda g: g.add(split.run, word=g.leaf("w", Word("a", "x")), params=Thawed()), "params must be a frozen dataclass"),
+    (lambda g: g.add(split.run, wurd=g.leaf("w", Word("a", "x")), params=split.Params()), "expected run\\(word"),
+    (lambda g: g.add(split.run, word=g.leaf("w", Word("a", "x"))), "missing a required argument: 'params'"),
+    (lambda g: g.add(lambda word: word, word=g.leaf("w", Word("a", "x"))), "expected a function of a module"),
+    (lambda g: g.pick(g.leaf("w", Word("a", "x")), lambda v: v), "a function that reads one field"),
+    (lambda g: g.add(pair.run, word=Graph().leaf("w", Word("a", "x"))), "belongs to another graph"),
+])
+def test_what_does_not_fit_is_refused_when_the_graph_is_built(build: object, message: str) -> None:
+    """Every misuse has a message of its own."""
+    with pytest.raises(GraphError, match=message):
+        build(Graph())  # type: ignore[operator]
+
+
+def test_a_stage_is_added_twice_only_under_another_name() -> None:
+    """Names of stages are unique, `name=` makes them so."""
+    g = Graph()
+    word = g.leaf("w", Word("a", "x"))
+    g.add(pair.run, word=word)
+    with pytest.raises(GraphError, match="added twice"):
+        g.add(pair.run, word=word)
+    g.add(pair.run, word=word, name="pair_again")  # type: ignore[call-arg]
+    assert [node.name for node in g.stages()] == ["pair", "pair_again"]
+
+
+def test_inputs_spread_over_different_lists_are_refused() -> None:
+    """Two lists are not zipped by accident; an outer list is broadcast over an inner one."""
+    g = Graph()
+    one, two = g.each(words(g)), g.each(words(g, "others"))
+    with pytest.raises(GraphError, match=r"use g\.collect on it"):
+        g.add(shout.run, part=one, word=two, params=shout.Params())
+    part = g.each(g.add(split.run, word=one, params=split.Params()))
+    both = g.node_of(g.add(shout.run, part=part, word=one, params=shout.Params()))
+    assert len(both.axes) == 2
+    assert g.node_of(g.collect(part)).axes == ()
+
+
+def test_the_same_list_gives_the_same_axis() -> None:
+    """`each` twice on one list can be used together."""
+    g = Graph()
+    source = words(g)
+    g.add(shout.run, part=g.each(source), word=g.each(source), params=shout.Params())
+
+
+def test_a_recorder_sees_every_stage_and_may_add_its_own() -> None:
+    """What a recorder adds is kept apart and not recorded again."""
+    seen = []
+
+    def record(name: str, handle: Word) -> object:
+        seen.append(name)
+        return g.add(join.run, words=g.collect(handle), name=f"record_{name}")  # type: ignore[call-arg]
+
+    g = Graph(record)
+    g.add(shout.run, part=g.each(words(g)), word=g.leaf("w", Word("a", "x")), params=shout.Params())
+    assert seen == ["shout"]
+    assert [g.node_of(handle).name for handle in g.recorded] == ["record_shout"]
+
+
+def test_several_handles_make_one_tuple() -> None:
+    """A tuple of handles is gathered into one input."""
+    g = Graph()
+    word = g.each(words(g))
+    node = g.node_of(g.add(join.run, words=(word, word)))  # type: ignore[call-arg]
+    assert g.nodes[node.inputs[0][1]].sort == "gather"
+    assert node.axes == g.node_of(word).axes

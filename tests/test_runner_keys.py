@@ -1,0 +1,71 @@
+"""Keys: tagged, canonical pre-images with literal digests, so that no release changes them unseen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from runner.canonical import canonical, digest, dumps
+from runner.fingerprint import Fingerprint
+from runner.keys import StageSpec, seed_of, task_key
+
+
+@dataclass(frozen=True)
+class Params:
+    radius: int = 10
+    scale: float = 0.5
+    names: tuple[str, ...] = ("a", "b")
+
+
+CODE = Fingerprint("c0de", {}, set(), set())
+SPEC = StageSpec("shout", "toy.shout:run", canonical(Params()), CODE, {"numpy": "2.0"}, 1, 1.0, ())
+
+
+def test_the_key_of_a_task_is_this_digest() -> None:
+    """A change here makes every stored artifact out of date: it must be meant."""
+    key = task_key(SPEC, {"frames": "f00d"}, {"Frames": "v1"})
+    assert key == "2a158647399cf87fa242294f0360bf2a3bb3f9a621b4796fed789c6f1173852f"
+
+
+def test_the_digest_of_a_tree_is_this_digest() -> None:
+    """Tag, spelling and hash are pinned."""
+    assert dumps(canonical(Params())) == '{"fields":{"names":["a","b"],"radius":10,"scale":0.5},"of":"Params"}'
+    assert digest("tag", [1, "a", None]) == "620fe6aff922008e304676dcc9181db4a109677c08a56312db152822ad63c302"
+
+
+def test_the_order_of_inputs_does_not_matter() -> None:
+    """Arguments are named, not counted."""
+    assert task_key(SPEC, {"a": "1", "b": "2"}, {}) == task_key(SPEC, {"b": "2", "a": "1"}, {})
+
+
+@pytest.mark.parametrize("change", [
+    {"function": "toy.shout:other"}, {"params": canonical(Params(radius=11))}, {"code": Fingerprint("c0d3", {}, set(), set())},
+    {"libraries": {"numpy": "2.1"}}, {"threads": 2}])
+def test_every_part_of_a_stage_is_in_its_key(change: dict[str, object]) -> None:
+    """Function, parameters, code, libraries and threads."""
+    assert task_key(replace(SPEC, **change), {}, {}) != task_key(SPEC, {}, {})  # type: ignore[arg-type]
+
+
+def test_a_name_and_a_memory_need_are_in_no_key() -> None:
+    """Two names for one function share what they made."""
+    assert task_key(replace(SPEC, name="again", memory_gib=9.0), {}, {}) == task_key(SPEC, {}, {})
+
+
+def test_inputs_and_schemas_are_in_the_key() -> None:
+    """Content and meaning of what comes in."""
+    keys = {task_key(SPEC, inputs, schemas) for inputs in ({"a": "1"}, {"a": "2"}, {"b": "1"}) for schemas in ({}, {"A": "1"})}
+    assert len(keys) == 6
+
+
+def test_values_of_different_types_differ() -> None:
+    """1, 1.0, True, '1' and None are five values; -0.0 is not 0.0; a float that is no number has a spelling."""
+    assert len({dumps(canonical(value)) for value in (1, 1.0, True, "1", None, 0.0, -0.0, float("nan"), float("inf"))}) == 9
+    with pytest.raises(TypeError, match="got set"):
+        canonical({1, 2})
+
+
+def test_the_seed_comes_from_the_key() -> None:
+    """63 bits, the same for the same key."""
+    assert seed_of("f" * 64) == 2**63 - 1
+    assert seed_of("0" * 64) == 0
