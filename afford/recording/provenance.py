@@ -1,0 +1,30 @@
+"""Where a recording comes from, as metadata: names and content digests, never a clock or a place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from afford.codecs.identity import digest
+from afford.codecs.kinds import kind_of, schema_version
+from afford.recording.content import Recording
+from schemas.clip import Clip
+from schemas.video import Frames
+
+
+def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames) -> Recording:
+    """The recording with a metadata record `provenance/<stage>`; `artifact` is what `pipeline.py lineage` takes."""
+    kind = kind_of(value)
+    record = {"stage": stage, "clip_id": value.clip_id, "schema": kind, "schema_version": schema_version(kind),
+              "artifact": digest(value), "frames": digest(frames)}  # fmt: skip
+    return replace(recording, metadata={**recording.metadata, f"provenance/{stage}": record})
+
+
+def of_clip(clip: Clip) -> dict[str, dict[str, str]]:
+    """Metadata record `provenance` of a clip's recording."""
+    record = {"clip_id": clip.clip_id, "video_id": clip.video_id, "participant_id": clip.participant_id, "split": clip.split,
+              "fps": repr(clip.fps), "first_frame": str(clip.first_frame), "last_frame": str(clip.last_frame),
+              "key_frames": " ".join(str(key.frame) for key in clip.key_frames), "artifact": digest(clip),
+              "log_time": "2020-01-01T00:00:00Z + media time"}  # fmt: skip
+    warnings = {f"{i:04d}": text for i, text in enumerate(clip.warnings)}
+    return {"provenance": record} | ({"warnings": warnings} if warnings else {})
