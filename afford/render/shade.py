@@ -12,15 +12,18 @@ import numpy as np
 from afford.render.shadow import lit
 
 F = np.float32
+DISPLAY = (np.linspace(0, 1, 4096) ** (2 / 2.2)).astype(np.float32)
+"""Display encoding of a square root."""
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba infers
     """Bilinear texel of one level at (u, v) in its own texels, wrapped."""
-    j, i = int(np.floor(u)), int(np.floor(v))
-    s, t = F(u - j), F(v - i)
-    j0, i0 = j % w, i % h
-    j1, i1 = (j0 + 1) % w, (i0 + 1) % h
+    left, top = np.floor(u), np.floor(v)
+    s, t = u - left, v - top
+    j, i = int(left), int(top)
+    j0, i0 = j & (w - 1), i & (h - 1)
+    j1, i1 = (j + 1) & (w - 1), (i + 1) & (h - 1)
     a, b, c, d = offset + i0 * w + j0, offset + i0 * w + j1, offset + i1 * w + j0, offset + i1 * w + j1
     wa, wb, wc, wd = (F(1) - s) * (F(1) - t), s * (F(1) - t), (F(1) - s) * t, s * t
     return (
@@ -33,26 +36,28 @@ def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba
 @numba.njit(cache=True, fastmath=True)
 def sample(texels, levels, u, v, ux, vx, uy, vy):  # type: ignore[no-untyped-def]
     """Filtered linear RGB at uv, given the change of uv from one pixel to the next along x and y."""
-    h, w = levels[0, 1], levels[0, 2]
-    long_u, long_v, short = ux * w, vx * h, np.hypot(uy * w, vy * h)
-    long = np.hypot(long_u, long_v)
+    h, w = F(levels[0, 1]), F(levels[0, 2])
+    long_u, long_v = ux * w, vx * h
+    short, long = (uy * w) ** 2 + (vy * h) ** 2, long_u**2 + long_v**2
     if short > long:
         long_u, long_v, long, short = uy * w, vy * h, short, long
-    taps = min(max(int(np.ceil(long / max(short, 1.0))), 1), 6)
-    lod = max(np.log2(max(long / taps, 1e-6)), 0.0)
+    long = np.sqrt(long)
+    taps = min(max(np.int32(np.ceil(long / np.sqrt(max(short, F(1))))), np.int32(1)), np.int32(6))
+    share = F(1) / F(taps)
+    lod = max(np.log2(max(long * share, F(1e-6))), F(0))
+    long_u, long_v = long_u / w, long_v / h
     low = min(int(lod), len(levels) - 1)
     high = min(low + 1, len(levels) - 1)
-    part = F(lod - int(lod))
+    part = lod - np.floor(lod)
     r, g, b = F(0), F(0), F(0)
     for k in range(taps):
-        along = (k + 0.5) / taps - 0.5
-        x, y = u + along * long_u / w, v + along * long_v / h
+        along = (F(k) + F(0.5)) * share - F(0.5)
+        x, y = u + along * long_u, v + along * long_v
         for which in range(2 if part > 0 and high > low else 1):
             level = levels[low] if which == 0 else levels[high]
-            p, q, s = _texel(texels, level[0], level[1], level[2], x * level[2] - 0.5, y * level[1] - 0.5)
+            p, q, s = _texel(texels, level[0], level[1], level[2], x * F(level[2]) - F(0.5), y * F(level[1]) - F(0.5))
             weight = F(1) if high == low or part == 0 else (F(1) - part if which == 0 else part)
             r, g, b = r + p * weight, g + q * weight, b + s * weight
-    share = F(1.0 / taps)
     return r * share, g * share, b * share
 
 
@@ -61,7 +66,7 @@ def _film(x):  # type: ignore[no-untyped-def]
     """Filmic tone curve, then display encoding, 0..1."""
     x = max(x, F(0)) * F(0.75)
     y = (x * (F(2.51) * x + F(0.03))) / (x * (F(2.43) * x + F(0.59)) + F(0.14))
-    return min(max(y, F(0)), F(1)) ** F(1 / 2.2)
+    return DISPLAY[int(np.sqrt(min(y, F(1))) * F(len(DISPLAY) - 1) + F(0.5))]
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -139,7 +144,7 @@ def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambie
     uy = _mix(uv, i, j, k, 0, e[0, 1], e[1, 1], e[2, 1]) * inv - u * sy
     vx = _mix(uv, i, j, k, 1, e[0, 0], e[1, 0], e[2, 0]) * inv - v * sx
     vy = _mix(uv, i, j, k, 1, e[0, 1], e[1, 1], e[2, 1]) * inv - v * sy
-    red, green, blue = sample(texels, levels, u, v, ux, vx, uy, vy)
+    red, green, blue = sample(texels, levels, F(u), F(v), F(ux), F(vx), F(uy), F(vy))
     a, b, c = F(a), F(b), F(c)
     X, Y, Z = _mix(vertices, i, j, k, 0, a, b, c), _mix(vertices, i, j, k, 1, a, b, c), _mix(vertices, i, j, k, 2, a, b, c)
     nx, ny, nz = _unit(_mix(normals, i, j, k, 0, a, b, c), _mix(normals, i, j, k, 1, a, b, c), _mix(normals, i, j, k, 2, a, b, c))
@@ -159,8 +164,8 @@ def _light(P, N, V, albedo, look, lamps, maps, ambience):  # type: ignore[no-unt
     alpha = max(look[4] * look[4], F(0.02))
     nv = max(N[0] * V[0] + N[1] * V[1] + N[2] * V[2], F(0.02))
     mirror = F(2) * nv * N[2] - V[2]
-    fringe = specular + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - look[4])
-    up, gleam = F(0.5) + F(0.5) * N[2], F(0.5) + F(0.5) * mirror
+    fringe = specular * (F(1) + metal) + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - look[4])
+    up, gleam = F(0.5) + F(0.5) * N[2], _room(F(2) * nv * N[0] - V[0], F(2) * nv * N[1] - V[1], mirror, look[4])
     dr, dg, db = _sky(ambience, 0, up), _sky(ambience, 1, up), _sky(ambience, 2, up)
     sr, sg, sb = _sky(ambience, 0, gleam) * fringe, _sky(ambience, 1, gleam) * fringe, _sky(ambience, 2, gleam) * fringe
     for n in range(len(lamps)):
@@ -179,11 +184,18 @@ def _light(P, N, V, albedo, look, lamps, maps, ambience):  # type: ignore[no-unt
         if straight > 0:
             gloss = _gloss(N, V, lamp, straight, nv, alpha, specular) * seen
             sr, sg, sb = sr + lamp[15] * gloss, sg + lamp[16] * gloss, sb + lamp[17] * gloss
-    matt = F(1) - metal * F(0.75)
+    matt = F(1) - metal * F(0.6)
     tint = F(1) - metal
     red, green, blue = albedo
     return (red * dr * matt + sr * (tint + red * metal), green * dg * matt + sg * (tint + green * metal),
             blue * db * matt + sb * (tint + blue * metal))
+
+
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _room(x, y, z, rough):  # type: ignore[no-untyped-def]
+    """What a mirror sees of the room: dark table, brighter wall, a window band; blurred by roughness."""
+    band = max(F(0), F(1) - abs(z - F(0.45)) * F(2.6)) * (F(0.55) + F(0.45) * np.sin(F(3) * x + F(2) * y))
+    return F(0.5) + F(0.5) * z + band * (F(1) - rough) * F(1.3)
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")

@@ -24,8 +24,11 @@ class Textures:
 
     @staticmethod
     def of(materials: Iterable[Material]) -> Textures:
-        """The pool of the images that these materials use. Sides may be of any size; powers of two filter best."""
+        """The pool of the images that these materials use. ValueError when a side is not a power of two."""
         unique = {id(m.image): m.image for m in materials}
+        for image in unique.values():
+            if any(side & (side - 1) for side in image.shape[:2]):
+                raise ValueError(f"Material.image: expected sides that are powers of two, got {image.shape[:2]}; resize it")
         images = tuple(unique.values())
         pyramids = [_pyramid(image) for image in images]
         depth = max(len(p) for p in pyramids)

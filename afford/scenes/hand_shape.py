@@ -11,7 +11,7 @@ from skimage.measure import marching_cubes
 from afford.scenes.hand_bones import LENGTHS, RADII, REST, ROOTS, WRIST
 
 ARM_M = 0.42
-STEP_M = 0.0026
+STEP_M = 0.0032
 BLEND_M = 0.0045
 """Width over which the skin follows two neighbouring bones."""
 

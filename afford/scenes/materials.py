@@ -23,12 +23,12 @@ def wood(rng: np.random.Generator, species: str | None = None, size: int = 512, 
     name = species or list(SPECIES)[rng.integers(len(SPECIES))]
     rows = [_board(rng, size, SPECIES[name]) for _ in range(min(planks, 3))]
     out = np.zeros((size, size, 3), np.float32)
-    width = size // planks
-    for k in range(planks):
+    cuts = np.linspace(0, size, planks + 1).astype(int)
+    for k, (start, stop) in enumerate(zip(cuts, cuts[1:], strict=False)):
         shift = int(rng.integers(size))
-        out[:, k * width : (k + 1) * width] = np.roll(rows[k % len(rows)], shift, 0)[:, :width] * rng.uniform(0.9, 1.06)
+        out[:, start:stop] = np.roll(rows[k % len(rows)], shift, 0)[:, : stop - start] * rng.uniform(0.9, 1.06)
         if planks > 1:
-            out[:, k * width : k * width + 2] *= 0.45
+            out[:, start : start + 2] *= 0.45
     return Material(image(out), specular=0.04, roughness=float(rng.uniform(0.35, 0.6)), bump=0.3)
 
 
@@ -188,7 +188,8 @@ def label(rng: np.random.Generator, size: int = 256, repeat: int = 2) -> Materia
     write(panel, word(rng), (width / 2, 0.62 * size), 0.09 * size, ink, font)
     small_print(panel, rng, int(0.08 * width), int(0.73 * size), int(0.38 * width), int(0.13 * size), ink)
     barcode(panel, rng, int(0.6 * width), int(0.71 * size), int(0.3 * width), int(0.14 * size))
-    return Material(np.tile(panel, (1, repeat, 1)), specular=0.04, roughness=0.4)
+    wrap = cv2.resize(np.tile(panel, (1, repeat, 1)), (2 * size, size), interpolation=cv2.INTER_AREA)
+    return Material(wrap, specular=0.04, roughness=0.4)
 
 
 def carton(rng: np.random.Generator, size: int = 256) -> Material:

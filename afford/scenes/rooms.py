@@ -10,6 +10,7 @@ import numpy as np
 from afford.render.mesh import moved
 from afford.render.model import Instance, Light, Material
 from afford.render.solids import box, patch
+from afford.render.textures import linear
 from afford.scenes import materials, objects
 
 TABLE = ((-0.95, 0.95), (-0.12, 0.82))
@@ -31,7 +32,7 @@ def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
         raise KeyError(f"unknown setting {setting!r}; choose one of {', '.join(sorted(SETTINGS))}")
     top, wall, kinds = SETTINGS[setting](rng)
     shell = [*_table(rng, top), *_wall(rng, wall)]
-    return Room((*shell, *_clutter(rng, kinds, clutter)), _light(rng))
+    return Room((*shell, *_clutter(rng, kinds, clutter)), _light(rng, _brightness(top)))
 
 
 def _kitchen(rng: np.random.Generator) -> tuple[Material, Material, tuple[str, ...]]:
@@ -57,8 +58,8 @@ def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
     """Worktop with a front edge; the grain runs along x."""
     (x0, x1), (y0, y1) = TABLE
     per_m = 1.0 / 0.75
-    slab = patch(np.array([x0, y0, 0.0]), np.array([x1 - x0, 0, 0]), np.array([0, y1 - y0, 0]), ((y1 - y0) * per_m, (x1 - x0) * per_m))
-    swapped = slab.uv[:, ::-1] * [(x1 - x0) / (y1 - y0), (y1 - y0) / (x1 - x0)] + rng.random(2)
+    slab = patch(np.array([x0, y0, 0.0]), np.array([x1 - x0, 0, 0]), np.array([0, y1 - y0, 0]), ((x1 - x0) * per_m, (y1 - y0) * per_m))
+    swapped = slab.uv[:, ::-1] + rng.random(2)
     slab = type(slab)(slab.vertices, slab.faces, swapped.astype(np.float32), slab.normals, slab.colour)
     front = patch(np.array([x0, y0, -0.04]), np.array([x1 - x0, 0, 0]), np.array([0, 0, 0.04]), (2.5, 0.06))
     floor = patch(np.array([-2.0, -1.2, -0.9]), np.array([4.0, 0, 0]), np.array([0, 2.4, 0]), (5, 3))
@@ -89,11 +90,17 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
     return out
 
 
-def _light(rng: np.random.Generator) -> Light:
-    """A window or a lamp, warm or cool, from the left or right."""
+def _brightness(top: Material) -> float:
+    """Mean linear luminance of the worktop, which fills most of the image."""
+    return float(linear(top.image[::4, ::4]).mean())
+
+
+def _light(rng: np.random.Generator, brightness: float) -> Light:
+    """A window or a lamp, warm or cool, from the left or right; the camera exposes for the worktop."""
     side, warm = rng.choice([-1.0, 1.0]), rng.uniform(0.0, 1.0)
     key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(1.5, 1.9)
     fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.50, 0.65)
     sky = fill * rng.uniform(0.50, 0.62)
     direction = (side * rng.uniform(0.3, 0.7), rng.uniform(-0.1, 0.45), -0.8)
-    return Light(direction, tuple(key), tuple(fill), tuple(sky), tuple(sky * [0.62, 0.5, 0.42]), softness=float(rng.uniform(0.07, 0.16)))
+    return Light(direction, tuple(key), tuple(fill), tuple(sky), tuple(sky * [0.62, 0.5, 0.42]), softness=float(rng.uniform(0.07, 0.16)),
+                 exposure=float(np.clip(0.62 / (0.34 + brightness), 0.72, 1.25)))
