@@ -222,6 +222,7 @@ def test_a_narration_that_matches_no_frame_is_listed(tmp_path: Path) -> None:
     write_root(tmp_path, rows=[row("P95_01"), row("P95_01", 1, start_frame=5000, stop_frame=5100)])
     (clip,) = clips(tmp_path)
     assert [n.narration_id for n in clip.narrations] == ["P95_01_0"]
+    assert clip.warnings == ("1 of 2 narrations speak of no annotated part of the video: P95_01_1",)
     write_root(tmp_path / "b", rows=[])
     assert "no narration of P95_01 in EPIC_100_train.csv" in clips(tmp_path / "b")[0].warnings[0]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,7 +100,8 @@ def test_corrections_replace_wrong_contacts(tmp_path: Path) -> None:
     assert named(only(clip, 31), "left hand").contact == "m31"
 
 
-def test_dense_masks_join_the_sparse_ones(tmp_path: Path) -> None:
+@pytest.mark.parametrize("zipped", [False, True])
+def test_dense_masks_join_the_sparse_ones(tmp_path: Path, zipped: bool) -> None:
     """Ready-made frames are marked, refer to 854 x 480, and never replace an annotator's own frame."""
     write_root(tmp_path)
     small = [[x / 2.25, y / 2.25] for x, y in SQUARE]
@@ -107,7 +109,12 @@ def test_dense_masks_join_the_sparse_ones(tmp_path: Path) -> None:
     dense = write_points(tmp_path, "P95_01_interpolations", points)
     folder = tmp_path / "Interpolations-DenseAnnotations" / "train"
     folder.mkdir(parents=True)
-    dense.rename(folder / dense.name)
+    if zipped:
+        with zipfile.ZipFile(folder / f"{dense.stem}.zip", "w") as archive:
+            archive.write(dense, dense.name)
+        dense.unlink()
+    else:
+        dense.rename(folder / dense.name)
     (clip,) = clips(tmp_path)
     assert [(key.frame, key.dense, key.width_px) for key in clip.key_frames] == [
         (1, False, 1920), (16, False, 1920), (17, True, 854), (18, True, 854), (31, False, 1920)]
@@ -192,7 +199,9 @@ def test_real_visor_frames_are_read_whole() -> None:
     """P03_101: ten key frames of one clip at 50 frames/s, 64 masks, every contact an object or a word."""
     (clip,) = source_read.run(trees(DATA / "epic_P03_101")["P03_101"], PARAMS)
     assert (clip.fps, clip.split, len(clip.media), len(clip.key_frames)) == (50.0, "val", 10, 10)
-    assert sum(len(key.annotations) for key in clip.key_frames) == 64 and clip.warnings == ()
+    assert sum(len(key.annotations) for key in clip.key_frames) == 64
+    assert [len(clip.narrations), *clip.warnings] == [
+        12, "339 of 351 narrations speak of no annotated part of the video: P03_101_12, P03_101_13, P03_101_14, ..."]
 
 
 @real

@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 
 from afford.readers.annotations import read_keys
 from afford.readers.cut import Cutting, Part, cut
+from afford.readers.discover import DENSE, SPARSE
 from afford.readers.errors import SourceError
 from afford.readers.media import Media, find_media
 from afford.readers.rows import Note
@@ -30,6 +31,7 @@ def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Cli
     narrations = read_speech(files, media.frame_at, notes)
     given = [key.frame for key in keys if not key.dense] or [key.frame for key in keys]
     parts = cut(given, media, cutting)
+    notes.extend(_unmatched(narrations, parts))
     return tuple(
         _clip(files, part, f"_s{i:02d}" if len(parts) > 1 else "", media, keys, narrations, _about(notes, part, parts))
         for i, part in enumerate(parts, start=1))
@@ -51,6 +53,19 @@ def _present(keys: Sequence[KeyFrame], media: Media, notes: list[Note]) -> list[
     return kept
 
 
+def _unmatched(narrations: Sequence[Narration], parts: Sequence[Part]) -> list[Note]:
+    """One remark on the narrations that touch no clip."""
+    missed = [n.narration_id for n in narrations if not any(_touches(n, part) for part in parts)]
+    if not missed:
+        return []
+    named = ", ".join(missed[:3]) + (", ..." if len(missed) > 3 else "")
+    return [(0, f"{len(missed)} of {len(narrations)} narrations speak of no annotated part of the video: {named}")]
+
+
+def _touches(narration: Narration, part: Part) -> bool:
+    return narration.start_frame <= part.last and narration.stop_frame >= part.first
+
+
 def _about(notes: Sequence[Note], part: Part, parts: Sequence[Part]) -> tuple[str, ...]:
     """The remarks about a part: those on its frames, on frames nearest to it, and on the whole video."""
     def nearest(frame: int) -> Part:
@@ -70,12 +85,12 @@ def _clip(
         clip_id=files.name + suffix, video_id=files.name, participant_id=_participant(files), split=_split(files), media=names,
         media_kind=media.kind, fps=media.fps, resample=media.resample, first_frame=part.first, last_frame=part.last,
         key_frames=tuple(key for key in keys if part.first <= key.frame <= part.last),
-        narrations=tuple(n for n in narrations if n.start_frame <= part.last and n.stop_frame >= part.first), warnings=warnings)
+        narrations=tuple(n for n in narrations if _touches(n, part)), warnings=warnings)
 
 
 def _participant(files: FileTree) -> str:
     """EPIC: what stands before the underscore; one's own video is a participant of its own."""
-    return files.name.split("_")[0] if _split(files) else files.name
+    return files.name.split("_")[0] if any(file.name.startswith((SPARSE, DENSE)) for file in files.files) else files.name
 
 
 def _split(files: FileTree) -> str:

@@ -46,16 +46,15 @@ def probe(path: Path) -> Probe:
 
 def _probe(container: av.container.InputContainer) -> Probe:
     stream = container.streams.video[0]
-    packets = [packet for packet in _packets(container, stream) if _time(packet) is not None and not packet.is_discard]
+    found = [(_time(p), p.dts, p.is_keyframe) for p in _packets(container, stream) if _time(p) is not None and not p.is_discard]
     rate = stream.average_rate or stream.guessed_rate
-    if not packets or stream.time_base is None or not rate:
-        raise ValueError("no frames" if not packets else "no frame rate")
-    pts = np.array([_time(packet) for packet in packets], np.int64)
+    if not found or stream.time_base is None or not rate:
+        raise ValueError("no frames" if not found else "no frame rate")
+    pts, keys = np.array([time for time, _, _ in found], np.int64), np.array([key for _, _, key in found], bool)
     truncated = _ends_early(container, stream, len(pts), float((pts.max() - pts.min()) * stream.time_base + 1 / rate))
-    safe = pts.max() if not truncated or packets[-1].dts is None else packets[-1].dts
+    in_order_until = found[-1][1] if truncated and found[-1][1] is not None else pts.max()
     order = np.argsort(pts, kind="stable")
-    order = order[pts[order] <= max(safe, pts.min())]
-    keys = np.array([packet.is_keyframe for packet in packets], bool)
+    order = order[pts[order] <= max(in_order_until, pts.min())]
     return Probe(float(rate), pts[order], float(stream.time_base), keys[order], truncated)
 
 
