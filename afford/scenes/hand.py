@@ -25,7 +25,8 @@ class HandModel:
     look: HandLook
     skin: Mesh
     sleeve: Mesh | None
-    """Rest mesh in the palm frame; moves with the forearm."""
+    """Rest meshes in the palm frame that move with the forearm: the sleeve, and a watch."""
+    watch: Mesh | None
 
     @staticmethod
     def build(side: str, look: HandLook) -> HandModel:
@@ -33,8 +34,8 @@ class HandModel:
         if side not in ("left", "right"):
             raise ValueError(f"HandModel.side: expected left or right, got {side!r}")
         flip = side == "left"
-        sleeve = look.sleeve_mesh()
-        return HandModel(side, look, _mirrored(look.skin_mesh(), flip), _mirrored(sleeve, flip) if sleeve else None)
+        sleeve, watch = look.sleeve_mesh(), look.worn if flip else None
+        return HandModel(side, look, *(_mirrored(m, flip) if m else None for m in (look.skin_mesh(), sleeve, watch)))
 
     def posed(self, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray) -> np.ndarray:
         """(v, 3) float32 world vertices of the skin. `elbow` (3,) world metres."""
@@ -49,11 +50,10 @@ class HandModel:
     def instances(self, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray, entity: int) -> list[Instance]:
         """Skin, and sleeve where there is one, as they are drawn."""
         out = [Instance(self.skin, self.look.skin, entity=entity, vertices=self.posed(T_world_palm, angles, elbow))]
-        if self.sleeve is not None:
-            T = T_world_palm @ self._mirror
-            arm = T @ self._moves(T, angles, elbow)[0] @ self._mirror
-            out.append(Instance(self.sleeve, self.look.cloth, T_world_mesh=arm, entity=entity))
-        return out
+        T = T_world_palm @ self._mirror
+        arm = T @ self._moves(T, angles, elbow)[0] @ self._mirror
+        worn = ((self.sleeve, self.look.cloth), (self.watch, self.look.worn_look))
+        return out + [Instance(mesh, look, arm, entity) for mesh, look in worn if mesh is not None and look is not None]
 
     def fingertips(self, T_world_palm: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """(5, 3) world positions of the fingertips, thumb first, metres."""
