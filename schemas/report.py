@@ -26,5 +26,6 @@ class ClipScores(Schema):
 
     clip_id: str = value("clip")
     hard: tuple[str, ...] = value("why the clip is hard; empty for a standard clip")
+    frames: int = value("number of frames of the clip")
     scores: tuple[Score, ...] = value("by name")
     sheet_jpeg: np.ndarray = array("b", "uint8", "JPEG bytes: frame, masks, inpainted, truth, complete object, affordance")

@@ -52,4 +52,4 @@ def run(
     score.score_completion(tally, aligned, tracks, complete)
     score.score_affordance(tally, aligned, affordances)
     picture = sheet.clip_row(aligned, frames, tracks, inpainted, complete, affordances, params.sheet_width_px)
-    return ClipScores(clip.clip_id, aligned.truth.hard, tally.scores(), picture)
+    return ClipScores(clip.clip_id, aligned.truth.hard, len(frames.frame), tally.scores(), picture)

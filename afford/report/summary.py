@@ -45,6 +45,7 @@ def write(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
         raise ValueError("the report needs at least one standard clip, got none")
     hard = [clip for clip in scores if clip.hard]
     metrics = means(standard) | {f"hard.{name}": score for name, score in means(hard).items()}
+    metrics |= {"clips.standard": len(standard), "clips.hard": len(hard), "clips.frames": sum(clip.frames for clip in scores)}
     (folder / "metrics.json").write_text(json.dumps(metrics, indent=1, sort_keys=True) + "\n")
     (folder / "report.md").write_text(table(metrics, len(standard), len(hard)) + per_clip(scores))
     plot(scores, folder / "scores.png")

@@ -1,0 +1,164 @@
+"""The command line: which verbs there are, and what they take. What they do is in the other files of this room."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from commands.errors import UsageError
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
+                  help="From video of people to where each hand goes on an object: one staged, content-hashed pipeline.")  # fmt: skip
+
+Target = Annotated[str, typer.Argument(help="dataset, recordings, scenes or extraction-report")]
+SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC-format root or your own folder; default: rendered clips")]
+Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
+Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
+ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]
+Store = Annotated[Path | None, typer.Option("--store", help="where everything is kept; default: artifacts/")]
+Json = Annotated[bool, typer.Option("--json", help="one JSON object as the last line")]
+
+
+@app.command()
+def run(
+    target: Target = "dataset",
+    source: SourceDir = None,
+    clip: Clips = None,
+    set_: Sets = None,
+    params: ParamsFile = None,
+    only: Annotated[str | None, typer.Option(help="run one stage on its last inputs; says when they are stale")] = None,
+    force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
+    jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
+    store: Store = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
+    rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,
+    json: Json = False,
+) -> None:
+    """Make a target. What was made before from the same code, parameters and inputs is not made again."""
+    request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash)
+    if dry_run:
+        from commands.store import dry_run as plan
+
+        raise typer.Exit(plan(request))
+    from commands.run import run as make
+
+    raise typer.Exit(make(request))
+
+
+@app.command()
+def status(target: Target = "dataset", source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
+           store: Store = None, json: Json = False) -> None:  # fmt: skip
+    """How much of a target is made, and what failed."""
+    from commands.store import status as show
+
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json)))
+
+
+@app.command()
+def explain(
+    stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None,
+    target: Annotated[str, typer.Option(help="the target it belongs to")] = "dataset",
+    clip: Annotated[str | None, typer.Option(help="one clip")] = None,
+    source: SourceDir = None,
+    set_: Sets = None,
+    params: ParamsFile = None,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Why a stage would run, or ran the last time."""
+    from commands.store import explain as show
+
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json), stage, clip))
+
+
+@app.command()
+def graph(target: Target = "dataset", source: SourceDir = None,
+          out: Annotated[Path | None, typer.Option("--out", help="draw to this .svg or .png")] = None) -> None:  # fmt: skip
+    """The stages of a target and what they read."""
+    from commands.store import graph as show
+
+    raise typer.Exit(show(_request(target, source, None, None, None, None, False), out))
+
+
+@app.command()
+def lineage(artifact: Annotated[str, typer.Argument(help="digest, its beginning, or a path")], store: Store = None,
+            json: Json = False) -> None:  # fmt: skip
+    """What an artifact was made from, down to the files that came from outside."""
+    from commands.store import lineage as show
+
+    raise typer.Exit(show(artifact, store, json))
+
+
+@app.command()
+def verify(store: Store = None, json: Json = False) -> None:
+    """Read everything in the store and check it; damaged blobs are set aside and made again by the next run."""
+    from commands.store import verify as check
+
+    raise typer.Exit(check(store, json))
+
+
+@app.command()
+def gc(store: Store = None, json: Json = False) -> None:
+    """Delete what the last use of every clip does not reach."""
+    from commands.store import gc as sweep
+
+    raise typer.Exit(sweep(store, json))
+
+
+@app.command()
+def params(stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None, json: Json = False) -> None:
+    """Every parameter: its type, its default, what it means."""
+    from commands.params import show
+
+    raise typer.Exit(show(stage, json))
+
+
+@app.command()
+def export(
+    format: Annotated[str, typer.Argument(help="2hands, coco, webdataset (from a data set) or epic (from rendered clips)")],
+    folder: Annotated[Path, typer.Argument(help="where to write; must be empty or new")],
+    source: SourceDir = None,
+    store: Store = None,
+) -> None:
+    """Write the last data set, or the rendered clips, in another format."""
+    from commands.export import export as write
+
+    raise typer.Exit(write(format, folder, source, store))
+
+
+def _request(target: str, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,
+             store: Path | None, json: bool, **more: Any) -> Any:  # fmt: skip
+    from commands.run import Request
+
+    force = tuple(more.pop("force", None) or ())
+    return Request(target, source, tuple(clip or ()), tuple(set_ or ()), params, store=store, json=json, force=force, **more)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; 0 done, 1 something failed, 2 the call does not fit, 130 stopped by the user."""
+    from runner import StoreError, UnknownNameError, UnknownShardError
+
+    try:
+        app(arguments, standalone_mode=False)
+    except typer.Exit as end:
+        return int(end.exit_code)
+    except (UsageError, UnknownNameError, UnknownShardError) as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 2
+    except StoreError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return 1
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped; what was finished is kept, run again to go on\n")
+        return 130
+    except Exception as error:
+        if not hasattr(error, "exit_code"):  # click's own usage errors carry one
+            raise
+        show = getattr(error, "show", None)
+        if show:
+            show()
+        return int(error.exit_code)
+    return 0

@@ -1,0 +1,45 @@
+"""`export`: the last data set, or the rendered clips, in a format that other tools read."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from afford.registry import load
+from commands.errors import UsageError, unknown
+from commands.origin import origin
+from commands.session import open_runner
+from commands.settings import settings
+from pipeline import build
+
+FORMATS = {
+    "2hands": "afford.dataset.export_2hands:export",
+    "coco": "afford.dataset.export_coco:export",
+    "webdataset": "afford.dataset.export_webdataset:export",
+    "epic": "afford.scenes.write_root:write_root",
+}
+
+
+def export(format: str, folder: Path, source: Path | None, store: Path | None) -> int:
+    """Write into a new or empty folder. `epic` writes the rendered clips with their truth; the others the last data set."""
+    if format not in FORMATS:
+        raise unknown("format", format, FORMATS)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(f"{folder}: expected a new or empty folder, got one with files in it")
+    runner = open_runner(store)
+    if format == "epic":
+        place, _ = origin("scenes", source, settings((), None), lambda path: runner.hash_file(path)[0])
+        report = runner.run(build("scenes", place, settings((), None)), "scenes")
+        clips = [runner.load(digest) for made in report.outputs.values() for _, digest in made]
+        load(FORMATS, format)([tree for clip in clips for tree in (clip.files, clip.truth)], folder)
+        for clip in clips:
+            sys.stdout.write(f"{folder}: {clip.files.name}\n")
+        return 0 if report.ok else 1
+    name = source.resolve().name if source else "synthetic"
+    dataset = runner.place.store / "datasets" / name
+    if not dataset.is_dir():
+        raise UsageError(f"{dataset}: expected a data set there; run `make dataset{f' SOURCE={source}' if source else ''}` first")
+    folder.mkdir(parents=True, exist_ok=True)
+    files = load(FORMATS, format)(dataset, folder)
+    sys.stdout.write(f"{len(files)} files in {folder}\n")
+    return 0

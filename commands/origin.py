@@ -1,0 +1,39 @@
+"""Where a run takes its videos from: `--source DIR`, or the rendered clips of the target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from afford.readers.discover import Source, discover
+from commands.errors import UsageError
+from pipeline import Origin, Settings
+from schemas.files import FileTree
+from schemas.scene import RenderedClip
+
+
+def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> tuple[Origin, Source | None]:
+    """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
+    if source is None:
+        return _synthetic(target, settings), None
+    if not source.exists():
+        raise UsageError(f"--source {source}: expected a folder with videos and masks, got nothing there; see docs/own-video.md")
+    try:
+        found = discover(source, digest)
+    except ValueError as error:
+        raise UsageError(f"--source {source}: {error}") from error
+    return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos)), found
+
+
+def _synthetic(target: str, settings: Settings) -> Origin:
+    from afford.scenes.specs import dataset_specs, hard_specs, standard_specs
+
+    if target != "extraction-report":
+        return Origin("synthetic", specs=dataset_specs(settings.scene_render.seed))
+    report = settings.extraction_report
+    specs = standard_specs(report.eval_seed, report.standard_clips) + hard_specs(report.eval_seed, report.hard_clips)
+    return Origin(f"synthetic-eval-{report.eval_seed}", specs=specs)
+
+
+def _with_truth(video: FileTree, source: Source) -> RenderedClip:
+    return RenderedClip(video, source.truths.get(video.name, FileTree(video.name, ())))

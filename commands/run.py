@@ -1,0 +1,156 @@
+"""`run`: make a target, show where its outputs are, end with a table of failures if there are any."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from afford.readers.discover import Source
+from commands.errors import UsageError, unknown
+from commands.origin import origin
+from commands.progress import observer
+from commands.publish import publish, publish_file
+from commands.session import open_runner
+from commands.settings import settings
+from pipeline import TARGETS, Origin, build
+from runner import Failure, LostError, Runner, RunReport
+
+EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for."""
+
+    target: str
+    source: Path | None = None
+    clips: tuple[str, ...] = ()
+    sets: tuple[str, ...] = ()
+    params: Path | None = None
+    only: str | None = None
+    force: tuple[str, ...] = ()
+    jobs: int | None = None
+    store: Path | None = None
+    rehash: bool = False
+    json: bool = False
+
+
+@dataclass
+class Summary:
+    """The JSON object that `--json` prints as the last line."""
+
+    target: str
+    ran: dict[str, int] = field(default_factory=dict)
+    cached: dict[str, int] = field(default_factory=dict)
+    failed: dict[str, int] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def run(request: Request) -> int:
+    """Make the target; 0 when all went well, 1 when a shard failed. UsageError when the request does not fit."""
+    target = request.target.replace("_", "-")
+    if target not in TARGETS:
+        raise unknown("target", request.target, TARGETS)
+    if request.jobs is not None and request.jobs < 0:
+        raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
+    chosen = settings(request.sets, request.params)
+    runner = open_runner(request.store, request.jobs, request.rehash)
+    place, source = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
+    graph = build(target, place, chosen)
+    only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
+    with observer(quiet=False) as shown:
+        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown)
+        try:
+            outputs = _publish(runner, report, place)
+        except LostError:  # a blob was damaged between the check and its use; it has been set aside and can be made again
+            report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
+            outputs = _publish(runner, report, place)
+    _refused(report, source)
+    summary = Summary(target, report.ran, report.cached, report.failed, outputs, _metrics(report, outputs), round(report.seconds, 3))
+    _show(summary, report, source)
+    if request.json:
+        sys.stdout.write(json.dumps(vars(summary), sort_keys=True) + "\n")
+    return 0 if report.ok else 1
+
+
+def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]:
+    """Friendly names for the outputs of the target: data sets, recordings, reports, files of rendered clips."""
+    store = runner.place.store
+    out: dict[str, str] = {}
+    for stage, made in report.outputs.items():
+        for shard, digest in made:
+            clip = shard.rpartition("/")[2]
+            if stage == "dataset_pack":
+                out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
+            elif stage == "clip_record":
+                publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
+                out["recordings"] = str(store / "recordings" / place.name)
+            elif stage == "extraction_report":
+                out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "scene_render":
+                for part, tree in runner.children(digest) or ():
+                    publish(runner, tree, store / "scenes" / place.name / clip / part)
+                out["scenes"] = str(store / "scenes" / place.name)
+    return out
+
+
+def _refused(report: RunReport, source: Source | None) -> None:
+    """Videos that the source refused count as failures of the reader."""
+    for refused in source.refused if source else ():
+        report.failures.append(Failure("source_read", refused.video_id, refused.reason))
+        report.failed["source_read"] = report.failed.get("source_read", 0) + 1
+
+
+def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
+    """What the report measured, and the CPU time of the extraction stages per frame (codecs included, recordings not)."""
+    if "report" not in outputs:
+        return {}
+    metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
+    for stage in EXTRACTION:
+        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name == stage)
+        metrics[f"cpu_s_per_frame.{stage}"] = spent / metrics["clips.frames"]
+    metrics["cpu_s_per_frame"] = sum(metrics[f"cpu_s_per_frame.{stage}"] for stage in EXTRACTION)
+    return metrics
+
+
+def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
+    console = Console(stderr=True)
+    table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
+    for stage in _stages(summary):
+        cpu = sum(seconds for (name, _), seconds in report.cpu_s.items() if name == stage)
+        cells = [str(counts.get(stage, "") or "") for counts in (summary.ran, summary.cached, summary.failed)]
+        table.add_row(stage, *cells, f"{cpu:.1f}")
+    console.print(table)
+    if source and source.missing:
+        console.print(f"no video for {len(source.missing)} annotated video(s): {', '.join(source.missing[:8])}"
+                      + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
+    for note in report.stale:
+        console.print(f"[yellow]stale[/] {note}", highlight=False)
+    _show_failures(console, report.failures)
+    for name, path in summary.outputs.items():
+        console.print(f"[bold]{name}[/] {path}", highlight=False, soft_wrap=True)
+    for name in sorted(summary.metrics):
+        console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
+    console.print(f"{summary.seconds:.1f} s")
+
+
+def _stages(summary: Summary) -> Iterable[str]:
+    return dict.fromkeys([*summary.cached, *summary.ran, *summary.failed])
+
+
+def _show_failures(console: Console, failures: list[Any]) -> None:
+    if not failures:
+        return
+    table = Table("stage", "clip", "what happened", title="[red]failed[/]", box=None, title_justify="left")
+    for failure in failures:
+        table.add_row(failure.stage, failure.shard, failure.message)
+    console.print(table)

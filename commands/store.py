@@ -1,0 +1,192 @@
+"""Verbs that look at the store and its history: plan, explain, status, graph, lineage, verify, gc."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.tree import Tree
+
+from commands.errors import unknown
+from commands.origin import origin
+from commands.run import Request
+from commands.session import STORE, open_runner
+from commands.settings import settings
+from pipeline import TARGETS, build
+from runner import Graph, Runner, TaskPlan
+
+
+def planned(request: Request) -> list[TaskPlan]:
+    """What `run` would do, without doing it."""
+    runner, graph, target = _prepared(request)
+    return runner.plan(graph, target, shards=request.clips or None, force=request.force)
+
+
+def dry_run(request: Request) -> int:
+    """Show what would run, and why."""
+    plans = planned(request)
+    if request.json:
+        _print_json({"target": request.target, "tasks": [_plan(plan) for plan in plans]})
+    else:
+        _show_plans([plan for plan in plans if plan.status != "cached"])
+        counts = Counter(plan.status for plan in plans)
+        Console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
+    return 0
+
+
+def explain(request: Request, stage: str | None, clip: str | None) -> int:
+    """Why each task would run, or ran the last time."""
+    runner, graph, target = _prepared(request)
+    names = [node.name for node in graph.stages()]
+    if stage and stage.replace("-", "_") not in names:
+        raise unknown("stage", stage, names)
+    plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
+    if clip and not plans:
+        known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
+        raise unknown("clip", clip, known)
+    if request.json:
+        _print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})
+    else:
+        _show_plans(plans)
+    return 0
+
+
+def status(request: Request) -> int:
+    """Per stage: how many shards are cached, would run, wait for others; and what failed and has not succeeded since."""
+    runner, graph, target = _prepared(request)
+    plans, failures = runner.plan(graph, target), runner.failures()
+    counts = {node.name: Counter(p.status for p in plans if p.stage == node.name) for node in graph.stages()}
+    if request.json:
+        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": failures})
+        return 0
+    table = Table("stage", "cached", "to run", "pending", box=None)
+    for stage, count in counts.items():
+        table.add_row(stage, *(str(count[status] or "") for status in ("cached", "run", "pending")))
+    console = Console()
+    console.print(table)
+    for failure in failures:
+        console.print(f"[red]failed[/] {failure['stage']} {failure['shard']}: {failure['message']}", highlight=False)
+    return 0
+
+
+def graph_text(graph: Graph) -> str:
+    """One line per stage: what it reads."""
+    lines = []
+    for node in graph.stages():
+        sources = ", ".join(f"{name} <- {graph.nodes[source].name}" for name, source in node.inputs)
+        lines.append(f"{'  ' * len(node.axes)}{node.name:<24} {sources}")
+    return "\n".join(lines)
+
+
+def graph(request: Request, out: Path | None) -> int:
+    """The stages and what they read, as text, or drawn to an SVG or PNG."""
+    _, built, _ = _prepared(request)
+    if out is None:
+        sys.stdout.write(graph_text(built) + "\n")
+        return 0
+    from afford.report.drawing import draw
+
+    edges = [(_stage_of(built, source), node.name) for node in built.stages() for _, source in node.inputs]
+    draw([node.name for node in built.stages()], sorted({edge for edge in edges if edge[0]}), out)
+    sys.stdout.write(f"{out}\n")
+    return 0
+
+
+def _stage_of(graph: Graph, at: int) -> str:
+    """The stage that a node's value comes from, '' for a leaf."""
+    node = graph.nodes[at]
+    while node.sort not in ("stage", "leaf"):
+        node = graph.nodes[node.inputs[0][1]]
+    return node.name if node.sort == "stage" else ""
+
+
+def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
+    """Walk from an artifact (a digest, its beginning, or any path in or linked from the store) to the leafs."""
+    runner = open_runner(store)
+    path = Path(artifact)
+    found = runner.lineage(_digest_of(runner, path) if path.exists() else artifact)
+    if as_json:
+        _print_json(asdict(found))
+        return 0
+    tree = Tree(_origin_line(found))
+    _grow(tree, found)
+    Console().print(tree)
+    return 0
+
+
+def _digest_of(runner: Runner, path: Path) -> str:
+    """A path in the store as it is; a published file by the content that it shows."""
+    store = runner.place.store.resolve()
+    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
+        return str(path)
+    file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
+    blob = runner.hash_file(file)[0]
+    return str(runner.store.path("blobs", blob))
+
+
+def _origin_line(origin: Any) -> str:
+    trace = origin.trace
+    made = f"[bold]{trace.stage}[/] {trace.shard}" if trace else "[dim]from outside[/]"
+    return f"{origin.kind} {origin.digest[:12]}  {made}" + (f"  {', '.join(origin.files[:2])}" if origin.files else "")
+
+
+def _grow(tree: Tree, origin: Any, depth: int = 0) -> None:
+    for name, source in origin.inputs:
+        branch = tree.add(f"{name}: {_origin_line(source)}")
+        if depth < 12:
+            _grow(branch, source, depth + 1)
+
+
+def verify(store: Path | None, as_json: bool) -> int:
+    """Hash everything in the store again; 1 when something is damaged, missing or changed."""
+    verdict = open_runner(store).verify()
+    if as_json:
+        _print_json({**asdict(verdict), "ok": verdict.ok})
+    else:
+        console = Console()
+        for kind in ("damaged", "missing", "changed"):
+            for name in getattr(verdict, kind):
+                console.print(f"[red]{kind}[/] {name}", highlight=False)
+        console.print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: " + ("whole" if verdict.ok else "run again to mend"))
+    return 0 if verdict.ok else 1
+
+
+def gc(store: Path | None, as_json: bool) -> int:
+    """Delete what the last use of every shard does not reach."""
+    swept = open_runner(store).gc()
+    if as_json:
+        _print_json(asdict(swept))
+    else:
+        Console().print(f"deleted {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}")
+    return 0
+
+
+def _prepared(request: Request) -> tuple[Runner, Graph, str]:
+    target = request.target.replace("_", "-")
+    if target not in TARGETS:
+        raise unknown("target", request.target, TARGETS)
+    chosen = settings(request.sets, request.params)
+    runner = open_runner(request.store)
+    place, _ = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
+    return runner, build(target, place, chosen), target
+
+
+def _plan(plan: TaskPlan) -> dict[str, str]:
+    return {"stage": plan.stage, "clip": plan.shard, "status": plan.status, "reason": str(plan.reason), "key": plan.key}
+
+
+def _show_plans(plans: list[TaskPlan]) -> None:
+    table = Table("stage", "clip", "state", "reason", box=None)
+    for plan in plans:
+        table.add_row(plan.stage, plan.shard, plan.status, str(plan.reason))
+    Console().print(table)
+
+
+def _print_json(value: Any) -> None:
+    sys.stdout.write(json.dumps(value, sort_keys=True, default=str) + "\n")

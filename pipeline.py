@@ -1,0 +1,157 @@
+"""The map of afford: from video to a two-hand affordance data set, one line per stage.
+
+Every line of `extract` adds one stage to the graph: a pure function of typed inputs and `Params`, cached under the digest of
+its code, its parameters and the content of its inputs. Run `python pipeline.py --help` for the verbs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from runner import Graph
+from schemas.affordance import Affordances, FrameLabels
+from schemas.clip import Clip
+from schemas.files import FileTree
+from schemas.masks import CompleteObjects, Tracks
+from schemas.scene import RenderedClip, SceneSpec
+from schemas.video import Frames, Inpainted
+from stages import (
+    affordance_intersect,
+    clip_record,
+    dataset_pack,
+    extraction_report,
+    extraction_score,
+    frame_decode,
+    hand_inpaint,
+    key_thin,
+    mask_densify,
+    narration_labelling,
+    object_completion,
+    sample_assemble,
+    scene_render,
+    source_read,
+    stage_record,
+)
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameters of every stage, by stage."""
+
+    scene_render: scene_render.Params = scene_render.Params()
+    source_read: source_read.Params = source_read.Params()
+    frame_decode: frame_decode.Params = frame_decode.Params()
+    mask_densify: mask_densify.Params = mask_densify.Params()
+    hand_inpaint: hand_inpaint.Params = hand_inpaint.Params()
+    object_completion: object_completion.Params = object_completion.Params()
+    affordance_intersect: affordance_intersect.Params = affordance_intersect.Params()
+    narration_labelling: narration_labelling.Params = narration_labelling.Params()
+    sample_assemble: sample_assemble.Params = sample_assemble.Params()
+    dataset_pack: dataset_pack.Params = dataset_pack.Params()
+    key_thin: key_thin.Params = key_thin.Params()
+    extraction_score: extraction_score.Params = extraction_score.Params()
+    extraction_report: extraction_report.Params = extraction_report.Params()
+
+
+class Origin(NamedTuple):
+    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none)."""
+
+    name: str
+    specs: tuple[SceneSpec, ...] = ()
+    videos: tuple[RenderedClip, ...] = ()
+
+
+RECORDED = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect", "narration_labelling")
+
+
+class Extracted(NamedTuple):
+    """Handles of what the extraction stages make of one clip."""
+
+    clip: Clip
+    frames: Frames
+    tracks: Tracks
+    inpainted: Inpainted
+    complete: CompleteObjects
+    affordances: Affordances
+    labels: FrameLabels
+
+
+def extract(g: Graph, files: FileTree, p: Settings) -> Extracted:
+    """Video, sparse masks and narrations -> hands, objects and affordances on every frame."""
+    clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
+    frames      = g.add(frame_decode.run,           files=files,     clip=clip,                      params=p.frame_decode)
+    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify)
+    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint)
+    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion)
+    affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=p.affordance_intersect)
+    labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=p.narration_labelling)
+    return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
+
+
+def pack(g: Graph, x: Extracted, p: Settings) -> FileTree:
+    """What was extracted from all clips -> one data set."""
+    samples = g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
+                    complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
+    return g.add(dataset_pack.run, samples=g.collect(samples), params=p.dataset_pack)
+
+
+def score(g: Graph, files: FileTree, truth: FileTree, p: Settings) -> FileTree:
+    """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
+    x = extract(g, files, p)
+    thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
+    sparse = g.add(mask_densify.run, clip=thin,  frames=x.frames, name="mask_densify_gap30",         params=p.mask_densify)
+    scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
+                   inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction_score)
+    return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report)
+
+
+def record(g: Graph, x: Extracted) -> FileTree:
+    """Every stage of a clip -> its own recording, then one recording of the clip that a viewer opens."""
+    parts = tuple(g.add(stage_record.run, name=f"record_{stage}", value=value, frames=x.frames, params=stage_record.Params(stage))
+                  for stage, value in zip(RECORDED, x[1:], strict=True))
+    return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params())
+
+
+def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
+    """Every video with its files and its ground truth."""
+    if origin.specs:
+        return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.scene_render)
+    return g.each(g.leaf("videos", origin.videos))
+
+
+def dataset(g: Graph, origin: Origin, p: Settings) -> None:
+    """the data set of a source, with a recording of every clip"""
+    x = extract(g, g.pick(videos(g, origin, p), lambda v: v.files), p)
+    g.target("dataset", pack(g, x, p), record(g, x))
+
+
+def recordings(g: Graph, origin: Origin, p: Settings) -> None:
+    """a recording of every clip of a source"""
+    g.target("recordings", record(g, extract(g, g.pick(videos(g, origin, p), lambda v: v.files), p)))
+
+
+def scenes(g: Graph, origin: Origin, p: Settings) -> None:
+    """rendered clips, as EPIC-format files with ground truth"""
+    g.target("scenes", videos(g, origin, p))
+
+
+def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
+    """scores of every extraction stage against ground truth"""
+    video = videos(g, origin, p)
+    g.target("extraction-report", score(g, g.pick(video, lambda v: v.files), g.pick(video, lambda v: v.truth), p))
+
+
+TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality}
+
+
+def build(target: str, origin: Origin, p: Settings) -> Graph:
+    """The graph of one target of `TARGETS`."""
+    g = Graph()
+    TARGETS[target](g, origin, p)
+    return g
+
+
+if __name__ == "__main__":
+    from commands.cli import main
+
+    raise SystemExit(main())
