@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import json
 
 from blake3 import blake3
 
+from schemas import affordance, clip, files, masks, report, sample, scene, truth, video
 from schemas.spec import Schema
 
-MODULES = ("files", "clip", "video", "masks", "affordance", "sample", "scene", "report", "truth")
+MODULES = (affordance, clip, files, masks, report, sample, scene, truth, video)
 BUNDLES = ("RenderedClip",)
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
@@ -19,8 +19,7 @@ BUNDLES = ("RenderedClip",)
 @functools.cache
 def kinds() -> dict[str, type[Schema]]:
     """Schema name -> class."""
-    modules = [importlib.import_module(f"schemas.{name}") for name in MODULES]
-    found = [c for module in modules for c in vars(module).values() if isinstance(c, type) and issubclass(c, Schema)]
+    found = [c for module in MODULES for c in vars(module).values() if isinstance(c, type) and issubclass(c, Schema)]
     return {c.__name__: c for c in found if c is not Schema}
 
 
