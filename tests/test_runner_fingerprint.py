@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from runner.fingerprint import changed, fingerprint
 from runner.modules import Modules
-from runner.source import SourceError
 
 ROOT = Path(__file__).resolve().parent.parent
 Files = dict[str, str]
@@ -23,7 +23,8 @@ def closure(folder: Path, files: Files, **select: object) -> dict[str, str]:
     return {"": found.digest, **found.definitions}
 
 
-HELPER = "K = 1\nOTHER = 1\ndef f(x):\n    return x * K\nclass C:\n    size = 1\n    def m(self):\n        return g(self.size)\n"
+HELPER = "K = 1\nOTHER = 1\ndef f(x):\n    return x * K\n"
+HELPER += "class C:\n    size = 1\n    def m(self):\n        return g(self.size)\n"
 HELPER += "def g(x, by=K):\n    return x + by\ndef unused():\n    return 5\n"
 STAGE = "from helper import f\ndef run(x):\n    return f(x)\n"
 
@@ -47,16 +48,16 @@ COUNTS = {
                             "helper.py", "return g(self.size)", "return -g(self.size)"),
     "what a method uses": ({"stage.py": "from helper import C\ndef run(x):\n    return C().m()\n", "helper.py": HELPER},
                            "helper.py", "x + by", "x - by"),
-    "a class that is only annotated": ({"stage.py": "from helper import C\ndef run(x: C):\n    return x.m()\n", "helper.py": HELPER},
-                                       "helper.py", "x + by", "x - by"),
+    "a class that is only annotated": ({"stage.py": "from helper import C\ndef run(x: C):\n    return x.m()\n",
+                                        "helper.py": HELPER}, "helper.py", "x + by", "x - by"),
     "a base class": ({"stage.py": "from helper import C\nclass D(C):\n    pass\ndef run(x):\n    return D().m()\n",
                       "helper.py": HELPER}, "helper.py", "size = 1", "size = 2"),
     "a default argument": ({"stage.py": "from helper import g\ndef run(x):\n    return g(x)\n", "helper.py": HELPER},
                            "helper.py", "by=K", "by=3"),
     "a constant behind a default argument": ({"stage.py": "from helper import g\ndef run(x):\n    return g(x)\n",
                                               "helper.py": HELPER}, "helper.py", "K = 1", "K = 2"),
-    "an import inside a function": ({"stage.py": "def run(x):\n    from helper import f\n    return f(x)\n", "helper.py": HELPER},
-                                    "helper.py", "K = 1", "K = 2"),
+    "an import inside a function": ({"stage.py": "def run(x):\n    from helper import f\n    return f(x)\n",
+                                     "helper.py": HELPER}, "helper.py", "K = 1", "K = 2"),
     "a relative import": ({"stage.py": "from pack.a import f\ndef run(x):\n    return f(x)\n", "pack/__init__.py": "",
                            "pack/a.py": "from .b import f\n", "pack/b.py": HELPER}, "pack/b.py", "K = 1", "K = 2"),
     "a name passed on by a package": ({"stage.py": "import pack\ndef run(x):\n    return pack.f(x)\n",
@@ -70,8 +71,8 @@ COUNTS = {
     "a table filled by a loop": (
         {"stage.py": "from helper import T\ndef run(x):\n    return T[x]\n",
          "helper.py": "T = {}\nfor i in range(3):\n    T[i] = 1\n"}, "helper.py", "range(3)", "range(4)"),
-    "an augmented assignment": ({"stage.py": "from helper import T\ndef run(x):\n    return T\n", "helper.py": "T = 1\nT += 1\n"},
-                                "helper.py", "+= 1", "+= 2"),
+    "an augmented assignment": ({"stage.py": "from helper import T\ndef run(x):\n    return T\n",
+                                 "helper.py": "T = 1\nT += 1\n"}, "helper.py", "+= 1", "+= 2"),
     "a function that registers itself": (
         {"stage.py": "from helper import T\ndef run(x):\n    return T[x](x)\n",
          "helper.py": "T = {}\ndef add(f):\n    T[f.__name__] = f\n    return f\n@add\ndef one(x):\n    return 1\n"},
@@ -93,8 +94,8 @@ COUNTS = {
                                  "helper.py", "return 5", "return 6"),
     "a schema's field": ({"stage.py": "from schemas.a import A\ndef run(x: A):\n    return x\n",
                           "schemas/a.py": "class A:\n    n: int = value('how many')\n"}, "schemas/a.py", "n: int", "n: float"),
-    "a match statement": ({"stage.py": "from helper import C\ndef run(x):\n    match x:\n        case C(size=1):\n            return 1\n",
-                           "helper.py": HELPER}, "helper.py", "size = 1", "size = 2"),
+    "a match statement": ({"stage.py": "from helper import C\ndef run(x):\n    match x:\n        case C(size=1):\n"
+                           "            return 1\n", "helper.py": HELPER}, "helper.py", "size = 1", "size = 2"),
 }
 
 
@@ -142,7 +143,8 @@ def test_doc_lines_of_schemas_do_not_count(tmp_path: Path) -> None:
 
 
 REGISTRY = {
-    "stage.py": "from load import load\nBACKENDS = {'a': 'one:f', 'b': 'two:f'}\ndef run(x, params):\n    return load(BACKENDS, x)(x)\n",
+    "stage.py": "from load import load\nBACKENDS = {'a': 'one:f', 'b': 'two:f'}\n"
+                "def run(x, params):\n    return load(BACKENDS, x)(x)\n",
     "load.py": "import importlib\nDYNAMIC = ()\ndef load(table, name):\n    return importlib.import_module(table[name])\n",
     "one.py": "def f(x):\n    return 1\n", "two.py": "def f(x):\n    return 2\n"}
 
@@ -165,15 +167,15 @@ def test_a_new_backend_does_not_disturb_the_others(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("files", "message"), [
-    ({"stage.py": "import importlib\ndef run(x):\n    return importlib.import_module(x)\n"}, r"import_module\(\) cannot be followed"),
+    ({"stage.py": "import importlib\ndef run(x):\n    return importlib.import_module(x)\n"}, r"import_module\(\) cannot be"),
     ({"stage.py": "from importlib import import_module\ndef run(x):\n    return import_module(x)\n"}, "cannot be followed"),
     ({"stage.py": "def run(x):\n    return __import__(x)\n"}, "cannot be followed"),
     ({"stage.py": "def run(x):\n    return eval(x)\n"}, "cannot be followed"),
     ({"stage.py": "import helper\ndef run(x):\n    return getattr(helper, x)\n", "helper.py": HELPER}, "getattr"),
     ({"stage.py": "from helper import *\ndef run(x):\n    return f(x)\n", "helper.py": HELPER}, "hides what is used"),
     ({"stage.py": STAGE, "helper.py": HELPER + "DATA_FILES = ('gone.csv',)\n"}, "gone.csv"),
-    ({"stage.py": "from pack.gone import f\ndef run(x):\n    return f(x)\n", "pack/__init__.py": ""}, "not a module of this project"),
-    ({"stage.py": "BACKENDS = {'a': 'pack.gone:f'}\ndef run(x):\n    return BACKENDS\n", "pack/__init__.py": ""}, "'pack.gone'"),
+    ({"stage.py": "from pack.gone import f\ndef run(x):\n    return f(x)\n", "pack/__init__.py": ""}, "not a module of this"),
+    ({"stage.py": "BACKENDS = {'a': 'pack.no:f'}\ndef run(x):\n    return BACKENDS\n", "pack/__init__.py": ""}, "'pack.no'"),
     ({"stage.py": "def run(x):\n    return (\n"}, "stage.py:2: "),
 ])
 def test_what_cannot_be_followed_is_refused(files: Files, message: str, tmp_path: Path) -> None:
@@ -191,7 +193,8 @@ def test_declared_dynamic_code_is_followed(tmp_path: Path) -> None:
 
 def test_a_literal_attribute_name_is_followed(tmp_path: Path) -> None:
     """getattr with a constant is an attribute."""
-    found = closure(tmp_path, {"stage.py": "import helper\ndef run(x):\n    return getattr(helper, 'f')(x)\n", "helper.py": HELPER})
+    stage = "import helper\ndef run(x):\n    return getattr(helper, 'f')(x)\n"
+    found = closure(tmp_path, {"stage.py": stage, "helper.py": HELPER})
     assert "helper:f" in found and "helper:unused" not in found
 
 
@@ -214,7 +217,6 @@ def test_a_change_is_named(tmp_path: Path) -> None:
 def test_parsing_is_remembered_and_forgotten_with_the_file(tmp_path: Path) -> None:
     """The cache gives the same answer, and a change of the file is seen through it."""
     closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
-    import os
     for name in ("stage.py", "helper.py"):
         os.utime(tmp_path / name, ns=(10**18, 10**18))
     answers = []
@@ -229,4 +231,5 @@ def test_parsing_is_remembered_and_forgotten_with_the_file(tmp_path: Path) -> No
 
 def test_the_digest_of_code_is_this_digest(tmp_path: Path) -> None:
     """Our own spelling of syntax: another Python must give the same."""
-    assert closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})[""] == "7248d5f62cc30bb7eb10658ad4ed04ff170e5c23c24135161e60d0d7a3f37118"
+    found = closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
+    assert found[""] == "7248d5f62cc30bb7eb10658ad4ed04ff170e5c23c24135161e60d0d7a3f37118"

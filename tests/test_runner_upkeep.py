@@ -1,0 +1,87 @@
+"""Looking after a store: lineage, verify, gc, provenance."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+from toy import shout
+from toy_project import Project, text
+
+from runner import StoreError
+from runner.lease import Lease
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    return Project.make(tmp_path)
+
+
+def test_lineage_leads_to_the_leafs(project: Project) -> None:
+    """From a digest, its beginning or a path, through every stage, to values that no stage made."""
+    report = project.run("ab")
+    digest = report.outputs["join"][0][1]
+    runner = project.runner()
+    origin = runner.lineage(digest)
+    stages, todo = [], [origin]
+    while todo:
+        at = todo.pop()
+        stages.append(at.trace.stage if at.trace else at.kind)
+        todo += [source for _, source in at.inputs]
+    assert {"join", "pair", "shout", "split", "Word"} <= set(stages)
+    assert runner.lineage(digest[:16]) == origin
+    blob = runner.store.path("blobs", runner.store.manifest(digest).files[0].blob)
+    assert runner.lineage(str(blob)).digest == digest
+    with pytest.raises(ValueError, match="fits 0 artifacts"):
+        runner.lineage("zz")
+
+
+def test_provenance_is_complete(project: Project) -> None:
+    """Key, inputs, parameters, code, seed, versions, machine and cost stand in the trace."""
+    report = project.run("ab")
+    trace = project.runner().lineage(report.outputs["shout"][0][1]).trace
+    assert trace is not None and trace.stage == "shout" and trace.shard == "w0/w0.0"
+    assert set(trace.inputs) == {"part", "word"} and trace.params["fields"]["backend"] == "plain"
+    assert trace.libraries.keys() == {"blake3"} and trace.threads == 1 and trace.machine and trace.seed
+    assert (project.store / "code" / f"{trace.code}.json").exists()
+
+
+def test_gc_keeps_what_is_in_use(project: Project) -> None:
+    """Outputs of parameters that are not in use any more go; what is in use stays and nothing runs again."""
+    project.run("ab", params=shout.Params(backend="old"))
+    project.edit("toy/helper.py", '"!"', '"?"')
+    report = project.run("ab", jobs=1)
+    project.executed()
+    before = sum(1 for _ in (project.store / "blobs").glob("??/*"))
+    swept = project.runner().gc()
+    assert swept.files > 0 and swept.bytes > 0
+    assert sum(1 for _ in (project.store / "blobs").glob("??/*")) < before
+    assert project.runner().gc().files == 0
+    assert project.run("ab").ran == {} and text(project, report) == "A A"
+    assert project.runner().verify().ok
+
+
+def test_gc_waits_for_no_run_and_disturbs_none(project: Project) -> None:
+    """While a run goes on it is refused in one sentence."""
+    project.run("ab")
+    lease = Lease(project.store / "leases" / "store.lock", shared=True)
+    with pytest.raises(StoreError, match="a run is using"):
+        project.runner().gc()
+    lease.release(remove=False)
+    project.runner().gc()
+
+
+def test_blobs_are_read_only(project: Project) -> None:
+    """Nobody edits them by accident."""
+    project.run("ab")
+    for path in (project.store / "blobs").glob("??/*"):
+        assert stat.S_IMODE(os.stat(path).st_mode) == 0o444
+
+
+def test_scratch_is_gone_when_the_output_is_safe(project: Project) -> None:
+    """And so are leases."""
+    project.run("ab", jobs=2)
+    assert list((project.store / "scratch").iterdir()) == []
+    assert {path.name for path in (project.store / "leases").iterdir()} <= {"store.lock", "index.lock"}

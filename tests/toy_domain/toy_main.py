@@ -1,0 +1,19 @@
+"""Runs the toy graph in a process of its own, which a test may kill: store, code, jobs, sleep, words..."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+store, code, jobs, sleep_s, *words = sys.argv[1:]
+sys.path[:0] = [str(Path(__file__).resolve().parents[2]), str(Path(__file__).resolve().parent)]
+
+from toy import shout  # noqa: E402
+from toy_project import graph  # noqa: E402
+
+from runner import Runner  # noqa: E402
+
+runner = Runner(Path(store), Path(code), "toy.values:CODEC", None, jobs=int(jobs))
+report = runner.run(graph(*words, params=shout.Params(sleep_s=float(sleep_s))), "all")
+sys.stdout.write(f"{sum(report.ran.values())} {sum(report.cached.values())}\n")
+sys.exit(0 if report.ok else 1)
