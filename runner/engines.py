@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from socket import socketpair
@@ -64,6 +64,7 @@ class _Worker:
     jobs: Connection
     lifeline: int
     job: Job | None = None
+    loaded: set[str] = field(default_factory=set)
 
 
 class Pool:
@@ -79,9 +80,11 @@ class Pool:
         self._workers: list[_Worker] = []
 
     def submit(self, job: Job) -> None:
-        """Give the job to an idle worker, or to a new one."""
-        worker = next((worker for worker in self._workers if worker.job is None), None) or self._start()
-        worker.job = job
+        """Give the job to an idle worker, preferably one that has just loaded some of the inputs, or to a new one."""
+        idle = [worker for worker in self._workers if worker.job is None]
+        wanted = set(job.inputs.values())
+        worker = max(idle, key=lambda worker: len(wanted & worker.loaded)) if idle else self._start()
+        worker.job, worker.loaded = job, wanted
         try:
             worker.jobs.send(job)
         except (BrokenPipeError, ConnectionResetError):

@@ -97,7 +97,7 @@ def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
     if not job.force and _is_made(job, place, store):
         return Done(job.key, "cached")
     cpu, wall = _cpu(), time.monotonic()
-    inputs = {name: store.load(digest) for name, digest in job.inputs.items()}
+    inputs = store.load_inputs(job.inputs)
     scratch = place.store / "scratch" / job.key
     (scratch / "work").mkdir(parents=True, exist_ok=True)
     if place.worker:

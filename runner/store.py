@@ -15,7 +15,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,6 +70,7 @@ class Store:
         self.memo = FileMemo(root, rehash)
         self._manifests: dict[str, Manifest] = {}
         self._seen = SeenBlobs(root)
+        self._recent: dict[str, object] = {}
 
     # -- writing ---------------------------------------------------------------------------------------------------
 
@@ -197,10 +198,19 @@ class Store:
 
     def load(self, digest: str) -> object:
         """The value, out of verified files."""
+        if digest in self._recent:
+            return self._recent[digest]
         found = self.manifest(digest)
         if found.children is not None:
             return self.codec.combine(found.kind, [(name, self.load(child)) for name, child in found.children])
         return self.codec.load(found.kind, self.files(digest))
+
+    def load_inputs(self, inputs: Mapping[str, str]) -> dict[str, object]:
+        """The values of a task's inputs. They are kept until the next call, since the stages of one clip share them."""
+        self._recent = {digest: self._recent[digest] for digest in inputs.values() if digest in self._recent}
+        for digest in inputs.values():
+            self._recent[digest] = self.load(digest)
+        return {name: self._recent[digest] for name, digest in inputs.items()}
 
     def _verified(self, digest: str, entry: Entry) -> Path:
         if entry.path:

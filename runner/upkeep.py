@@ -137,6 +137,10 @@ def gc(store: Store, traces: Traces) -> Swept:
         for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
             if name not in kept:
                 _drop(store.root / room / name if room == "damaged" else store.path(room, name, suffix), swept)
+    codes = {f"{trace.code}.json" for trace in traces.all()}
+    unused = [path for path in (store.root / "code").glob("*") if path.name not in codes]
+    for old in (*unused, *(store.root / "failures").glob("??/*.json")):
+        _drop(old, swept)
     for torn in (path for room in ("blobs", "manifests", "traces", "failures") for path in (store.root / room).glob("??/.*")):
         _drop(torn, swept)
     for folder in (store.root / "scratch").iterdir():
