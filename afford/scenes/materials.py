@@ -223,6 +223,17 @@ def cloth(rng: np.random.Generator, size: int = 256) -> Material:
     return Material(image(colour), specular=0.01, roughness=0.95, bump=0.3)
 
 
+def cutting_mat(rng: np.random.Generator, size: int = 512) -> Material:
+    """A ruled cutting mat."""
+    ground, ink = [((28, 92, 74), (170, 206, 170)), ((44, 66, 108), (186, 198, 214)), ((52, 52, 56), (190, 190, 186))][rng.integers(3)]
+    canvas = image(flat(rng, size, ground, 5.0))
+    for k in range(0, size, size // 16):
+        wide = 2 if k % (size // 4) == 0 else 1
+        cv2.line(canvas, (k, 0), (k, size), ink, wide, cv2.LINE_AA)
+        cv2.line(canvas, (0, k), (size, k), ink, wide, cv2.LINE_AA)
+    return Material(canvas, specular=0.03, roughness=0.7)
+
+
 def leather(rng: np.random.Generator, size: int = 256) -> Material:
     """Leather with pores and folds."""
     base = [(110, 70, 44), (58, 44, 38), (140, 40, 36), (40, 56, 84)][rng.integers(4)]

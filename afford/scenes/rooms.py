@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.mesh import moved
-from afford.render.model import Instance, Light, Material
+from afford.render.model import BACKGROUND, Instance, Light, Material
 from afford.render.solids import box, patch
 from afford.render.textures import linear
 from afford.scenes import materials, objects
+from afford.sim.settle_env import rest_poses
 
 TABLE = ((-0.95, 0.95), (-0.12, 0.82))
 """Extent of the worktop in x and y, metres."""
@@ -27,31 +28,48 @@ class Room:
 
 
 def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
-    """A kitchen, workshop or desk of its own; `clutter` things stand at the back and at the sides."""
+    """A kitchen, workshop or desk of its own; `clutter` things stand at the back, others lie about, mats lie in the middle."""
     if setting not in SETTINGS:
         raise KeyError(f"unknown setting {setting!r}; choose one of {', '.join(sorted(SETTINGS))}")
-    top, wall, kinds = SETTINGS[setting](rng)
-    shell = [*_table(rng, top), *_wall(rng, wall)]
-    return Room((*shell, *_clutter(rng, kinds, clutter)), _light(rng, _brightness(top)))
+    style = SETTINGS[setting]
+    top = style.top(rng)
+    shell = [*_table(rng, top), *_wall(rng, style.wall(rng)), *_mats(rng, style)]
+    return Room((*shell, *_clutter(rng, style.standing, clutter), *_scatter(rng, style.lying)), _light(rng, _brightness(top)))
 
 
-def _kitchen(rng: np.random.Generator) -> tuple[Material, Material, tuple[str, ...]]:
-    tops = (lambda: materials.wood(rng, size=1024, planks=int(rng.integers(4, 8))), lambda: materials.marble(rng, 1024),
-            lambda: materials.granite(rng, 1024), lambda: materials.laminate(rng, 1024))
-    return tops[rng.integers(4)](), materials.tiles(rng), ("bottle", "can", "box", "jar", "carton", "bowl", "mug", "kettle", "plate", "can")
+Maker = Callable[[np.random.Generator], Material]
 
 
-def _workshop(rng: np.random.Generator) -> tuple[Material, Material, tuple[str, ...]]:
-    return materials.wood(rng, "pine", 1024, 5), materials.wood(rng, size=512, planks=6), ("paint", "glue", "wood", "toolbox", "can", "drill", "saw", "wrench")
+@dataclass(frozen=True)
+class Style:
+    """What a setting is made of, and what stands and lies about in it."""
+
+    top: Maker
+    wall: Maker
+    mats: tuple[Maker, ...]
+    standing: tuple[str, ...]
+    lying: tuple[str, ...]
 
 
-def _desk(rng: np.random.Generator) -> tuple[Material, Material, tuple[str, ...]]:
-    wall = materials.cloth(rng, 512) if rng.random() < 0.4 else materials.plastic(rng, (196, 194, 188), 256)
-    return materials.wood(rng, size=1024, planks=1), wall, ("book", "cup", "mug", "tape", "water", "box", "phone", "scissors")
+def _kitchen_top(rng: np.random.Generator) -> Material:
+    makers: tuple[Maker, ...] = (lambda r: materials.wood(r, None, 1024, int(r.integers(4, 8))), lambda r: materials.marble(r, 1024),
+                                 lambda r: materials.granite(r, 1024), lambda r: materials.laminate(r, 1024))
+    return makers[rng.integers(4)](rng)
 
 
-SETTINGS: dict[str, Callable[[np.random.Generator], tuple[Material, Material, tuple[str, ...]]]] = {
-    "kitchen": _kitchen, "workshop": _workshop, "desk": _desk}
+def _desk_wall(rng: np.random.Generator) -> Material:
+    return materials.cloth(rng, 512) if rng.random() < 0.4 else materials.plastic(rng, (196, 194, 188), 256)
+
+
+SETTINGS: dict[str, Style] = {
+    "kitchen": Style(_kitchen_top, materials.tiles, (materials.cloth, materials.cloth, materials.paper, materials.ceramic),
+                     ("bottle", "can", "box", "jar", "carton", "bowl", "mug", "kettle", "plate", "can"), ("spoon", "knife", "spatula", "can")),
+    "workshop": Style(lambda r: materials.wood(r, "pine" if r.random() < 0.5 else None, 1024, 5), lambda r: materials.wood(r, planks=6),
+                      (materials.cutting_mat, materials.paper, materials.leather),
+                      ("paint", "glue", "wood", "toolbox", "can", "drill", "paint"), ("wrench", "screwdriver", "hammer", "glue", "saw")),
+    "desk": Style(lambda r: materials.wood(r, size=1024), _desk_wall, (materials.paper, materials.paper, materials.cutting_mat, materials.leather),
+                  ("book", "cup", "mug", "tape", "water", "box", "cup"), ("scissors", "phone", "tape", "stapler")),
+}
 
 
 def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
@@ -80,14 +98,37 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
     out: list[Instance] = []
     slots = rng.permutation(np.linspace(-0.62, 0.62, 9))[:count]
     for x in slots:
-        kind = kinds[rng.integers(len(kinds))]
-        model = objects.build(kind, rng)
-        T = np.eye(4)
-        yaw = rng.uniform(-0.8, 0.8)
-        T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-        T[:3, 3] = (x + rng.uniform(-0.02, 0.02), rng.uniform(0.60, 0.72), 0.0)
-        out += model.instances(T, -1)
+        model = objects.build(kinds[rng.integers(len(kinds))], rng)
+        T = _standing(x + rng.uniform(-0.02, 0.02), rng.uniform(0.60, 0.72), rng.uniform(-0.8, 0.8))
+        out += model.instances(T, BACKGROUND)
     return out
+
+
+def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
+    """One to three thin things flat on the worktop: a cloth, sheets, a cutting mat."""
+    out = []
+    for k in range(int(rng.integers(1, 4))):
+        wide, deep = rng.uniform(0.20, 0.42), rng.uniform(0.16, 0.30)
+        sheet = moved(patch(np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide, 0, 0]), np.array([0, deep, 0])), 0, 0, 0.0007 + 0.0004 * k)
+        T = _standing(rng.uniform(-0.45, 0.45), rng.uniform(0.10, 0.55), rng.uniform(-0.6, 0.6))
+        out.append(Instance(sheet, style.mats[rng.integers(len(style.mats))](rng), T, casts=False))
+    return out
+
+
+def _scatter(rng: np.random.Generator, kinds: tuple[str, ...]) -> list[Instance]:
+    """A few small things that were dropped at one side and lie as they fell."""
+    models = [objects.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
+    place = _standing(float(rng.choice([-1.0, 1.0])) * rng.uniform(0.48, 0.60), rng.uniform(0.30, 0.50), 0.0)
+    poses = rest_poses([m.points for m in models], int(rng.integers(1 << 30)), spread_m=0.07)
+    return [i for model, T in zip(models, poses, strict=True) for i in model.instances(place @ T, BACKGROUND)]
+
+
+def _standing(x: float, y: float, yaw: float) -> np.ndarray:
+    """(4, 4) pose on the table."""
+    T = np.eye(4)
+    T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    T[:2, 3] = x, y
+    return T
 
 
 def _brightness(top: Material) -> float:
