@@ -109,6 +109,25 @@ def gc(store: Store = None, json: Json = False) -> None:
 
 
 @app.command()
+def inspect(
+    paths: Annotated[list[str], typer.Argument(help="recordings, folders of them, or the digest of one artifact")],
+    strict: Annotated[bool, typer.Option("--strict", help="check every checksum, index, payload and picture")] = False,
+    sheet: Annotated[Path | None, typer.Option(help="draw a contact sheet to this .png")] = None,
+    rerun: Annotated[bool, typer.Option("--rerun", help="open the Rerun viewer")] = False,
+    save: Annotated[Path | None, typer.Option(help="write an .rrd for the Rerun viewer, layout included")] = None,
+    diff: Annotated[bool, typer.Option("--diff", help="name what differs between two recordings")] = False,
+    sort: Annotated[str, typer.Option(help="order of many: name, messages, seconds, bytes or problem")] = "name",
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """What recordings hold, whether they are whole, and how they look."""
+    from commands.inspect import Options
+    from commands.inspect import inspect as look
+
+    raise typer.Exit(look(paths, Options(json, strict, sheet, rerun, save, diff, sort, store)))
+
+
+@app.command()
 def params(stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None, json: Json = False) -> None:
     """Every parameter: its type, its default, what it means."""
     from commands.params import show

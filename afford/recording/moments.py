@@ -1,0 +1,60 @@
+"""Recordings as moments: everything that was said at one time, decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from afford.recording.content import EPOCH_NS
+
+IMAGE = "foxglove.CompressedImage"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One media time; a topic with several messages at that time keeps all of them."""
+
+    time_ns: int
+    """media time"""
+    values: dict[str, list[Any]] = field(default_factory=dict)
+
+    def one(self, topic: str) -> Any:
+        """The last message of a topic, None when it has none at this time."""
+        return self.values[topic][-1] if topic in self.values else None
+
+    def picture(self, topic: str) -> np.ndarray | None:
+        """(h, w), (h, w, 3) or (h, w, 4) uint8 in RGB order, None when the topic has no picture at this time."""
+        found = self.one(topic)
+        return None if found is None else decode(found.data)
+
+
+def decode(data: bytes) -> np.ndarray:
+    """The pixels of a JPEG or PNG, colours in RGB order; ValueError when they cannot be read."""
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError("a picture of the recording cannot be decoded; `inspect --strict` says which")
+    if pixels.ndim == 2:
+        return pixels
+    return cv2.cvtColor(pixels, cv2.COLOR_BGRA2RGBA if pixels.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+
+
+def moments(path: Path, topics: list[str] | None = None, times_ns: list[int] | None = None) -> Iterator[Moment]:
+    """Moments in time order: of some topics or all, at some media times or all."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        spans = [(None, None)] if times_ns is None else [(EPOCH_NS + t, EPOCH_NS + t + 1) for t in sorted(times_ns)]
+        for start, end in spans:
+            found = reader.iter_decoded_messages(topics=topics, start_time=start, end_time=end)
+            for time_ns, group in groupby(found, key=lambda item: item[2].log_time):
+                moment = Moment(time_ns - EPOCH_NS)
+                for _, channel, _, value in group:
+                    moment.values.setdefault(channel.topic, []).append(value)
+                yield moment

@@ -1,0 +1,116 @@
+"""A contact sheet of recordings: frame, masks, hands removed, complete objects, affordance and words, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import cv2
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from afford.recording import of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording.moments import Moment, moments
+
+TILE_W, TEXT_W, HEAD, GAP = 304, 250, 30, 4
+BACK, INK, FAINT = (24, 26, 30), (236, 238, 240), (150, 156, 164)
+WORDS_PER_LINE = 30
+INPAINTED = f"{of_inpainted.ROOM}/image"
+COLUMNS = (
+    ("frame", of_frames.IMAGE, ""),
+    ("hands and objects", of_frames.IMAGE, of_tracks.OVERLAY),
+    ("hands removed", INPAINTED, ""),
+    ("complete objects", INPAINTED, of_complete.OVERLAY),
+    ("affordance", INPAINTED, f"{of_affordances.ROOM}/overlay"),
+)
+"""title, picture, overlay"""
+STATE = f"{of_affordances.ROOM}/state"
+
+
+def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
+    """Write a PNG with about `rows` rows spread over the recordings; ValueError when there is no picture in any."""
+    each = max(1, rows // len(paths))
+    found = [(path, moment) for path in paths for moment in _chosen(path, each)]
+    if not found:
+        raise ValueError(f"{paths[0]}: expected pictures on {of_frames.IMAGE}, got none")
+    strips = [_row(path.stem, moment) for path, moment in found]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.concatenate([_titles(strips[0].shape[1]), *strips])).save(out)
+
+
+def _chosen(path: Path, rows: int) -> list[Moment]:
+    """Moments spread evenly over the frames that become samples, or over all frames where those are too few."""
+    times = [m.time_ns for m in moments(path, [of_frames.IMAGE])]
+    good = [m.time_ns for m in moments(path, [STATE]) if m.one(STATE).accepted]
+    pool = good if len(good) >= rows else times
+    picked = sorted({pool[int(i)] for i in np.linspace(0, len(pool) - 1, min(rows, len(pool)))}) if pool else []
+    return list(moments(path, times_ns=picked))
+
+
+def _row(name: str, moment: Moment) -> np.ndarray:
+    tiles = [_tile(moment, picture, overlay) for _, picture, overlay in COLUMNS]
+    height = max(tile.shape[0] for tile in tiles if tile is not None)
+    blank = np.full((height, TILE_W, 3), BACK, np.uint8)
+    shown = [blank if tile is None else tile for tile in tiles] + [_words(name, moment, height)]
+    return np.concatenate([_framed(tile) for tile in shown], axis=1)
+
+
+def _tile(moment: Moment, picture: str, overlay: str) -> np.ndarray | None:
+    """One picture with its overlay, (h, TILE_W, 3); None when the moment does not have it."""
+    image = moment.picture(picture)
+    if image is None:
+        return None
+    layer = moment.picture(overlay) if overlay else None
+    if layer is not None:
+        image = _outlined(image, layer)
+    return cv2.resize(image, (TILE_W, round(image.shape[0] * TILE_W / image.shape[1])), interpolation=cv2.INTER_AREA)
+
+
+def _outlined(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
+    """Lay an RGBA overlay over a picture, with its edges drawn at full strength."""
+    alpha = layer[..., 3:].astype(np.float32) / 255
+    mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
+    code = layer[..., :3].astype(np.int32) @ np.array([65536, 256, 1]) * (layer[..., 3] > 0)
+    edge = cv2.morphologyEx(code.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+    edge &= layer[..., 3] > 0
+    mixed[edge] = layer[..., :3][edge]
+    return mixed
+
+
+def _words(name: str, moment: Moment, height: int) -> np.ndarray:
+    """What is said of the moment, as a picture (height, TEXT_W, 3)."""
+    state = moment.one(STATE)
+    page = Image.new("RGB", (TEXT_W, height), BACK)
+    draw, y = ImageDraw.Draw(page), 6
+    for text, size, colour in _lines(name, moment, state):
+        for line in wrap(text, round(WORDS_PER_LINE * 14 / size))[:3]:
+            draw.text((10, y), line, fill=colour, font=ImageFont.load_default(size))
+            y += size + 5
+    return np.asarray(page)
+
+
+def _lines(name: str, moment: Moment, state: Any) -> list[tuple[str, int, tuple[int, int, int]]]:
+    frame = getattr(moment.one(of_frames.STATE), "frame", "?")
+    said = [(f"{name}  frame {frame}  {moment.time_ns / 1e9:.2f} s", 12, FAINT)]
+    narrations = moment.values.get(of_labels.NARRATION, [])
+    said += [(n.text, 17, INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
+    said += [(f"{n.verb} / {n.noun}", 12, FAINT) for n in narrations[:1]]
+    if state is not None:
+        hands = f"left: {state.left_object or 'none'}, right: {state.right_object or 'none'}"
+        verdict = f"quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}".replace("_", " ")
+        said += [(state.taxonomy.replace("_", " "), 14, INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
+    return said
+
+
+def _titles(width: int) -> np.ndarray:
+    page = Image.new("RGB", (width, HEAD), BACK)
+    draw = ImageDraw.Draw(page)
+    for n, title in enumerate([title for title, _, _ in COLUMNS] + ["task"]):
+        draw.text((n * (TILE_W + GAP) + 8, 6), title, fill=INK, font=ImageFont.load_default(15))
+    return np.asarray(page)
+
+
+def _framed(tile: np.ndarray) -> np.ndarray:
+    return cv2.copyMakeBorder(tile, 0, GAP, 0, GAP, cv2.BORDER_CONSTANT, value=BACK)

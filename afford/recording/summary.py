@@ -1,0 +1,127 @@
+"""What a recording holds, from its indexes alone: a gigabyte is summarised without reading a picture."""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import IO
+
+from mcap.reader import McapReader, make_reader
+from mcap.records import ChunkIndex
+from mcap.records import Statistics as McapStatistics
+
+from afford.recording.content import EPOCH_NS
+
+RECORD_HEAD, MESSAGE_HEAD = 9, 31
+"""bytes of opcode and length; of those and the fixed fields of a message"""
+SECOND_NS = 10**9
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic; times are media time."""
+
+    topic: str
+    schema: str
+    messages: int
+    bytes: int
+    """payloads before compression"""
+    start_s: float
+    end_s: float
+    hz: float
+    """messages per second between the first and the last, 0 for fewer than two"""
+    longest_gap_s: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A recording at a glance; `problem` is '' for one that could be read."""
+
+    path: str
+    bytes: int
+    problem: str
+    topics: tuple[Topic, ...] = ()
+    messages: int = 0
+    chunks: int = 0
+    start_s: float = 0.0
+    seconds: float = 0.0
+    library: str = ""
+    metadata: dict[str, dict[str, str]] | None = None
+    attachments: tuple[str, ...] = ()
+
+
+def summarise(path: Path) -> Summary:
+    """Read the indexes of a file; a file that is no finished recording gives a Summary that says so."""
+    size = path.stat().st_size
+    try:
+        with path.open("rb") as stream:
+            return _summary(path, size, stream, make_reader(stream))
+    except Exception as error:
+        return Summary(str(path), size, f"cannot be read: {type(error).__name__} {error}".strip())
+
+
+def _summary(path: Path, size: int, stream: IO[bytes], reader: McapReader) -> Summary:
+    found = reader.get_summary()
+    if found is None or found.statistics is None:
+        return Summary(str(path), size, "has no summary: not finished; `rerun mcap convert --recover` saves what is there")
+    times, lengths = _messages(stream, found.chunk_indexes)
+    topics = tuple(sorted((_topic(c.topic, found.schemas[c.schema_id].name, times[c.id], lengths[c.id])
+                           for c in found.channels.values()), key=lambda t: t.topic))  # fmt: skip
+    metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+    total = found.statistics
+    return Summary(
+        str(path), size, _problem(topics, total, metadata), topics, total.message_count, total.chunk_count,
+        _media_s(total.message_start_time), (total.message_end_time - total.message_start_time) / SECOND_NS,
+        reader.get_header().library, metadata, tuple(sorted(index.name for index in found.attachment_indexes)))  # fmt: skip
+
+
+def _problem(topics: tuple[Topic, ...], total: McapStatistics, metadata: dict[str, dict[str, str]]) -> str:
+    indexed = sum(topic.messages for topic in topics)
+    if indexed != total.message_count:
+        return f"index and statistics disagree: {indexed} messages against {total.message_count}"
+    if not indexed:
+        return "holds no message"
+    known = any(name.split("/")[0] == "provenance" for name in metadata)
+    return "" if known else "does not say where it comes from (no provenance)"
+
+
+def _messages(stream: IO[bytes], chunks: list[ChunkIndex]) -> tuple[dict[int, list[int]], dict[int, int]]:
+    """Channel -> log times in file order, and bytes of payload, out of the message indexes behind each chunk."""
+    times: dict[int, list[int]] = defaultdict(list)
+    lengths: dict[int, int] = defaultdict(int)
+    for chunk in chunks:
+        stream.seek(chunk.chunk_start_offset + chunk.chunk_length)
+        entries = _entries(stream.read(chunk.message_index_length))
+        ends = [offset for offset, _, _ in entries[1:]] + [chunk.uncompressed_size]
+        for (offset, time_ns, channel), end in zip(entries, ends, strict=True):
+            times[channel].append(time_ns)
+            lengths[channel] += end - offset - MESSAGE_HEAD
+    return times, lengths
+
+
+def _entries(data: bytes) -> list[tuple[int, int, int]]:
+    """(offset in the chunk, log time, channel) of every message of a chunk, in file order."""
+    found: list[tuple[int, int, int]] = []
+    at = 0
+    while at < len(data):
+        _, length, channel, _ = struct.unpack_from("<BQHI", data, at)
+        body = data[at + RECORD_HEAD + 6 : at + RECORD_HEAD + length]
+        found += [(offset, time_ns, channel) for time_ns, offset in struct.iter_unpack("<QQ", body)]
+        at += RECORD_HEAD + length
+    return sorted(found)
+
+
+def _topic(topic: str, schema: str, times: list[int], length: int) -> Topic:
+    if not times:
+        return Topic(topic, schema, 0, 0, 0.0, 0.0, 0.0, 0.0)
+    span = (times[-1] - times[0]) / SECOND_NS
+    gap = max((b - a for a, b in pairwise(times)), default=0) / SECOND_NS
+    hz = (len(times) - 1) / span if span > 0 else 0.0
+    return Topic(topic, schema, len(times), length, _media_s(times[0]), _media_s(times[-1]), hz, gap)
+
+
+def _media_s(time_ns: int) -> float:
+    return (time_ns - EPOCH_NS) / SECOND_NS

@@ -1,0 +1,146 @@
+"""Recordings in Rerun with a layout made for them: pictures above with named masks over them, words and curves below."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from mcap.reader import make_reader
+
+from afford.recording import of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording.moments import Moment, moments
+
+APPLICATION = "afford"
+AFFORDANCE_STATE = f"{of_affordances.ROOM}/state"
+INPAINT_STATE = f"{of_inpainted.ROOM}/state"
+MASKS = {
+    "frame/masks": of_tracks.OVERLAY,
+    "objects/masks": of_complete.OVERLAY,
+    "affordance/masks": f"{of_affordances.ROOM}/overlay",
+}
+"""where masks are drawn -> the overlay topic whose palette names them"""
+
+
+def save(path: Path, out: Path) -> None:
+    """Write an .rrd that carries its layout."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    stream = _stream(path)
+    stream.save(out, default_blueprint=_layout())
+    _log(path, stream)
+    stream.disconnect()
+
+
+def show(path: Path) -> None:
+    """Open the viewer and send it the recording."""
+    stream = _stream(path)
+    stream.spawn(default_blueprint=_layout())
+    _log(path, stream)
+    stream.disconnect()
+
+
+def _stream(path: Path) -> rr.RecordingStream:
+    stream = rr.RecordingStream(APPLICATION, recording_id=path.stem)
+    stream.send_recording_name(path.stem)
+    return stream
+
+
+def _layout() -> rrb.Blueprint:
+    clean = "/clean/image"
+    pictures = rrb.Grid(
+        rrb.Spatial2DView(origin="/frame", name="hands and objects"),
+        rrb.Spatial2DView(origin="/clean", name="hands removed"),
+        rrb.Spatial2DView(origin="/objects", contents=["$origin/**", clean], name="complete objects"),
+        rrb.Spatial2DView(origin="/affordance", contents=["$origin/**", clean], name="affordance"),
+        grid_columns=2,
+    )
+    words = rrb.Vertical(
+        rrb.TextDocumentView(origin="/task", name="task"),
+        rrb.TextLogView(origin="/log", name="narrations"),
+        rrb.TimeSeriesView(origin="/plots/confidence", name="confidence of each mask"),
+        rrb.TimeSeriesView(origin="/plots/sample", name="sample and inpainting"),
+        row_shares=[3, 2, 3, 3],
+    )
+    return rrb.Blueprint(rrb.Horizontal(pictures, words, column_shares=[2, 1]), collapse_panels=True)
+
+
+def _log(path: Path, stream: rr.RecordingStream) -> None:
+    named = {topic: list(palette) for topic, palette in _palettes(path).items()}
+    for topic, palette in _palettes(path).items():
+        place = next(place for place, overlay in MASKS.items() if overlay == topic)
+        classes = [rr.AnnotationInfo(n + 1, word, colour) for n, (word, colour) in enumerate(palette.items())]
+        stream.log(place.split("/")[0], rr.AnnotationContext([rr.AnnotationInfo(0, "", (0, 0, 0, 0)), *classes]), static=True)
+    for moment in moments(path):
+        stream.set_time("media_time", duration=moment.time_ns / 1e9)
+        state = moment.one(of_frames.STATE)
+        if state is not None:
+            stream.set_time("frame", sequence=state.frame)
+        _pictures(moment, stream, named)
+        _task(moment, stream)
+        for name, number in _numbers(moment):
+            stream.log(f"plots/{name}", rr.Scalars(number))
+
+
+def _palettes(path: Path) -> dict[str, dict[str, list[int]]]:
+    """Overlay topic -> word of each mask -> colour, in the order of drawing."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    channels = summary.channels.values() if summary else ()
+    found = {c.topic: json.loads(c.metadata["palette"]) for c in channels if c.topic in MASKS.values()}
+    return dict(sorted(found.items()))
+
+
+def _pictures(moment: Moment, stream: rr.RecordingStream, named: dict[str, list[str]]) -> None:
+    for place, topic in (("frame/image", of_frames.IMAGE), ("clean/image", f"{of_inpainted.ROOM}/image")):
+        found = moment.one(topic)
+        if found is not None:
+            stream.log(place, rr.EncodedImage(contents=found.data, media_type="image/jpeg"))
+    for place, topic in MASKS.items():
+        labels = _labels(moment, topic, named.get(topic, []))
+        if labels is not None:
+            stream.log(place, rr.SegmentationImage(labels, opacity=0.6, draw_order=10.0))
+
+
+def _labels(moment: Moment, overlay: str, words: list[str]) -> np.ndarray | None:
+    """(h, w) uint8, 1 + index of the mask on top, out of the mask topics beside an overlay; None when there are none."""
+    room = overlay.rpartition("/")[0]
+    labels: np.ndarray | None = None
+    for n, word in enumerate(words, 1):
+        mask = moment.picture(f"{room}/{word}")
+        if mask is not None:
+            labels = np.zeros(mask.shape, np.uint8) if labels is None else labels
+            labels[mask > 0] = n
+    return labels
+
+
+def _task(moment: Moment, stream: rr.RecordingStream) -> None:
+    state, said = moment.one(AFFORDANCE_STATE), moment.values.get(of_labels.NARRATION, [])
+    if state is not None:
+        stream.log("task", rr.TextDocument(_markdown(state, said), media_type=rr.MediaType.MARKDOWN))
+    for line in moment.values.get(of_labels.LOG, []):
+        stream.log("log", rr.TextLog(line.message))
+
+
+def _markdown(state: Any, said: list[Any]) -> str:
+    title = " / ".join(n.text for n in said) or "(no narration)"
+    verdict = f"accepted, quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}"
+    rows = {"verb, noun": "; ".join(f"{n.verb}, {n.noun}" for n in said), "hands": state.taxonomy,
+            "left hand": state.left_object or "nothing", "right hand": state.right_object or "nothing",
+            "sample": verdict}  # fmt: skip
+    table = "\n".join(f"| {key} | {text.replace('_', ' ')} |" for key, text in rows.items())
+    return f"## {title}\n\n| | |\n|---|---|\n{table}\n"
+
+
+def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
+    """Curves: confidence of what is in sight, quality of samples, confidence of inpainting."""
+    for topic, values in moment.values.items():
+        if topic.startswith(of_tracks.ROOM) and topic.endswith("/state") and values[-1].visible:
+            yield f"confidence/{topic.split('/')[2]}", values[-1].confidence
+    for name, topic, attribute in (("quality", AFFORDANCE_STATE, "quality"), ("inpainting", INPAINT_STATE, "confidence")):
+        state = moment.one(topic)
+        if state is not None:
+            yield f"sample/{name}", getattr(state, attribute)
