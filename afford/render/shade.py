@@ -18,7 +18,7 @@ DISPLAY = (np.linspace(0, 1, 4096) ** (2 / 2.2)).astype(np.float32)
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba infers
-    """Bilinear texel of one level at (u, v) in its own texels, wrapped."""
+    """Bilinear texel of one level at (u, v) in its own texels, wrapped; linear RGB."""
     left, top = np.floor(u), np.floor(v)
     s, t = u - left, v - top
     j, i = int(left), int(top)
@@ -26,11 +26,10 @@ def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba
     j1, i1 = (j + 1) & (w - 1), (i + 1) & (h - 1)
     a, b, c, d = offset + i0 * w + j0, offset + i0 * w + j1, offset + i1 * w + j0, offset + i1 * w + j1
     wa, wb, wc, wd = (F(1) - s) * (F(1) - t), s * (F(1) - t), (F(1) - s) * t, s * t
-    return (
-        texels[a, 0] * wa + texels[b, 0] * wb + texels[c, 0] * wc + texels[d, 0] * wd,
-        texels[a, 1] * wa + texels[b, 1] * wb + texels[c, 1] * wc + texels[d, 1] * wd,
-        texels[a, 2] * wa + texels[b, 2] * wb + texels[c, 2] * wc + texels[d, 2] * wd,
-    )
+    red = F(texels[a, 0]) * wa + F(texels[b, 0]) * wb + F(texels[c, 0]) * wc + F(texels[d, 0]) * wd
+    green = F(texels[a, 1]) * wa + F(texels[b, 1]) * wb + F(texels[c, 1]) * wc + F(texels[d, 1]) * wd
+    blue = F(texels[a, 2]) * wa + F(texels[b, 2]) * wb + F(texels[c, 2]) * wc + F(texels[d, 2]) * wd
+    return red * red, green * green, blue * blue
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -58,6 +57,7 @@ def sample(texels, levels, u, v, ux, vx, uy, vy):  # type: ignore[no-untyped-def
             p, q, s = _texel(texels, level[0], level[1], level[2], x * F(level[2]) - F(0.5), y * F(level[1]) - F(0.5))
             weight = F(1) if high == low or part == 0 else (F(1) - part if which == 0 else part)
             r, g, b = r + p * weight, g + q * weight, b + s * weight
+    share *= F(1 / 65025)
     return r * share, g * share, b * share
 
 

@@ -14,7 +14,7 @@ GAMMA = 2.2
 
 @dataclass(frozen=True, eq=False)
 class Textures:
-    """A pool of mip-mapped images. `texels` (n, 3) float32 linear RGB; `levels` (images, levels, 3) int64: offset, height,
+    """A pool of mip-mapped images. `texels` (n, 3) uint8, 255 x the square root of linear RGB; `levels` (images, levels, 3) int64: offset, height,
     width of each level; `layer` finds an image by identity (the pool keeps the images alive)."""
 
     texels: np.ndarray
@@ -39,13 +39,17 @@ class Textures:
                 level = pyramid[min(k, len(pyramid) - 1)]
                 row[k] = (offset if k < len(pyramid) else row[k - 1, 0], *level.shape[:2])
                 offset += level.shape[0] * level.shape[1] if k < len(pyramid) else 0
-        texels = np.concatenate([level.reshape(-1, 3) for pyramid in pyramids for level in pyramid])
+        texels = np.concatenate([_roots(level).reshape(-1, 3) for pyramid in pyramids for level in pyramid])
         return Textures(texels, levels, {key: k for k, key in enumerate(unique)}, images)
 
 
 def linear(image: np.ndarray) -> np.ndarray:
     """(h, w, 3) uint8 sRGB to float32 linear 0..1."""
     return ((np.arange(256) / 255.0) ** GAMMA).astype(np.float32)[image]
+
+
+def _roots(level: np.ndarray) -> np.ndarray:
+    return (np.sqrt(level) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
 def _pyramid(image: np.ndarray) -> list[np.ndarray]:
