@@ -43,6 +43,12 @@ def fingerprint(modules: Modules, function: str, select: Mapping[str, object]) -
     return Fingerprint(digest("afford-closure", walk.definitions), walk.definitions, walk.third_party, walk.files)
 
 
+def reachable_third_party(root: Path, function: str) -> set[str]:
+    """Top-level import names of all packages that a stage can reach, whichever backend is selected: what its LIBRARIES must
+    cover."""
+    return fingerprint(Modules(root), function, {}).third_party
+
+
 def declarations(modules: Modules, module: str) -> dict[str, Any]:
     """The literal LIBRARIES, THREADS and MEMORY_GIB of a stage's module; ValueError when one has the wrong type."""
     found = modules.get(module)

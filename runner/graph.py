@@ -88,16 +88,26 @@ class Graph:
         """A value known now; a tuple is a list of them."""
         return cast(T, self._new("leaf", name, value=value))
 
+    @property
+    def ctx(self) -> Any:
+        """What to pass as `ctx` of a stage that wants one, for type checkers; the runner supplies it, said or not."""
+        return None
+
+    def named(self, name: str) -> Named:
+        """`g.named("b").add(...)` adds a stage under another name than its module's, to use one function twice."""
+        return Named(self, name)
+
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        """One stage. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is supplied by the runner;
-        `name=` tells apart two uses of one function. GraphError when the arguments do not fit."""
-        given = dict(kwargs)
-        name = str(given.pop("name", fn.__module__.rpartition(".")[2]))
+        """One stage, named after its module. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is
+        supplied by the runner. GraphError when the arguments do not fit."""
+        return self._add(fn.__module__.rpartition(".")[2], fn, args, kwargs)
+
+    def _add(self, name: str, fn: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> T:
         if any(node.sort == "stage" and node.name == name for node in self.nodes):
-            raise GraphError(f"stage {name!r} is added twice; name the second one: g.add(..., name='{name}_again')")
+            raise GraphError(f"stage {name!r} is added twice; name the second one: g.named('{name}_again').add(...)")
         if "." in fn.__qualname__:
             raise GraphError(f"{name}: expected a function of a module, got {fn.__qualname__}; workers import it by its name")
-        bound, wants_ctx = _bind(fn, args, given, name)
+        bound, wants_ctx = _bind(fn, args, kwargs, name)
         params = bound.pop("params", None)
         if params is not None and not _is_frozen(params):
             raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
@@ -197,6 +207,17 @@ class Graph:
             self._recording = False
         if recorded is not None:
             self.recorded.append(recorded)
+
+
+class Named:
+    """A graph that adds the next stage under a given name."""
+
+    def __init__(self, graph: Graph, name: str) -> None:
+        self._graph, self._name = graph, name
+
+    def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        """As `Graph.add`."""
+        return self._graph._add(self._name, fn, args, kwargs)
 
 
 def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], name: str) -> tuple[dict[str, Any], bool]:

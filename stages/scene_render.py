@@ -18,7 +18,7 @@ from schemas.context import Context
 from schemas.scene import RenderedClip, SceneSpec
 
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
-             "pycocotools", "zstandard")
+             "pycocotools", "zstandard", "pybullet", "gymnasium")
 THREADS = 1
 MEMORY_GIB = 2.0
 
