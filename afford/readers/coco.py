@@ -9,8 +9,9 @@ import numpy as np
 from pycocotools import mask as coco_mask
 
 from afford.readers.errors import SourceError
-from afford.readers.polygons import trace
-from afford.readers.rows import Row, Sheet
+from afford.readers.polygons import FAR_PX, trace
+from afford.readers.rows import Row, Sheet, grid_size, worn_on
+from afford.readers.run_lengths import decode
 from afford.readers.strict_json import entry
 from afford.readers.visor import frame_number
 from schemas.clip import Polygon
@@ -27,22 +28,26 @@ def sheets(document: Any, name: str) -> list[Sheet]:
     images = entry(document, "images", list, name)
     raws: dict[Any, list[Any]] = {entry(image, "id", int, f"{name}, images"): [] for image in images}
     for raw in entry(document, "annotations", list, name):
-        where = f"{name}, annotation {raw.get('id')}"
-        if raw.get("image_id") not in raws:
-            raise SourceError(f"{where}, field 'image_id'", "the id of an image", repr(raw.get("image_id")), "correct it")
+        where = f"{name}, annotation {entry(raw, 'id', int, f'{name}, annotations')}"
+        if entry(raw, "image_id", int, where) not in raws:
+            raise SourceError(f"{where}, field 'image_id'", "the id of an image", str(raw["image_id"]), "correct it")
         raws[raw["image_id"]].append(raw)
-    offset = 1 - int((document.get("info") or {}).get("first_frame", 1))
+    offset = 1 - _first_frame(document.get("info"))
     found = [_sheet(image, raws[image["id"]], names, name, offset) for image in images]
     return sorted((sheet for sheet in found if sheet.rows), key=lambda sheet: sheet.frame)
+
+
+def _first_frame(info: Any) -> int:
+    return 0 if isinstance(info, dict) and info.get("first_frame") == 0 else 1
 
 
 def _sheet(image: Any, raws: list[Any], names: Mapping[int, str], name: str, offset: int) -> Sheet:
     where = f"{name}, image {image['id']}"
     file_name = str(image.get("file_name", ""))
-    number = int(image["frame"]) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
+    number = entry(image, "frame", int, where) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
     if number + offset < 1:
         raise SourceError(where, "frame numbers from 1 on", str(number), 'if they start at 0, add "info": {"first_frame": 0}')
-    width_px, height_px = entry(image, "width", int, where), entry(image, "height", int, where)
+    width_px, height_px = grid_size(image, where)
     rows = tuple(_row(raw, names, f"{name}, annotation {raw.get('id')}", (height_px, width_px)) for raw in raws)
     return Sheet(where, file_name, number + offset, width_px, height_px, rows)
 
@@ -51,29 +56,44 @@ def _row(raw: Any, names: Mapping[int, str], where: str, size_hw: tuple[int, int
     category = entry(raw, "category_id", int, where)
     if category not in names:
         raise SourceError(f"{where}, field 'category_id'", "the id of a category", str(category), "correct it")
-    more = raw.get("attributes") or {}
+    more = raw["attributes"] if isinstance(raw.get("attributes"), dict) else {}
     contact = raw.get("in_contact_object", more.get("in_contact_object"))
     return Row(
         annotation_id=str(entry(raw, "id", int, where)), name=names[category], class_id=-1,
         contact="" if contact is None else str(contact), exhaustive="inconclusive",
-        worn=tuple(raw.get("on_which_hand", more.get("on_which_hand")) or ()),
+        worn=worn_on(raw.get("on_which_hand", more.get("on_which_hand")), where),
         polygons=_outlines(raw.get("segmentation"), where, size_hw))
 
 
 def _outlines(segmentation: Any, where: str, size_hw: tuple[int, int]) -> tuple[Polygon, ...]:
     """Outlines that give the mask as COCO draws it: the union of its polygons, or its run lengths."""
+    label = f"{where}, field 'segmentation'"
     if not segmentation:
         return ()
+    if isinstance(segmentation, list):
+        return trace(_draw(_flat(segmentation, label), size_hw))
+    size = entry(segmentation, "size", list, label)
+    if tuple(size) != size_hw:
+        raise SourceError(f"{label}, 'size'", f"the image's (h, w) {size_hw}", f"{size}", "correct it or the image's size")
     try:
-        codes = coco_mask.frPyObjects(segmentation, *size_hw) if _must_encode(segmentation) else segmentation
-        mask = coco_mask.decode(coco_mask.merge(codes) if isinstance(codes, list) else codes)
-    except (TypeError, ValueError, KeyError, AttributeError) as error:
-        raise SourceError(f"{where}, field 'segmentation'", "COCO polygons or run lengths", str(error), "correct it") from error
-    if mask.shape != size_hw:
-        raise SourceError(f"{where}, field 'segmentation'", f"the image's size (h, w) {size_hw}", f"{mask.shape}",
-                          "correct 'size' or the image's 'width' and 'height'")
-    return trace(np.asarray(mask, bool))
+        return trace(decode(segmentation.get("counts"), *size_hw))
+    except ValueError as error:
+        raise SourceError(label, "run lengths that fill the image", str(error), "export the masks again") from error
 
 
-def _must_encode(segmentation: Any) -> bool:
-    return isinstance(segmentation, list) or isinstance(segmentation["counts"], list)
+def _flat(segmentation: list[Any], label: str) -> list[list[float]]:
+    """Polygons as flat lists of x, y; corners far outside are pulled in."""
+    try:
+        flat = [np.asarray(polygon, np.float64) for polygon in segmentation if polygon]
+    except (TypeError, ValueError):
+        flat = [np.zeros(0)]
+    if any(p.ndim != 1 or len(p) < 6 or len(p) % 2 or not np.isfinite(p).all() for p in flat):
+        raise SourceError(label, "polygons as flat lists [x, y, x, y, x, y, ...]", repr(segmentation)[:60], "correct it")
+    return [np.clip(polygon, -FAR_PX, FAR_PX).tolist() for polygon in flat]
+
+
+def _draw(polygons: list[list[float]], size_hw: tuple[int, int]) -> np.ndarray:
+    """Their union, (h, w) bool."""
+    if not polygons:
+        return np.zeros(size_hw, bool)
+    return np.asarray(coco_mask.decode(coco_mask.merge(coco_mask.frPyObjects(polygons, *size_hw))), bool)

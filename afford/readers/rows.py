@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.readers.errors import SourceError
 from afford.readers.polygons import FAR_PX
+from afford.readers.strict_json import entry
 from schemas.clip import Polygon
 
 SLACK_PX = 1.0
@@ -45,6 +46,23 @@ class Sheet:
     rows: tuple[Row, ...]
 
 
+def grid_size(image: Any, where: str) -> tuple[int, int]:
+    """(width, height) that an image entry states; SourceError when they are no sensible size."""
+    size = entry(image, "width", int, where), entry(image, "height", int, where)
+    if not 0 < min(size) <= max(size) <= FAR_PX:
+        label = f"{where}, fields 'width' and 'height'"
+        raise SourceError(label, f"1 to {FAR_PX} px", f"{size[0]} and {size[1]}", "correct them")
+    return size
+
+
+def worn_on(said: Any, where: str) -> tuple[str, ...]:
+    """Names of the hands that a glove is on; SourceError when they are not names."""
+    names = [said] if isinstance(said, str) else said or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise SourceError(f"{where}, field 'on_which_hand'", "a list of hands", repr(said)[:60], "correct it")
+    return tuple(names)
+
+
 def outlines(segments: Any, where: str) -> tuple[Polygon, ...]:
     """Polygons of [[x, y], ...] lists; empty ones are left out. SourceError when one is not a list of number pairs."""
     if not isinstance(segments, list):
@@ -58,7 +76,7 @@ def _corners(segment: Any, where: str) -> np.ndarray:
         exact = np.asarray(segment, np.float64)
     except (TypeError, ValueError):
         exact = np.zeros(0)
-    if exact.ndim != 2 or exact.shape[1] != 2:
+    if exact.ndim != 2 or exact.shape[1] != 2 or not np.isfinite(exact).all():
         raise SourceError(f"{where}, field 'segments'", "polygons as lists of [x, y] numbers", repr(segment)[:60],
                           "correct the annotation")
     exact = np.clip(exact, -FAR_PX, FAR_PX)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from afford.readers.errors import SourceError
-from afford.readers.rows import Row, Sheet, outlines
+from afford.readers.rows import Row, Sheet, grid_size, outlines, worn_on
 from afford.readers.strict_json import entry
 from afford.video.number import number_in
 
@@ -43,7 +43,7 @@ def _sheet(point: Any, where: str, grid_wh: tuple[int, int], mapped: Mapped) -> 
     image = entry(point, "image", dict, where)
     name = entry(image, "name", str, where)
     label = f"{where} ({name})"
-    width_px, height_px = (int(image.get(key, size)) for key, size in zip(("width", "height"), grid_wh, strict=True))
+    width_px, height_px = grid_size(image, label) if {"width", "height"} & image.keys() else grid_wh
     raws = entry(point, "annotations", list, label)
     rows = tuple(_row(raw, f"{label}, annotation {i}") for i, raw in enumerate(raws, start=1))
     return Sheet(label, name, frame_number(mapped.get(name, name), label), width_px, height_px, rows)
@@ -51,13 +51,12 @@ def _sheet(point: Any, where: str, grid_wh: tuple[int, int], mapped: Mapped) -> 
 
 def _row(raw: Any, where: str) -> Row:
     name = entry(raw, "name", str, where)
-    worn = raw.get("on_which_hand") or ()
     return Row(
         annotation_id=str(raw.get("id") or f"{name} at {where}"),
         name=name,
         class_id=entry(raw, "class_id", int, where) if raw.get("class_id") is not None else -1,
         contact=str(raw.get("in_contact_object") or ""),
         exhaustive=str(raw.get("exhaustive") or "inconclusive"),
-        worn=(worn,) if isinstance(worn, str) else tuple(worn),
+        worn=worn_on(raw.get("on_which_hand"), where),
         polygons=outlines(entry(raw, "segments", list, where), where),
     )
