@@ -61,9 +61,6 @@ class Origin(NamedTuple):
     videos: tuple[RenderedClip, ...] = ()
 
 
-RECORDED = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect", "narration_labelling")
-
-
 class Extracted(NamedTuple):
     """Handles of what the extraction stages make of one clip."""
 
@@ -74,6 +71,13 @@ class Extracted(NamedTuple):
     complete: CompleteObjects
     affordances: Affordances
     labels: FrameLabels
+
+    def recorded(self) -> dict[str, stage_record.Recorded]:
+        """What a recording shows, by stage."""
+        return {
+            "frame_decode": self.frames, "mask_densify": self.tracks, "hand_inpaint": self.inpainted,
+            "object_completion": self.complete, "affordance_intersect": self.affordances, "narration_labelling": self.labels,
+        }  # fmt: skip
 
 
 def extract(g: Graph, files: FileTree, p: Settings) -> Extracted:
@@ -92,30 +96,32 @@ def pack(g: Graph, x: Extracted, p: Settings) -> FileTree:
     """What was extracted from all clips -> one data set."""
     samples = g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
                     complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
-    return g.add(dataset_pack.run, samples=g.collect(samples), params=p.dataset_pack)
+    return g.add(dataset_pack.run, samples=g.collect(samples), params=p.dataset_pack, ctx=g.ctx)
 
 
 def score(g: Graph, files: FileTree, truth: FileTree, p: Settings) -> FileTree:
     """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
     x = extract(g, files, p)
     thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
-    sparse = g.add(mask_densify.run, clip=thin,  frames=x.frames, name="mask_densify_gap30",         params=p.mask_densify)
+    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify)
     scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
                    inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction_score)
-    return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report)
+    return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report, ctx=g.ctx)
 
 
 def record(g: Graph, x: Extracted) -> FileTree:
     """Every stage of a clip -> its own recording, then one recording of the clip that a viewer opens."""
-    parts = tuple(g.add(stage_record.run, name=f"record_{stage}", value=value, frames=x.frames, params=stage_record.Params(stage))
-                  for stage, value in zip(RECORDED, x[1:], strict=True))
-    return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params())
+    parts = tuple(
+        g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
+        for stage, value in x.recorded().items()
+    )
+    return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx)
 
 
 def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
     """Every video with its files and its ground truth."""
     if origin.specs:
-        return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.scene_render)
+        return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.scene_render, ctx=g.ctx)
     return g.each(g.leaf("videos", origin.videos))
 
 

@@ -52,7 +52,7 @@ def test_a_stage_is_added_twice_only_under_another_name() -> None:
     g.add(pair.run, word=word)
     with pytest.raises(GraphError, match="added twice"):
         g.add(pair.run, word=word)
-    g.add(pair.run, word=word, name="pair_again")  # type: ignore[call-arg]
+    g.named("pair_again").add(pair.run, word=word)
     assert [node.name for node in g.stages()] == ["pair", "pair_again"]
 
 
@@ -81,7 +81,7 @@ def test_a_recorder_sees_every_stage_and_may_add_its_own() -> None:
 
     def record(name: str, handle: Word) -> object:
         seen.append(name)
-        return g.add(join.run, words=g.collect(handle), name=f"record_{name}")  # type: ignore[call-arg]
+        return g.named(f"record_{name}").add(join.run, words=g.collect(handle))
 
     g = Graph(record)
     g.add(shout.run, part=g.each(words(g)), word=g.leaf("w", Word("a", "x")), params=shout.Params())

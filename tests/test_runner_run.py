@@ -174,7 +174,7 @@ def test_two_names_of_one_function_share_what_they_made(project: Project) -> Non
     g = Graph()
     word = g.leaf("word", Word("a", "x"))
     one = g.add(join.run, words=(word,))  # type: ignore[call-arg]
-    two = g.add(join.run, words=(word,), name="again")  # type: ignore[call-arg]
+    two = g.named("again").add(join.run, words=(word,))
     g.target("both", one, two)
     report = project.runner(2).run(g, "both")
     assert (report.ran, report.cached) in [({"join": 1}, {"again": 1}), ({"again": 1}, {"join": 1})]
