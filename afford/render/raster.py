@@ -12,6 +12,8 @@ import numpy as np
 from afford.render.model import Camera
 
 NEAR_M = 0.02
+SEAM = -1e-9
+"""Samples this far outside an edge still count, so that neighbours leave no gap for rounding."""
 
 
 def project(vertices: np.ndarray, camera: Camera) -> np.ndarray:
@@ -91,6 +93,6 @@ def fill(E, bounds, first, last, supersample, nearness, seen):  # type: ignore[n
             for column in range(x_low, x_high):
                 t = (column - x_low) * step
                 near = a + b + c + total * t
-                if a + a0 * t >= 0 and b + b0 * t >= 0 and c + c0 * t >= 0 and limit > near > nearness[row, column]:
+                if a + a0 * t >= SEAM and b + b0 * t >= SEAM and c + c0 * t >= SEAM and limit > near > nearness[row, column]:
                     nearness[row, column] = near
                     seen[row, column] = f

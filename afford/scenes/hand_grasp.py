@@ -35,6 +35,8 @@ CLOSED = {
     "flat_edge": (0.9, 0.6, 0.5, 0.5) + (0.0, 1.0, 0.6, 0.3) * 4,
 }
 STEPS = 36
+VOTES = 8
+"""Surface points that vote on whether a point is inside."""
 SINK_M = 0.0012
 """How far the flesh gives way."""
 
@@ -63,19 +65,19 @@ def close_on(kind: str, distance: Distance) -> np.ndarray:
     """
     angles, goal = np.array(OPENING[kind]), np.array(CLOSED[kind])
     stride = (goal - angles) / STEPS
-    before = _depths(angles, distance)
+    before = link_depths(angles, distance)
     for _ in range(STEPS):
         for joint in range(4):
             trial = angles.copy()
             trial[joint::4] = np.minimum(trial[joint::4] + stride[joint::4], HIGH[joint::4])
-            depth = _depths(trial, distance)
+            depth = link_depths(trial, distance)
             pressed = (depth > np.maximum(before, SINK_M)).any(axis=1)
             angles[joint::4] = np.where(pressed, angles[joint::4], trial[joint::4])
             before = np.where(pressed[:, None], before, depth)
     return angles
 
 
-def _depths(angles: np.ndarray, distance: Distance) -> np.ndarray:
+def link_depths(angles: np.ndarray, distance: Distance) -> np.ndarray:
     """(5, 3) how deep each link is in the object, metres, negative when it is away."""
     points, radius = link_points(angles)
     gap = distance(points.reshape(-1, 3)).reshape(radius.shape) - radius
@@ -97,8 +99,8 @@ def distance_to(mesh: Mesh, T_palm_mesh: np.ndarray, side: str, *, samples: int 
     tree = cKDTree(points)
 
     def distance(p: np.ndarray) -> np.ndarray:
-        gap, index = tree.query(p)
-        outside = ((p - points[index]) * outward[index]).sum(axis=1) >= 0
-        return np.where(outside, gap, -gap)
+        gap, index = tree.query(p, k=VOTES)
+        votes = ((p[:, None] - points[index]) * outward[index]).sum(axis=(1, 2))
+        return np.where(votes >= 0, gap[:, 0], -gap[:, 0])
 
     return distance
