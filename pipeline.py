@@ -34,6 +34,7 @@ from stages import (
     stage_record,
 )
 
+
 @dataclass(frozen=True)
 class Settings:
     """The parameters of every stage, by stage."""

@@ -11,7 +11,7 @@ import typer
 from commands.errors import UsageError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
-                  help="From video of people to where each hand goes on an object: one staged, content-hashed pipeline.")  # fmt: skip
+                  help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
 
 Target = Annotated[str, typer.Argument(help="dataset, recordings, scenes or extraction-report")]
 SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC-format root or your own folder; default: rendered clips")]

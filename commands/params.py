@@ -22,7 +22,8 @@ def show(stage: str | None, json: bool) -> int:
     chosen = {name: value for name, value in stages.items() if stage in (None, name, name.replace("_", "-"))}
     rows = [(name, *row) for name, value in chosen.items() for row in described(type(value))]
     if json:
-        sys.stdout.write(encoder.dumps([dict(zip(("stage", "name", "type", "default", "doc"), row, strict=True)) for row in rows]) + "\n")
+        columns = ("stage", "name", "type", "default", "doc")
+        sys.stdout.write(encoder.dumps([dict(zip(columns, row, strict=True)) for row in rows]) + "\n")
         return 0
     table = Table("parameter", "type", "default", "meaning", box=None)
     for name, field, kind, default, doc in rows:

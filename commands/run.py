@@ -75,7 +75,8 @@ def run(request: Request) -> int:
             report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
             outputs = _publish(runner, report, place)
     _refused(report, source)
-    summary = Summary(target, report.ran, report.cached, report.failed, outputs, _metrics(report, outputs), round(report.seconds, 3))
+    metrics = _metrics(report, outputs)
+    summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3))
     _show(summary, report, source)
     if request.json:
         sys.stdout.write(json.dumps(vars(summary), sort_keys=True) + "\n")

@@ -98,6 +98,7 @@ def test_importing_the_map_loads_nothing_heavy() -> None:
 def test_the_rules_can_fail(tmp_path: Path) -> None:
     """A planted cheat is seen: an import inside a function counts, one for type checkers does not."""
     cheat = tmp_path / "cheat.py"
-    cheat.write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import stages.mask_densify\n")
+    hidden = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\n"
+    cheat.write_text(hidden + "def f():\n    import stages.mask_densify\n")
     assert "stages.mask_densify" in imported(cheat)
     assert "torch" not in imported(cheat)

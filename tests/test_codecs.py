@@ -29,8 +29,8 @@ def example(kind: type, seed: int) -> Any:
     """A value of any schema, filled from its own field declarations."""
     rng = np.random.default_rng(seed)
     hints = typing.get_type_hints(kind, vars(sys.modules[kind.__module__]) | {"np": np})
-    parts = {f.name: array(f.metadata, rng) if "shape" in f.metadata else plain(hints[f.name], seed) for f in dataclasses.fields(kind)}
-    return kind(**parts)
+    fields = dataclasses.fields(kind)
+    return kind(**{f.name: array(f.metadata, rng) if "shape" in f.metadata else plain(hints[f.name], seed) for f in fields})
 
 
 def array(meta: Any, rng: np.random.Generator) -> np.ndarray:

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.tiny_models import save_vidm
 
 from afford.backends.inpaint.vidm import context, inpaint
 from afford.models.vidm import load_model
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
+from tests.tiny_models import save_vidm
 
 
 @pytest.fixture(scope="module")

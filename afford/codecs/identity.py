@@ -48,7 +48,8 @@ def _scalar(value: object) -> tuple[str, bytes]:
         return "int", str(int(value)).encode()
     if isinstance(value, float):
         return "float", struct.pack("<d", value)
-    raise TypeError(f"no content digest for a {type(value).__name__}" + (": keep paths in FileRef" if isinstance(value, Path) else ""))
+    hint = ": keep paths in FileRef" if isinstance(value, Path) else ""
+    raise TypeError(f"no content digest for a {type(value).__name__}{hint}")
 
 
 def _tag(hasher: blake3, tag: str, data: bytes) -> None:

@@ -8,7 +8,7 @@ shape]}`` or ``{"video": [file, shape]}`` for a file of its own.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +80,10 @@ class Reader:
     def get(self, reference: Mapping[str, Any]) -> np.ndarray:
         """The array of a reference."""
         ((encoding, where),) = reference.items()
-        value = {"raw": self._flat, "rle": self._masks, "zstd": self._zstd, "video": self._video}[encoding](*where)
+        ways: dict[str, Callable[..., np.ndarray]] = {
+            "raw": self._flat, "rle": self._masks, "zstd": self._zstd, "video": self._video,
+        }  # fmt: skip
+        value = ways[encoding](*where)
         value.setflags(write=False)
         return value
 

@@ -27,7 +27,8 @@ def draw(stages: list[str], edges: list[tuple[str, str]], path: Path) -> None:
         (x0, y0), (x1, y1) = place[source], place[target]
         axes.annotate("", (x1 - 1.02, y1), (x0 + 1.02, y0), arrowprops={"arrowstyle": "-|>", "color": "#7a8794", "lw": 0.9})
     for stage, (x, y) in place.items():
-        box = {"boxstyle": "round,pad=0.45", "fc": "#f0f4f8" if stage.startswith("record") else "#d7e6f5", "ec": "#34495e", "lw": 0.9}
+        fill = "#f0f4f8" if stage.startswith("record") else "#d7e6f5"
+        box = {"boxstyle": "round,pad=0.45", "fc": fill, "ec": "#34495e", "lw": 0.9}
         axes.text(x, y, stage.replace("_", "\n", 1) if len(stage) > 18 else stage, ha="center", va="center", fontsize=8.5, bbox=box)
     axes.set(xlim=(-1.3, 2.6 * max(columns) + 1.3), ylim=(-tallest / 2 - 0.1, tallest / 2 + 0.1))
     axes.axis("off")

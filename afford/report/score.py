@@ -71,7 +71,7 @@ def align(truth: ClipTruth, frame: np.ndarray) -> Aligned:
 
 def score_densify(tally: Tally, aligned: Aligned, tracks: Tracks, gap: str) -> None:
     """J and F of the tracks and of the nearest key frame, e.g. `densify.j.gap15`, `baseline.nearest.j.gap15`."""
-    is_key = (tracks.flags & TrackFlag.KEY).any(axis=0)
+    is_key = np.asarray((tracks.flags & TrackFlag.KEY).any(axis=0))
     copied = baselines.nearest_key(tracks.masks, is_key)
     for entity_id, found, plain in _tracked(aligned, tracks, copied):
         truth = aligned.visible(entity_id)

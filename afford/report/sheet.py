@@ -70,6 +70,14 @@ def encode_jpeg(rgb: np.ndarray) -> np.ndarray:
     return data.reshape(-1)
 
 
+def decode_jpeg(data: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 RGB of JPEG bytes (b,) uint8."""
+    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise ValueError(f"{data.size} bytes are no picture")
+    return bgr[..., ::-1]
+
+
 def _fit(rgb: np.ndarray, width_px: int) -> np.ndarray:
     height_px = round(rgb.shape[0] * width_px / rgb.shape[1])
     return cv2.resize(rgb, (width_px, height_px), interpolation=cv2.INTER_AREA)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
@@ -12,13 +12,13 @@ import numpy as np
 from blake3 import blake3
 from matplotlib.figure import Figure
 
-from afford.report.sheet import TITLES, encode_jpeg
+from afford.report.sheet import TITLES, decode_jpeg, encode_jpeg
 from schemas.files import FileRef, FileTree
 from schemas.report import ClipScores
 
 matplotlib.use("Agg")
 
-ROWS = (
+ROWS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("masks: J, key frames 15 apart", "densify.j.gap15", {"nearest key": "baseline.nearest.j.gap15"}),
     ("masks: F, key frames 15 apart", "densify.f.gap15", {"nearest key": "baseline.nearest.f.gap15"}),
     ("masks: J, key frames 30 apart", "densify.j.gap30", {"nearest key": "baseline.nearest.j.gap30"}),
@@ -69,16 +69,17 @@ def means(clips: Iterable[ClipScores]) -> dict[str, float]:
 
 def table(metrics: dict[str, float], standard: int, hard: int) -> str:
     """A Markdown table: ours and the baselines, on standard and on hard clips."""
-    head = f"| measure | ours, {standard} standard clips | baselines | ours, {hard} hard clips | baselines |\n|---|---|---|---|---|\n"
+    head = f"| measure | {standard} standard clips | baselines | {hard} hard clips | baselines |\n|---|---|---|---|---|\n"
     rows = []
     for title, name, plain in ROWS:
-        cells = [_cell(metrics, name), _baselines(metrics, plain, ""), _cell(metrics, f"hard.{name}"), _baselines(metrics, plain, "hard.")]
+        cells = [f(metrics, what) for prefix in ("", "hard.") for f, what in ((_cell, prefix + name), (_beside(plain), prefix))]
         rows.append(f"| {title} | " + " | ".join(cells) + " |\n")
     return "# Extraction quality on synthetic clips\n\n" + head + "".join(rows)
 
 
-def _baselines(metrics: dict[str, float], plain: dict[str, str], prefix: str) -> str:
-    return ", ".join(f"{label} {_cell(metrics, prefix + name)}" for label, name in plain.items())
+def _beside(plain: dict[str, str]) -> Callable[[dict[str, float], str], str]:
+    """The cell that names the baselines, as a function of the metrics and the prefix."""
+    return lambda metrics, prefix: ", ".join(f"{label} {_cell(metrics, prefix + name)}" for label, name in plain.items())
 
 
 def _cell(metrics: dict[str, float], name: str) -> str:
@@ -121,7 +122,7 @@ def plot(scores: tuple[ClipScores, ...], path: Path) -> None:
 
 def sheet(scores: tuple[ClipScores, ...]) -> np.ndarray:
     """The rows of all clips under a line of titles, (h, w, 3) uint8 RGB."""
-    rows = [cv2.imdecode(clip.sheet_jpeg, cv2.IMREAD_COLOR)[..., ::-1] for clip in scores]
+    rows = [decode_jpeg(clip.sheet_jpeg) for clip in scores]
     width = rows[0].shape[1]
     head = np.full((24, width, 3), 255, np.uint8)
     for i, title in enumerate(TITLES):
