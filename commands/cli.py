@@ -161,9 +161,7 @@ def main(arguments: list[str] | None = None) -> int:
     from runner import StoreError, UnknownNameError, UnknownShardError
 
     try:
-        app(arguments, standalone_mode=False)
-    except typer.Exit as end:
-        return int(end.exit_code)
+        return int(app(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that app returns
     except (UsageError, UnknownNameError, UnknownShardError) as error:
         sys.stderr.write(f"error: {error}\n")
         return 2
@@ -180,4 +178,3 @@ def main(arguments: list[str] | None = None) -> int:
         if show:
             show()
         return int(error.exit_code)
-    return 0

@@ -24,12 +24,13 @@ SORTS: dict[str, Callable[[Summary], Any]] = {
 MANY_PROBLEMS = 8
 SAID_ELSEWHERE = ("stage", "schema_version", "log_time")
 """metadata that --json shows and the summary leaves out"""
-MIN_WIDTH = 110
+NARROW = 55
+"""width of the columns of numbers"""
 
 
 def show_one(found: Summary, problems: list[str], strict: bool) -> None:
     """Topics, provenance, verdict."""
-    console = _console()
+    console = _console(max((len(topic.topic) + len(topic.schema) for topic in found.topics), default=0) + NARROW)
     span = f"{found.start_s:.2f} s to {found.start_s + found.seconds:.2f} s, {found.chunks} chunk(s)"
     counts = f"{size(found.bytes)}, {found.messages} messages on {len(found.topics)} topics"
     console.print(f"[bold]{escape(found.path)}[/]  {counts}, {span}", highlight=False, soft_wrap=True)
@@ -49,12 +50,16 @@ def show_many(found: list[tuple[Summary, list[str]]], sort: str) -> None:
     """One line per recording, in an order of SORTS."""
     if sort not in SORTS:
         raise unknown("--sort", sort, SORTS)
-    table = Table("recording", "topics", "messages", "seconds", "Hz", "size", "remark", box=None)
+    table = Table(box=None)
+    table.add_column("recording", no_wrap=True)
+    for title in ("topics", "messages", "seconds", "Hz", "size"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("problem", overflow="fold")
     for summary, problems in sorted(found, key=lambda item: SORTS[sort](item[0])):
         rate = max((topic.hz for topic in summary.topics), default=0.0)
         table.add_row(escape(summary.path), str(len(summary.topics)), str(summary.messages), f"{summary.seconds:.2f}",
                       f"{rate:.1f}", size(summary.bytes), f"[red]{escape(problems[0])}[/]" if problems else "")  # fmt: skip
-    console = _console()
+    console = _console(max(len(summary.path) for summary, _ in found) + 2 * NARROW)
     console.print(table)
     bad = sum(bool(problems) for _, problems in found)
     verdict = f"[red]{bad} with problems[/]" if bad else "[green]no problem found[/]"
@@ -76,10 +81,10 @@ def size(count: int) -> str:
     return f"{number:.1f} {unit}" if unit != "B" else f"{count} B"
 
 
-def _console() -> Console:
-    """Wide enough for the names of topics, also where the terminal is not."""
+def _console(width: int) -> Console:
+    """Wide enough for long names, also where the terminal is not."""
     console = Console()
-    console.width = max(console.width, MIN_WIDTH)
+    console.width = max(console.width, width)
     return console
 
 
@@ -87,8 +92,8 @@ def _topics(found: Summary) -> Table:
     table = Table(box=None)
     table.add_column("topic", no_wrap=True)
     table.add_column("schema", no_wrap=True)
-    for title in ("messages", "Hz", "longest gap s", "payload", "share"):
-        table.add_column(title, justify="right")
+    for title in ("messages", "Hz", "gap s", "payload", "share"):
+        table.add_column(title, justify="right", no_wrap=True)
     total = sum(topic.bytes for topic in found.topics) or 1
     for t in found.topics:
         table.add_row(escape(t.topic), t.schema, str(t.messages), f"{t.hz:.1f}", f"{t.longest_gap_s:.2f}", size(t.bytes),

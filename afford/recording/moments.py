@@ -50,9 +50,9 @@ def moments(path: Path, topics: list[str] | None = None, times_ns: list[int] | N
     """Moments in time order: of some topics or all, at some media times or all."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        spans = [(None, None)] if times_ns is None else [(EPOCH_NS + t, EPOCH_NS + t + 1) for t in sorted(times_ns)]
-        for start, end in spans:
-            found = reader.iter_decoded_messages(topics=topics, start_time=start, end_time=end)
+        instants = [None] if times_ns is None else [EPOCH_NS + t for t in sorted(times_ns)]
+        for at in instants:
+            found = reader.iter_decoded_messages(topics=topics, starting_at=at, ending_at=at)
             for time_ns, group in groupby(found, key=lambda item: item[2].log_time):
                 moment = Moment(time_ns - EPOCH_NS)
                 for _, channel, _, value in group:

@@ -1,0 +1,121 @@
+"""inspect tells what a recording holds, quickly; finds what is wrong with it; and shows it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+
+from afford.recording.summary import summarise
+from commands.cli import main
+from tests.made_recordings import T, recorded
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("inspect"))
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> dict:
+    """The JSON object that a command printed last."""
+    return json.loads(capsys.readouterr().out.splitlines()[-1])
+
+
+def test_a_summary_counts_what_is_there(recording: Path) -> None:
+    """Messages, rates, times and bytes per topic, from the indexes alone, agree with what was recorded."""
+    found = summarise(recording)
+    topics = {topic.topic: topic for topic in found.topics}
+    image = topics["/frame_decode/image"]
+    assert (image.messages, image.start_s, image.end_s) == (T, 0.04, 0.24) and image.hz == pytest.approx(25)
+    assert found.messages == sum(topic.messages for topic in found.topics) and not found.problem
+    assert image.bytes > topics["/affordance/state"].bytes > 0
+
+
+def test_a_summary_loads_nothing_heavy(recording: Path) -> None:
+    """The terminal summary imports no viewer, no learning library and no picture library."""
+    code = ("import sys; from commands.cli import main; main(['inspect', sys.argv[1]]); "
+            "print([m for m in ('rerun', 'torch', 'cv2', 'numpy', 'av') if m in sys.modules])")  # fmt: skip
+    run = subprocess.run([sys.executable, "-c", code, recording], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines()[-1] == "[]"
+    assert "/affordance/left" in run.stdout and "provenance/mask_densify" in run.stdout and "fine at a glance" in run.stdout
+
+
+def test_json_says_the_same(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One object, with every topic and the provenance."""
+    assert main(["inspect", str(recording), "--json", "--strict"]) == 0
+    said = told(capsys)
+    (one,) = said["recordings"]
+    assert said["ok"] and one["problems"] == [] and len(one["topics"]) > 20
+    assert one["metadata"]["provenance/hand_inpaint"]["schema"] == "Inpainted"
+
+
+def test_damage_makes_it_exit_1(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--strict: a flipped bit and a truncation are problems, in one recording or among many."""
+    whole = recording.read_bytes()
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 1
+    for name, data in {"flipped": bytes(flipped), "cut": whole[: len(whole) * 2 // 3], "empty": b"", "good": whole}.items():
+        (tmp_path / f"{name}.mcap").write_bytes(data)
+        assert main(["inspect", "--strict", str(tmp_path / f"{name}.mcap")]) == (0 if name == "good" else 1), name
+    capsys.readouterr()
+    assert main(["inspect", str(tmp_path), "--strict", "--json", "--sort", "problem"]) == 1
+    assert {Path(r["path"]).stem: r["ok"] for r in told(capsys)["recordings"]} == {
+        "cut": False, "empty": False, "flipped": False, "good": True}  # fmt: skip
+
+
+def test_a_folder_is_a_table(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line per recording."""
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.mcap").write_bytes(recording.read_bytes())
+    assert main(["inspect", str(tmp_path), "--sort", "bytes"]) == 0
+    said = capsys.readouterr().out
+    assert str(tmp_path / "a.mcap") in said and str(tmp_path / "b.mcap") in said and "2 recordings" in said
+
+
+def test_wrong_calls_exit_2(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No such path, an empty folder, one recording to compare, two to view, an unknown order."""
+    (tmp_path / "empty").mkdir()
+    two = [str(recording), str(recording)]
+    calls = [
+        [str(tmp_path / "none.mcap"), str(recording)], [str(tmp_path / "empty")], ["--diff", str(recording)],
+        [*two, "--save", str(tmp_path / "x.rrd")], [*two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
+    ]  # fmt: skip
+    for arguments in calls:
+        assert main(["inspect", *arguments]) == 2, arguments
+        assert "expected" in (said := capsys.readouterr().err) or "unknown" in said
+
+
+def test_differences_exit_1(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--diff: 0 for the same content; else 1, and the first topic and time that differ."""
+    assert main(["inspect", "--diff", str(recording), str(recording)]) == 0
+    assert "the same content" in capsys.readouterr().out
+    other = recorded(tmp_path / "other", seed=1)
+    assert main(["inspect", "--diff", str(recording), str(other)]) == 1
+    said = capsys.readouterr().out
+    assert "metadata provenance/frame_decode.artifact" in said and "first difference: /frame_decode/image at 0.040000 s" in said
+
+
+def test_a_sheet_shows_every_column(recording: Path, tmp_path: Path) -> None:
+    """--sheet: a picture with a row per moment, none of whose columns is empty."""
+    assert main(["inspect", str(recording), "--sheet", str(tmp_path / "sheet.png")]) == 0
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet is not None and sheet.shape[1] > 1500 and sheet.shape[0] > 228 * min(T, 8)
+    for column in range(6):
+        assert sheet[40:240, column * 308 + 4 : column * 308 + 240].std() > 5, column
+
+
+def test_a_viewer_file_is_written(recording: Path, tmp_path: Path) -> None:
+    """--save: Rerun reads the file back, with pictures, named masks, words, curves and a layout."""
+    out = tmp_path / "clip.rrd"
+    assert main(["inspect", str(recording), "--save", str(out)]) == 0
+    from rerun.chunk import RrdReader
+
+    paths = {str(chunk.entity_path) for chunk in RrdReader(out).stream()}
+    assert {"/frame/image", "/frame/masks", "/clean/image", "/objects/masks", "/affordance/masks", "/task", "/log"} <= paths
+    assert "/plots/confidence/left_hand" in paths and "/plots/sample/quality" in paths
