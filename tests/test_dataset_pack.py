@@ -176,6 +176,14 @@ def test_a_sample_id_twice_is_refused(tmp_path):
         pack(tmp_path, (CLIPS[0], replace(CLIPS[0], clip_id="again")))
 
 
+def test_the_key_frame_at_a_cut_gives_its_samples_once(tmp_path):
+    """Two parts of a video that was cut share one frame; it is in the data set once, whatever else the parts hold."""
+    samples = CLIPS[0].samples
+    parts = (replace(CLIPS[0], clip_id="a", samples=samples[:3]), replace(CLIPS[0], clip_id="b", samples=samples[2:]))
+    _, root, _ = pack(tmp_path, parts)
+    assert [row["frame"] for row in load.rows(root, "train", ["frame"])] == [sample.frame for sample in samples]
+
+
 def test_strange_words_survive(tmp_path):
     """Unicode and a very long narration are kept whole, and the pictures and the card can be made."""
     text = "höhle die 🥑 aus — 切る " * 2000

@@ -28,6 +28,8 @@ class Head:
     clip: Samples
     """the clip without its samples"""
     ids: tuple[str, ...]
+    frames: tuple[int, ...]
+    """frame of every sample of the clip"""
     verbs: frozenset[tuple[str, int]]
     nouns: frozenset[tuple[str, int]]
 
@@ -53,7 +55,7 @@ class Plan:
 def plan(clips: Sequence[Samples], rule: Rule) -> Plan:
     """First pass. ValueError when there is no sample, or when two have the same id."""
     found = (_head(index, clip) for index, clip in enumerate(clips))
-    heads = tuple(sorted(found, key=lambda head: (head.clip.video_id, head.clip.clip_id)))
+    heads = tuple(_once(sorted(found, key=lambda head: (head.clip.video_id, head.clip.clip_id))))
     split = assign((head.clip for head in heads), rule)
     samples: Counter[str] = Counter()
     for head in heads:
@@ -66,9 +68,21 @@ def plan(clips: Sequence[Samples], rule: Rule) -> Plan:
     return Plan(heads, verbs, nouns, split, +samples)
 
 
+def _once(heads: Iterable[Head]) -> Iterator[Head]:
+    """Two parts of one video share the key frame at which it was cut: the last of the one, the first of the other. The earlier
+    part gives its samples."""
+    last: dict[str, int] = {}
+    for head in heads:
+        shared = last.get(head.clip.video_id)
+        keep = [i for i, frame in enumerate(head.frames) if frame != shared]
+        yield replace(head, ids=tuple(head.ids[i] for i in keep))
+        last[head.clip.video_id] = max(head.frames, default=-1)
+
+
 def _head(index: int, clip: Samples) -> Head:
     said = [sample.narration for sample in clip.samples]
     return Head(index, replace(clip, samples=()), tuple(sample.sample_id for sample in clip.samples),
+                tuple(sample.frame for sample in clip.samples),
                 frozenset((one.verb_key, one.verb_class) for one in said),
                 frozenset((one.noun_key, one.noun_class) for one in said))
 
@@ -105,8 +119,8 @@ class Writing:
         for head in self.plan.heads:
             if self.plan.split[head.clip.video_id] == split and head.ids:
                 clip = self.clips[head.index]
-                provenance = digest(clip)
-                for sample in clip.samples:
+                provenance, wanted = digest(clip), set(head.ids)
+                for sample in (sample for sample in clip.samples if sample.sample_id in wanted):
                     row = rows.row(clip, sample, verbs, nouns, provenance)
                     self._note(split, sample, row)
                     yield row
