@@ -23,8 +23,8 @@ class HeadStyle:
     """sideways travel over the whole clip: the stronger, the more parallax"""
 
 
-CALM = HeadStyle(sway_m=0.028, turn_deg=3.0, roll_deg=1.8, orbit_m=0.05)
-PARALLAX = HeadStyle(sway_m=0.045, turn_deg=3.0, roll_deg=2.5, orbit_m=0.20)
+CALM = HeadStyle(sway_m=0.030, turn_deg=3.1, roll_deg=1.8, orbit_m=0.06)
+PARALLAX = HeadStyle(sway_m=0.05, turn_deg=4.0, roll_deg=2.5, orbit_m=0.20)
 
 
 def look_at(eye: np.ndarray, target: np.ndarray, roll_rad: float = 0.0) -> Pose:
@@ -48,8 +48,8 @@ class Head:
     def __init__(self, rng: np.random.Generator, style: HeadStyle, eye: np.ndarray, length: float) -> None:
         self.style, self.eye, self.length = style, eye, length
         self.gazes: list[tuple[float, float, np.ndarray]] = []
-        self._move = sway(rng, 3, (35, 90))
-        self._turn = sway(rng, 3, (30, 80))
+        self._move = sway(rng, 3, (32, 80))
+        self._turn = sway(rng, 3, (26, 70))
         self._side = 1.0 if rng.random() < 0.5 else -1.0
 
     def look(self, start: float, stop: float, target: np.ndarray) -> None:

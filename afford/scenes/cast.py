@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from afford.render.mesh import transform
 from afford.scenes.asset import Grip, ObjectModel
 from afford.scenes.motion import Pose, Track, about, pose
 from afford.scenes.objects import build
@@ -22,6 +23,10 @@ CENTRE = np.array([0.0, 0.30])
 ELBOW = {"left": np.array([-0.34, -0.25, 0.10]), "right": np.array([0.34, -0.25, 0.10])}
 OTHER = {"left": "right", "right": "left"}
 YAWS = np.radians(np.arange(0, 360, 10))
+BOTH_APART_M = 0.10
+"""Palms of two hands on one thing are at least so far apart, or the hands would run into each other."""
+HANDED = ("knife", "hammer", "saw")
+"""Tools that are made for the right hand: a left-handed person has the mirrored one."""
 SLACK = 0.12
 """Grips and turns whose comfort is within this of the best one are all natural; the seed chooses among them."""
 
@@ -71,6 +76,8 @@ class Cast:
     def thing(self, kind: str, place: np.ndarray, *wants: Want) -> tuple[Thing, list[Grip]]:
         """A new object at `place` (3,), turned so that the wanted hands can take it in comfort, and the grips they will use."""
         model = build(kind, self.rng)
+        if kind in HANDED and self.lead == "left":
+            model = mirrored(model)
         grips, yaw = self._cast(model, place, wants)
         return self.place(model, pose(place, about((0, 0, 1), yaw))), grips
 
@@ -115,10 +122,14 @@ class Cast:
             return [], float(self.rng.uniform(-0.6, 0.6))
         ways: list[tuple[float, list[Grip], float]] = []
         for grips in product(*(self._suitable(model, want) for want in wants)):
+            if len(grips) > 1 and _apart(grips) < BOTH_APART_M:
+                continue
             scores = [min(comfort(pose(place, about((0, 0, 1), yaw)) @ grip.T_obj_palm, grip.side) for grip in grips)
                       for yaw in YAWS]
             best = float(np.max(scores))
             ways += [(s, list(grips), float(yaw)) for s, yaw in zip(scores, YAWS, strict=True) if s > best - SLACK / 3]
+        if not ways:
+            raise LookupError(f"{model.kind}: no two grips of {[want.side for want in wants]} keep the hands apart")
         limit = max(way[0] for way in ways) - SLACK
         names = sorted({tuple(g.name for g in way[1]) for way in ways if way[0] > limit})
         chosen = names[self.rng.integers(len(names))]
@@ -133,6 +144,11 @@ class Cast:
         return found
 
 
+def _apart(grips: tuple[Grip, ...]) -> float:
+    """Distance of the palms of two grips, metres."""
+    return float(np.linalg.norm(grips[0].T_obj_palm[:3, 3] - grips[1].T_obj_palm[:3, 3]))
+
+
 def split(model: ObjectModel) -> tuple[ObjectModel, ObjectModel]:
     """The still and the moving parts as two objects in the same frame: a jar and its lid."""
     body = replace(model, parts=tuple(p for p in model.parts if not p.moving), joint=None,
@@ -140,6 +156,15 @@ def split(model: ObjectModel) -> tuple[ObjectModel, ObjectModel]:
     lid = replace(model, kind="lid", noun="lid", parts=tuple(replace(p, moving=False) for p in model.parts if p.moving), joint=None,
                   grips=tuple(replace(g, moving=False) for g in model.grips if g.moving), opening=None)
     return body, lid
+
+
+def mirrored(model: ObjectModel) -> ObjectModel:
+    """The object for the other hand: everything mirrored in its plane x = 0, sides of grips swapped."""
+    flip = np.diag([-1.0, 1.0, 1.0, 1.0])
+    parts = tuple(replace(p, mesh=transform(p.mesh, flip)) for p in model.parts)
+    grips = tuple(replace(g, side=OTHER[g.side], T_obj_palm=flip @ g.T_obj_palm @ np.diag([1.0, -1.0, 1.0, 1.0])) for g in model.grips)
+    tip = None if model.tip is None else (-model.tip[0], model.tip[1], model.tip[2])
+    return replace(model, parts=parts, grips=grips, tip=tip)
 
 
 def floor_of(model: ObjectModel) -> float:

@@ -17,7 +17,6 @@ from schemas.scene import RenderedClip, SceneSpec
 from schemas.truth import ClipTruth
 
 
-
 def write_clip(root: Path, spec: SceneSpec, play: Play, recording: Recording, crf: int) -> RenderedClip:
     """Write all files of the clip below `root`."""
     truth, person = recording.truth, spec.video_id.split("_")[0]

@@ -64,14 +64,12 @@ def arc(a: Pose, b: Pose, lift: np.ndarray) -> PoseAt:
 
 
 def approach(a: Pose, b: Pose, leave: np.ndarray, arrive: np.ndarray) -> PoseAt:
-    """From a to b along a cubic Bezier curve that starts along `leave` (3,) and ends along `arrive` (3,), both in metres."""
-    corners = np.stack([a[:3, 3], a[:3, 3] + leave, b[:3, 3] - arrive, b[:3, 3]])
+    """From a to b along a curve that bends out along `leave` (3,) at first and comes in along `arrive` (3,), both in metres."""
 
     def at(s: float) -> Pose:
         t = ease(s)
-        out = blend(a, b, ease(min(1.0, 1.25 * s)))
-        weights = np.array([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
-        out[:3, 3] = weights @ corners
+        out = blend(a, b, ease(min(1.0, 1.2 * s)))
+        out[:3, 3] = (1 - t) * a[:3, 3] + t * b[:3, 3] + 4 * t * (1 - t) * ((1 - t) * leave - t * arrive)
         return out
 
     return at

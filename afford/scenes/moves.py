@@ -11,6 +11,10 @@ from afford.scenes.cast import Cast
 from afford.scenes.motion import Pose, PoseAt, about, blend, pose, sway
 from afford.scenes.play import Thing
 
+SPOUT_M = 0.04
+"""A mouth farther than this from the middle of a vessel is a spout, which has to point at the cup."""
+MOST_TURN = 0.8
+
 
 def put(thing: Thing, place: np.ndarray, turn_rad: float, upright: Pose | None = None) -> Pose:
     """The pose of a thing set down at `place` (3,), turned about the vertical relative to how it stood at first."""
@@ -49,11 +53,12 @@ def tilt_to_pour(cast: Cast, vessel: Thing, cup: Thing, tilt_rad: float) -> Pose
     mouth = np.asarray(vessel.model.opening or (0, 0, vessel.model.size[2]), float)
     target = cup.at(0) @ np.array([*(cup.model.opening or (0, 0, cup.model.size[2])), 1.0])
     towards = np.array([-cast.mirror, 0.25, 0.0])
-    if np.hypot(*mouth[:2]) > 0.01:
+    if np.hypot(*mouth[:2]) > SPOUT_M:
         spout = upright @ (mouth * (1, 1, 0)) / np.hypot(*mouth[:2])
         goal = spout + 1.3 * towards
-        turn = np.arctan2(spout[0] * goal[1] - spout[1] * goal[0], spout[:2] @ goal[:2])
-        upright, towards = about((0, 0, 1), turn) @ upright, goal
+        turn = np.clip(np.arctan2(spout[0] * goal[1] - spout[1] * goal[0], spout[:2] @ goal[:2]), -MOST_TURN, MOST_TURN)
+        upright = about((0, 0, 1), float(turn)) @ upright
+        towards = about((0, 0, 1), float(turn)) @ spout
     towards = towards / np.linalg.norm(towards)
     turned = about(np.cross((0, 0, 1), towards), tilt_rad) @ upright
     beside = 0.03 * (1 + 2 * np.cos(tilt_rad))
@@ -71,9 +76,10 @@ def aim(cast: Cast, tool: Thing, along: np.ndarray, up: np.ndarray, tip_at: np.n
     return pose(tip_at - turned @ tip, turned)
 
 
-def rolled(grip: Grip, angle_rad: float) -> Grip:
-    """The grip turned about the long axis (y) of what it holds."""
-    return replace(grip, T_obj_palm=pose((0, 0, 0), about((0, 1, 0), angle_rad)) @ grip.T_obj_palm)
+def rolled(grip: Grip, angle_rad: float, height_m: float) -> Grip:
+    """The grip turned about the long axis (y) of a lying tool, whose handle is `height_m` above the table."""
+    turn = pose((0, 0, height_m)) @ pose((0, 0, 0), about((0, 1, 0), angle_rad)) @ pose((0, 0, -height_m))
+    return replace(grip, T_obj_palm=turn @ grip.T_obj_palm)
 
 
 def circle(start: Pose, radius_m: float, turns: float) -> PoseAt:

@@ -15,7 +15,6 @@ from afford.scenes.asset import Grip, ObjectModel
 from afford.scenes.camera import Head
 from afford.scenes.motion import Curve, Pose, PoseAt, Track, approach, arc
 
-
 LENGTH = 121.0
 """How long a play is, in units of time."""
 

@@ -11,7 +11,7 @@ SCRIPTS: dict[str, Callable[[Cast], None]] = {
     "carry": scripts_kitchen.carry_one,
     "carry_both": scripts_kitchen.carry_both,
     "carry_two": scripts_kitchen.carry_two,
-    "parallax": scripts_kitchen.carry_one,
+    "parallax": scripts_kitchen.carry_far,
     "pour": scripts_kitchen.pour,
     "open_jar": scripts_kitchen.open_jar,
     "cut": scripts_kitchen.cut,

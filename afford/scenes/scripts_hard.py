@@ -59,7 +59,7 @@ def open_hinged(cast: Cast) -> None:
     cast.arm(cast.support).take(thing, hold, cast.beat(4), cast.beat(22), cast.beat(98))
     cast.arm(cast.lead).take(thing, lift, cast.beat(8), take, let)
     joint = thing.model.joint
-    wide = joint.low + cast.rng.uniform(0.5, 0.75) * (joint.high - joint.low) if joint else 0.0
+    wide = joint.low + cast.rng.uniform(0.32, 0.5) * (joint.high - joint.low) if joint else 0.0
     thing.open(take + 2, take + 26, wide)
     thing.open(let - 26, let - 3, 0.0)
     cast.arm(cast.lead).withdraw(cast.beat(116))
@@ -75,15 +75,15 @@ def dart(cast: Cast) -> None:
     kinds = GRASPABLE if cast.setting == "kitchen" else {"workshop": ("glue", "paint", "wood"), "desk": ("tape", "cup", "book")}[cast.setting]
     names = [str(k) for k in cast.rng.permutation(kinds)[:2]]
     thing, (grip,) = cast.thing(names[0], cast.spot(0.16, 0.02), Want(cast.lead))
-    target, (tap,) = cast.thing(names[1], cast.spot(-0.14, -0.02), Want(cast.support))
+    target, (tap,) = cast.thing(names[1], cast.spot(-0.14, -0.08), Want(cast.support))
     take, drop = cast.beat(24), cast.beat(94)
     cast.arm(cast.lead).take(thing, grip, cast.beat(4), take, drop)
     carry(cast, thing, take + 2, drop - 2, put(thing, cast.spot(0.10, 0.18), 0.3), lift_m=0.12)
     cast.arm(cast.lead).withdraw(cast.beat(116))
     for number in (2, 4):
         key = number * cast.key_gap
-        cast.arm(cast.support).take(target, tap, key + 0.5, key + 0.48 * cast.key_gap, key + 0.58 * cast.key_gap)
-        cast.arm(cast.support).withdraw(key + cast.key_gap - 0.5)
+        cast.arm(cast.support).take(target, tap, key - 2.5, key + 0.48 * cast.key_gap, key + 0.58 * cast.key_gap)
+        cast.arm(cast.support).withdraw(key + cast.key_gap + 2.5)
         cast.play.say(key, key + cast.key_gap, f"tap {target.name}", "tap", target)
     cast.play.say(take, drop, f"move {thing.name}", "move", thing)
     cast.watch(thing, take, drop)

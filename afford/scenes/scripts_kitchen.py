@@ -8,13 +8,15 @@ from afford.scenes.cast import Cast, Want, floor_of
 from afford.scenes.motion import Pose, PoseAt, about, pose
 from afford.scenes.moves import aim, carry, circle, held_at, put, rolled, tilt_to_pour
 
-GRASPABLE = ("mug", "bottle", "bowl", "kettle", "pan", "jar", "can", "carton", "box")
+GRASPABLE = ("mug", "bottle", "bowl", "kettle", "pan", "jar", "can")
+ENDS = ("handle", "rim", "neck", "lid", "edge", "side", "tip", "cover")
+"""Grips at one end of a thing, where no hull of what is left to see gives back what is hidden."""
 
 
-def carry_one(cast: Cast, kinds: tuple[str, ...] = GRASPABLE) -> None:
+def carry_one(cast: Cast, kinds: tuple[str, ...] = GRASPABLE, words: tuple[str, ...] = ENDS) -> None:
     """One hand takes a thing, carries it across the table, turns it a little and puts it down."""
-    thing, (grip,) = cast.thing(cast.pick(kinds), cast.spot(0.16, 0.0), Want(cast.lead))
-    other, _ = cast.thing(cast.pick([k for k in kinds if k != thing.model.kind]), cast.spot(-0.20, 0.22))
+    thing, (grip,) = cast.thing(cast.pick(kinds), cast.spot(0.15, 0.0), Want(cast.lead, words))
+    cast.thing(cast.pick([k for k in kinds if k != thing.model.kind]), cast.spot(-0.20, 0.22))
     take, drop = cast.beat(24), cast.beat(94)
     cast.arm(cast.lead).take(thing, grip, cast.beat(4), take, drop)
     turn = cast.mirror * cast.rng.uniform(0.1, 0.6)
@@ -25,15 +27,15 @@ def carry_one(cast: Cast, kinds: tuple[str, ...] = GRASPABLE) -> None:
     cast.watch(thing, take, drop)
 
 
+def carry_far(cast: Cast) -> None:
+    """As `carry_one`, with things that are held at one end."""
+    carry_one(cast, ("kettle", "pan", "can", "jar", "bottle"))
+
+
 def carry_both(cast: Cast) -> None:
     """Both hands lift one wide thing, carry it and put it down."""
-    kind = cast.pick(("bowl", "board", "box", "plate", "pan"))
-    words = ("rim", "edge", "body", "side", "flat_edge", "power_wrap")
-    if kind == "pan":
-        wants = (Want(cast.lead, ("handle",)), Want(cast.support))
-    else:
-        wants = (Want("left", words), Want("right", words))
-    thing, grips = cast.thing(kind, cast.spot(0.10, 0.04), *wants)
+    wants = (Want("left", ("rim", "edge")), Want("right", ("rim", "edge")))
+    thing, grips = cast.thing(cast.pick(("bowl", "board", "plate")), cast.spot(0.08, 0.04), *wants)
     take, drop = cast.beat(26), cast.beat(92)
     for want, grip in zip(wants, grips, strict=True):
         cast.arm(want.side).take(thing, grip, cast.beat(4), take + cast.rng.uniform(-3, 0), drop)
@@ -61,7 +63,7 @@ def carry_two(cast: Cast) -> None:
 
 def pour(cast: Cast) -> None:
     """One hand pours from a vessel into another that the other hand holds."""
-    vessel, (grip,) = cast.thing(cast.pick(("bottle", "kettle", "carton", "jar")), cast.spot(0.18, 0.04), Want(cast.lead, ("body", "handle")))
+    vessel, (grip,) = cast.thing(cast.pick(("bottle", "kettle", "carton", "jar")), cast.spot(0.17, 0.02), Want(cast.lead, ("body", "handle")))
     cup, (hold,) = cast.thing(cast.pick(("mug", "bowl")), cast.spot(-0.12, 0.02), Want(cast.support, ("body", "handle", "rim")))
     take, drop = cast.beat(22), cast.beat(95)
     start, stop = cast.beat(44), cast.beat(74)
@@ -107,17 +109,16 @@ def open_jar(cast: Cast) -> None:
 
 def cut(cast: Cast) -> None:
     """A knife chops on a board that the other hand keeps in place."""
-    cast.lead = "right"  # our knives have their edge on the side that suits a right hand
     board, (press,) = cast.thing("board", cast.spot(-0.06, 0.04), Want(cast.support))
-    knife, (grip,) = cast.thing("knife", cast.spot(0.24, -0.04), Want(cast.lead, ("pinch",)))
-    grip = rolled(grip, -0.65)
+    knife, (grip,) = cast.thing("knife", cast.spot(0.19, -0.01), Want(cast.lead, ("pinch",)))
+    grip = rolled(grip, -0.65 * cast.mirror, 0.0096)
     take, drop = cast.beat(22), cast.beat(96)
     first, last = cast.beat(42), cast.beat(78)
     cast.arm(cast.lead).take(knife, grip, cast.beat(3), take, drop)
     cast.arm(cast.support).take(board, press, cast.beat(10), cast.beat(32), cast.beat(86))
     start = knife.at(0)
-    blade = aim(cast, knife, np.array([-0.35, 0.9, -0.2]), np.array([0.94, 0.2, 0.34]),
-                board.at(0)[:3, 3] + (0.03, 0.03, float(board.model.size[2]) + 0.004))
+    blade = aim(cast, knife, np.array([-0.35 * cast.mirror, 0.9, -0.2]), np.array([0.94 * cast.mirror, 0.2, 0.34]),
+                board.at(0)[:3, 3] + (0.03 * cast.mirror, 0.03, float(board.model.size[2]) + 0.004))
     knife.move(take + 2, first, blade, lift_m=0.06)
     knife.track.add(first, last, chop(cast, blade, strokes=4))
     knife.move(last, drop - 2, put(knife, start[:3, 3] + (0, 0.02, 0), -0.1, start), lift_m=0.07)
@@ -146,7 +147,7 @@ def chop(cast: Cast, down: Pose, strokes: int) -> PoseAt:
 def stir(cast: Cast) -> None:
     """A spoon or spatula stirs in a bowl or pan that the other hand holds."""
     vessel, (hold,) = cast.thing(cast.pick(("bowl", "pan", "mug")), cast.spot(-0.06, 0.04), Want(cast.support, ("rim", "handle", "body")))
-    spoon, (grip,) = cast.thing(cast.pick(("spoon", "spatula")), cast.spot(0.24, -0.02), Want(cast.lead))
+    spoon, (grip,) = cast.thing(cast.pick(("spoon", "spatula")), cast.spot(0.19, 0.0), Want(cast.lead))
     take, drop = cast.beat(22), cast.beat(96)
     first, last = cast.beat(42), cast.beat(78)
     cast.arm(cast.lead).take(spoon, grip, cast.beat(3), take, drop)
@@ -168,7 +169,7 @@ def stir(cast: Cast) -> None:
 def hand_over(cast: Cast) -> None:
     """One hand takes a thing and passes it to the other, which puts it down."""
     wants = (Want(cast.lead), Want(cast.support))
-    thing, (give, get) = cast.thing(cast.pick(("mug", "bottle", "box", "carton", "bowl", "pan")), cast.spot(0.20, 0.0), *wants)
+    thing, (give, get) = cast.thing(cast.pick(("mug", "bottle", "bowl", "plate")), cast.spot(0.17, 0.0), *wants)
     take, swap, drop = cast.beat(22), cast.beat(56), cast.beat(94)
     cast.arm(cast.lead).take(thing, give, cast.beat(3), take, swap + 6)
     cast.arm(cast.support).take(thing, get, swap - 22, swap, drop)

@@ -6,7 +6,7 @@ import numpy as np
 
 from afford.scenes.cast import Cast, Want
 from afford.scenes.motion import Pose, PoseAt, about, pose
-from afford.scenes.moves import aim, carry, put
+from afford.scenes.moves import aim, carry, put, rolled
 from afford.scenes.scripts_kitchen import carry_one
 
 DESK_THINGS = ("book", "tape", "phone", "water", "cup", "stapler")
@@ -16,30 +16,20 @@ SHOP_THINGS = ("glue", "paint", "drill", "wood", "hammer", "screwdriver")
 def hammer(cast: Cast) -> None:
     """A hammer strikes a block of wood that the other hand holds."""
     wood, (hold,) = cast.thing("wood", cast.spot(-0.05, 0.06), Want(cast.support))
-    tool, (grip,) = cast.thing("hammer", cast.spot(0.22, -0.04), Want(cast.lead, ("handle", "handle_wrap")))
-    tip = np.asarray(tool.model.tip)
-    face = np.array([tip[0], 0.0, tip[2] - float(tool.model.points[:, 2].mean())])
-    side = np.array([0.0, 0.0, 1.0]) if abs(face[0]) >= abs(face[2]) else np.array([1.0, 0.0, 0.0])
-    up = _up_for_face_down(face, side, cast.mirror)
+    tool, (grip,) = cast.thing("hammer", cast.spot(0.19, -0.01), Want(cast.lead, ("handle_wrap",)))
+    grip = rolled(grip, -1.0 * cast.mirror, 0.0145)
     strike_at = wood.at(0)[:3, 3] + (0.02 * cast.mirror, 0.0, float(wood.model.size[2]))
-    down = aim(cast, tool, np.array([-0.35 * cast.mirror, 0.93, 0.0]), up, strike_at)
+    down = aim(cast, tool, np.array([-0.35 * cast.mirror, 0.93, 0.0]), np.array([cast.mirror, 0.0, 0.0]), strike_at)
     _work(cast, wood, hold, tool, grip, down, strokes(down, np.array([1.0, 0.35 * cast.mirror, 0.0]), 0.55, 3), "hammer")
 
 
 def screw(cast: Cast) -> None:
     """A screwdriver turns in a block of wood that the other hand holds."""
     wood, (hold,) = cast.thing("wood", cast.spot(-0.06, 0.06), Want(cast.support))
-    tool, (grip,) = cast.thing("screwdriver", cast.spot(0.22, -0.02), Want(cast.lead, ("handle", "handle_wrap")))
-    top = wood.at(0)[:3, 3] + (0.01 * cast.mirror, 0.0, float(wood.model.size[2]))
-    down = aim(cast, tool, np.array([-0.45 * cast.mirror, 0.45, -0.75]), np.array([0.0, 0.8, 0.5]), top)
+    tool, (grip,) = cast.thing("screwdriver", cast.spot(0.18, 0.0), Want(cast.lead, ("handle", "handle_wrap")))
+    into = wood.at(0)[:3, 3] + (0.035 * cast.mirror, -0.01, 0.6 * float(wood.model.size[2]))
+    down = aim(cast, tool, np.array([-0.85 * cast.mirror, 0.45, -0.25]), np.array([0.0, 0.3, 1.0]), into)
     _work(cast, wood, hold, tool, grip, down, twists(down, 0.5, 4), "screw")
-
-
-def _up_for_face_down(face: np.ndarray, side: np.ndarray, mirror: float) -> np.ndarray:
-    """The world direction of the tool's z that turns its striking face to the table."""
-    if abs(face[0]) >= abs(face[2]):
-        return np.array([mirror, 0.0, 0.0]) * (1.0 if side[2] else -1.0)
-    return np.array([0.0, 0.0, -np.sign(face[2])])
 
 
 def _work(cast: Cast, piece, hold, tool, grip, ready: Pose, act: PoseAt, verb: str) -> None:  # type: ignore[no-untyped-def]
@@ -85,12 +75,12 @@ def twists(down: Pose, angle_rad: float, count: int) -> PoseAt:
 
 def fetch_tool(cast: Cast) -> None:
     """One hand moves a tool or a pot across the bench."""
-    carry_one(cast, SHOP_THINGS)
+    carry_one(cast, SHOP_THINGS, ())
 
 
 def fetch_item(cast: Cast) -> None:
     """One hand moves something on the desk."""
-    carry_one(cast, DESK_THINGS)
+    carry_one(cast, DESK_THINGS, ())
 
 
 def tidy_desk(cast: Cast) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 
 from schemas.scene import SceneSpec
 
-STANDARD = (("pour", "kitchen"), ("carry", "kitchen"), ("parallax", "kitchen"), ("stir", "kitchen"), ("carry_both", "kitchen"),
-            ("hand_over", "kitchen"), ("cut", "kitchen"), ("open_jar", "kitchen"), ("carry_two", "kitchen"), ("hammer", "workshop"),
-            ("tidy_desk", "desk"))
+STANDARD = (("pour", "kitchen"), ("carry", "kitchen"), ("parallax", "kitchen"), ("stir", "kitchen"),
+            ("carry_both", "kitchen"), ("hand_over", "kitchen"), ("open_jar", "kitchen"), ("hammer", "workshop"),
+            ("cut", "kitchen"), ("carry_two", "kitchen"), ("tidy_desk", "desk"), ("screw", "workshop"))
 HARD = (("never_free", "kitchen"), ("turn_over", "kitchen"), ("open_hinged", "workshop"), ("dart", "kitchen"),
         ("turn_over", "desk"), ("open_hinged", "kitchen"))
 DATASET = (("pour", "kitchen", "train"), ("carry", "kitchen", "train"), ("stir", "kitchen", "train"),
@@ -27,9 +27,10 @@ def hard_specs(seed: int, n: int = 6) -> tuple[SceneSpec, ...]:
 
 
 def dataset_specs(seed: int) -> tuple[SceneSpec, ...]:
-    """What `make dataset` renders when no source is given: seven clips, three settings, two splits. Participants P93 and P94."""
+    """What `make dataset` renders when no source is given: three settings, two splits. Participants P93 and P94."""
     people = {"train": "P93", "val": "P94"}
-    return tuple(_spec(people[split], number, act, setting, split, seed) for number, (act, setting, split) in enumerate(DATASET))
+    return tuple(_spec(people[split], number, act, setting, split, seed)
+                 for number, (act, setting, split) in enumerate(DATASET))
 
 
 def _spec(person: str, number: int, act: str, setting: str, split: str, seed: int) -> SceneSpec:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,10 +12,11 @@ from afford.render.model import Camera, Instance
 from afford.render.textures import Textures
 from afford.scenes.asset import palm_frame
 from afford.scenes.camera import CALM, PARALLAX, Head, intrinsics
-from afford.scenes.cast import Cast
+from afford.scenes.cast import CENTRE, Cast
 from afford.scenes.grasp import Fingers
 from afford.scenes.hand import HandModel
 from afford.scenes.hand_look import person
+from afford.scenes.mats import mats
 from afford.scenes.play import LENGTH, Arm, Play, Thing
 from afford.scenes.rooms import Room
 from afford.scenes.rooms import build as build_room
@@ -25,9 +27,9 @@ from schemas.masks import Entity
 from schemas.scene import SceneSpec
 
 WIDTH, HEIGHT = 456, 256
-FIELD_OF_VIEW_DEG = 62.0
+FIELD_OF_VIEW_DEG = 56.0
 SIDES = ("left", "right")
-HOMES = {"left": np.array([-0.26, -0.32, 0.12]), "right": np.array([0.26, -0.32, 0.12])}
+HOMES = {"left": np.array([-0.24, -0.21, 0.11]), "right": np.array([0.24, -0.21, 0.11])}
 EYE = np.array([0.0, -0.16, 0.50])
 
 
@@ -41,8 +43,12 @@ class World:
     fingers: tuple[Fingers, Fingers]
     entities: tuple[Entity, ...]
     things: tuple[Thing, ...]
-    textures: Textures
     K: np.ndarray
+
+    @cached_property
+    def textures(self) -> Textures:
+        """The images of everything that is drawn."""
+        return Textures.of(instance.material for instance in self.instances(0.0))
 
     def camera(self, time: float) -> Camera:
         """The camera at a play time."""
@@ -68,7 +74,7 @@ class World:
 
 def elbow(side: str, palm: np.ndarray) -> np.ndarray:
     """Where the elbow of an arm is, (3,) world metres: beside the body, drawn along by the hand."""
-    rest = HOMES[side] + (0.04 if side == "right" else -0.04, -0.12, 0.06)
+    rest = HOMES[side] + (0.06 if side == "right" else -0.06, -0.23, 0.07)
     return rest + 0.35 * (palm[:3, 3] - HOMES[side]) * (1, 1, 0.6)
 
 
@@ -87,9 +93,8 @@ def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
     things = tuple(sorted(play.things, key=lambda thing: thing.name))
     objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
     room = build_room(spec.setting, rng)
+    room = replace(room, instances=(*room.instances, *mats(spec.setting, rng, CENTRE)))
     look = person(rng)
     pair = (HandModel.build("left", look), HandModel.build("right", look))
-    materials = [i.material for i in room.instances] + [p.material for t in things for p in t.model.parts]
-    textures = Textures.of([*materials, look.skin, look.cloth])
     fingers = (Fingers(play.arms["left"]), Fingers(play.arms["right"]))
-    return World(play, room, pair, fingers, (*hands(), *objects), things, textures, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
+    return World(play, room, pair, fingers, (*hands(), *objects), things, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
