@@ -112,9 +112,9 @@ class Pool:
             if worker.job is not None:
                 _kill(worker.process)
             worker.jobs.close()
-            os.close(worker.lifeline)
         for worker in self._workers:
             worker.process.wait()
+            os.close(worker.lifeline)
         self._workers.clear()
 
     def _start(self) -> _Worker:

@@ -99,18 +99,19 @@ def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
     cpu, wall = _cpu(), time.monotonic()
     inputs = store.load_inputs(job.inputs)
     scratch = place.store / "scratch" / job.key
-    (scratch / "work").mkdir(parents=True, exist_ok=True)
     if place.worker:
         resolve(place.worker)(seed_of(job.key), job.threads)
     more = {} if job.params is None else {"params": job.params}
     if job.wants_ctx:
-        more["ctx"] = Context(scratch / "work", progress)
+        scratch.mkdir(parents=True, exist_ok=True)
+        more["ctx"] = Context(scratch, progress)
     value = resolve(job.function)(**inputs, **more)
     output = store.put(value, scratch)
     _check_sources(job)
     spent, waited = _cpu() - cpu, time.monotonic() - wall
     write_trace(place.store, _trace(job, output, spent, waited))
-    shutil.rmtree(scratch, ignore_errors=True)
+    if job.wants_ctx:
+        shutil.rmtree(scratch, ignore_errors=True)
     return Done(job.key, "ran", output, cpu_s=spent, wall_s=waited)
 
 

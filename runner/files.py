@@ -77,12 +77,12 @@ class SeenBlobs:
         self._seen: dict[str, list[int]] = read_cache(self._path) or {}
         self._fresh = False
 
-    def same(self, blob: str, path: Path) -> bool:
+    def same(self, blob: str, path: str) -> bool:
         """Whether the file is as it was when it was hashed; FileNotFoundError when it is gone."""
         found = os.stat(path)
         return self._seen.get(blob) == [found.st_size, found.st_ctime_ns]
 
-    def note(self, blob: str, path: Path) -> None:
+    def note(self, blob: str, path: str) -> None:
         """The bytes of this file fit its name."""
         found = os.stat(path)
         self._seen[blob] = [found.st_size, found.st_ctime_ns]

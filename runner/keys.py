@@ -7,7 +7,6 @@ import platform
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import metadata
 from typing import Any
 
 from runner.canonical import canonical, digest
@@ -75,6 +74,8 @@ _versions: dict[str, str] = {}
 
 
 def _version(stage: str, library: str) -> str:
+    from importlib import metadata  # 15 ms, and only needed when a stage declares libraries
+
     if library not in _versions:
         try:
             _versions[library] = metadata.version(library)

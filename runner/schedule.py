@@ -48,8 +48,7 @@ class Schedule:
 
     def cached(self, task: Task, output: str) -> None:
         """Nothing to do but to count."""
-        trace = self._desk.traces.get(task.key)
-        cpu_s, wall_s = (trace.cpu_s, trace.wall_s) if trace else (0.0, 0.0)
+        cpu_s, wall_s = self._desk.traces.cost(task.key)
         self._plan(task)
         self._finish(task, "cached", cpu_s, wall_s)
 

@@ -16,13 +16,15 @@ import json
 import os
 import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from runner.canonical import digest as tagged
 from runner.canonical import file_digest
 from runner.codec import Codec
-from runner.files import FileMemo, SeenBlobs, stamp, write_atomic
+from runner.files import FileMemo, SeenBlobs, read_cache, stamp, write_atomic
 
 FOLDERS = ("blobs", "manifests", "traces", "leases", "failures", "scratch", "damaged", ".cache")
 
@@ -71,6 +73,10 @@ class Store:
         self._manifests: dict[str, Manifest] = {}
         self._seen = SeenBlobs(root)
         self._recent: dict[str, object] = {}
+        self._folder_is_clean = False
+        self._cache = root / ".cache" / "manifests.json"
+        self._trees: dict[str, dict[str, Any]] = read_cache(self._cache) or {}
+        self._fresh = False
 
     # -- writing ---------------------------------------------------------------------------------------------------
 
@@ -79,34 +85,28 @@ class Store:
         parts = self.codec.children(value)
         if parts is not None:
             return self._put_composite(self.codec.kind(value), [(name, self.put(part, scratch)) for name, part in parts])
-        folder = scratch / "saved"
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        self.codec.save(value, folder)
         moved: dict[Path, tuple[str, int]] = {}
-        files = tuple(self._take(path, name, scratch, moved) for name, path in _files_in(folder))
-        return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), files))
+        with self._saved(value) as files:
+            entries = tuple(self._take(path, name, scratch, moved) for name, path in files)
+        return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), entries))
 
-    def put_leaf(self, value: object, scratch: Path) -> str:
+    def put_leaf(self, value: object) -> str:
         """Store a value from outside: what the codec writes itself becomes blobs, linked files stay where they are."""
         parts = self.codec.children(value)
         if parts is not None:
-            return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part, scratch)) for name, part in parts])
+            return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part)) for name, part in parts])
         digest = self.codec.digest(value)
         known = self.find(digest)
         if known is not None and all(self.present(entry) for entry in known.files):
             return digest
-        folder = scratch / "leaf"
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        self.codec.save(value, folder)
-        files = tuple(self._refer(path, name) if path.is_symlink() else self._take(path, name, scratch, {})
-                      for name, path in _files_in(folder))
+        with self._saved(value) as files:
+            entries = tuple(self._refer(path, name) if path.is_symlink() else self._take(path, name, path.parent, {})
+                            for name, path in files)
         before = {entry.name: entry.blob for entry in known.files} if known else {}
-        for entry in files:
+        for entry in entries:
             if entry.path and before.get(entry.name, entry.blob) != entry.blob:
                 raise StoreError(errno.ESTALE, f"{entry.path} is not what it was when its digest was taken; run again")
-        return self._put_manifest(digest, Manifest(self.codec.kind(value), files))
+        return self._put_manifest(digest, Manifest(self.codec.kind(value), entries))
 
     def put_tuple(self, children: list[tuple[str, str]]) -> str:
         """A composite of artifacts that are there already."""
@@ -124,22 +124,42 @@ class Store:
         tree = {"kind": manifest.kind, "files": [[e.name, e.blob, e.size, e.path, e.stamp] for e in manifest.files],
                 "children": manifest.children}
         write_atomic(self.path("manifests", digest, ".json"), json.dumps(tree).encode())
+        self._trees.pop(digest, None)
         self._manifests[digest] = manifest
         return digest
 
+    @contextmanager
+    def _saved(self, value: object) -> Iterator[list[tuple[str, Path]]]:
+        """What the codec writes of a value, as (name, path), in a folder of this process that is used again and again (making
+        and removing a folder costs more than all the rest)."""
+        folder = self.root / "scratch" / f"save-{os.getpid()}"
+        if not self._folder_is_clean:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+        self._folder_is_clean = False
+        self.codec.save(value, folder)
+        yield _files_in(folder)
+        left = list(folder.iterdir())
+        for path in left:
+            if path.is_symlink():
+                path.unlink()
+        self._folder_is_clean = all(path.is_symlink() for path in left)
+
     def _take(self, path: Path, name: str, scratch: Path, moved: dict[Path, tuple[str, int]]) -> Entry:
-        """A file becomes a blob: moved when it lies in the task's own scratch, else copied."""
-        source = path.resolve()
+        """A file becomes a blob: moved when the codec has written it or it lies in the task's own scratch, else copied."""
+        source = path.resolve() if path.is_symlink() else path
         if source in moved:
             blob, size = moved[source]
             return Entry(name, blob, size)
-        if not source.is_relative_to(scratch.resolve()):
+        original = source
+        if path.is_symlink() and not source.is_relative_to(scratch.resolve()):
             held = self._held(source)
             if held is not None:
                 return Entry(name, held, source.stat().st_size)
-            source = Path(shutil.copyfile(source, scratch / "copy"))
+            path.unlink()
+            source = Path(shutil.copyfile(source, path))
         blob, size = file_digest(source), source.stat().st_size
-        moved[path.resolve()] = blob, size
+        moved[original] = blob, size
         place = self.path("blobs", blob)
         source.chmod(0o444)
         place.parent.mkdir(exist_ok=True)
@@ -165,7 +185,7 @@ class Store:
         """The manifest, or None; one that cannot be read counts as missing."""
         if digest not in self._manifests:
             try:
-                tree = json.loads(self.path("manifests", digest, ".json").read_bytes())
+                tree = self._trees.get(digest) or self._read_tree(digest)
                 files = tuple(Entry(n, b, s, p, tuple(t) if t else None) for n, b, s, p, t in tree["files"])
                 children = tree["children"]
                 self._manifests[digest] = Manifest(
@@ -173,6 +193,12 @@ class Store:
             except (FileNotFoundError, ValueError, KeyError, TypeError):
                 return None
         return self._manifests[digest]
+
+    def _read_tree(self, digest: str) -> dict[str, Any]:
+        tree = json.loads(self.path("manifests", digest, ".json").read_bytes())
+        self._trees[digest] = tree
+        self._fresh = True
+        return tree
 
     def manifest(self, digest: str) -> Manifest:
         """The manifest; LostError when there is none."""
@@ -252,11 +278,11 @@ class Store:
     def _entry_state(self, entry: Entry) -> str:
         if entry.path:
             return "ok" if self.present(entry) else "lost"
-        path = self.path("blobs", entry.blob)
+        path = f"{self.root}/blobs/{entry.blob[:2]}/{entry.blob[2:]}"
         try:
             if self._seen.same(entry.blob, path):
                 return "ok"
-            if file_digest(path) == entry.blob:
+            if file_digest(Path(path)) == entry.blob:
                 self._seen.note(entry.blob, path)
                 return "ok"
         except FileNotFoundError:
@@ -269,17 +295,33 @@ class Store:
         self.forget(digest)
         for _, found in self.closure(digest):
             for entry in found.files if found else ():
-                self._seen.note(entry.blob, self.path("blobs", entry.blob))
+                self._seen.note(entry.blob, f"{self.root}/blobs/{entry.blob[:2]}/{entry.blob[2:]}")
 
     def forget(self, digest: str) -> None:
         """Read its manifests from disk the next time: another process may have written them anew."""
         for inside, _ in list(self.closure(digest)):
             self._manifests.pop(inside, None)
+            self._trees.pop(inside, None)
+
+    def forget_all(self) -> None:
+        """Read every manifest from disk the next time."""
+        self._manifests.clear()
+        self._trees.clear()
+        self._fresh = True
 
     def save(self) -> None:
-        """Write what was learned about files, at once."""
+        """Write what was learned about files and manifests, at once."""
         self.memo.save()
         self._seen.save()
+        if self._fresh:
+            write_atomic(self._cache, json.dumps(self._trees).encode())
+            self._fresh = False
+        self.clean()
+
+    def clean(self) -> None:
+        """Remove the folder that this process has saved values in."""
+        shutil.rmtree(self.root / "scratch" / f"save-{os.getpid()}", ignore_errors=True)
+        self._folder_is_clean = False
 
     def present(self, entry: Entry) -> bool:
         """Whether a file is where it should be and has the right size; its bytes are not read."""

@@ -68,6 +68,11 @@ class Traces:
         row = self._rows.get(key) or self._read(key)
         return row["output"] if row else None
 
+    def cost(self, key: str) -> tuple[float, float]:
+        """(CPU seconds, wall seconds) of what was made under a key."""
+        row = self._rows.get(key) or self._read(key) or {"cpu_s": 0.0, "wall_s": 0.0}
+        return row["cpu_s"], row["wall_s"]
+
     def reread(self, key: str) -> str | None:
         """The artifact made under a key, according to the disk alone."""
         self._rows.pop(key, None)

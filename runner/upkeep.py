@@ -97,6 +97,7 @@ def _holder(store: Store, blob: str) -> str:
 def verify(store: Store, traces: Traces) -> Verdict:
     """Read every blob, and check every artifact that is in use."""
     verdict = Verdict()
+    store.forget_all()
     for blob in list(_stored(store.root / "blobs")):
         path = store.path("blobs", blob)
         verdict.blobs += 1
@@ -146,6 +147,8 @@ def gc(store: Store, traces: Traces) -> Swept:
     for folder in (store.root / "scratch").iterdir():
         swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         shutil.rmtree(folder, ignore_errors=True)
+    store.forget_all()
+    store.save()
     traces.save()
     return swept
 

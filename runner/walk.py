@@ -6,8 +6,6 @@ is told through a `Listener` what to do with tasks whose inputs are known; it an
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections import defaultdict, deque
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -116,11 +114,7 @@ class Walk:
         self._try(node, path)
 
     def _leaf(self, node: Node) -> str:
-        scratch = self.desk.store.root / "scratch" / f"leaf-{os.getpid()}"
-        try:
-            return self.desk.store.put_leaf(node.value, scratch)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+        return self.desk.store.put_leaf(node.value)
 
     def _tell(self, node: Node, path: Path_) -> None:
         if node.sort == "each":

@@ -23,6 +23,7 @@ def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str) ->
         try:
             job = jobs.recv()
         except EOFError:
+            shelf.clean()
             return
         jobs.send(("done", execute(job, place, shelf, lambda done, total: jobs.send(("progress", done, total)))))
 
