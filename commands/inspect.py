@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,6 +16,7 @@ from commands.errors import UsageError
 from commands.inspect_tables import print_json, show_many, show_one
 
 SUFFIX = ".mcap"
+DIGEST = re.compile("[0-9a-f]{4,64}")
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def inspect(paths: Sequence[str], options: Options) -> int:
     """Recordings (files or folders of them) or one artifact (a digest); 0 fine, 1 a problem. UsageError for a wrong call."""
     if options.diff:
         return _difference(paths, options)
-    if len(paths) == 1 and not Path(paths[0]).exists():
+    if len(paths) == 1 and DIGEST.fullmatch(paths[0]) and not Path(paths[0]).exists():
         from commands.inspect_artifact import inspect_artifact
 
         return inspect_artifact(paths[0], options.store, options.json)
@@ -60,7 +62,7 @@ def _recordings(paths: Sequence[str]) -> list[Path]:
     found: list[Path] = []
     for path in map(Path, paths):
         if not path.exists():
-            raise UsageError(f"{path}: expected a recording, a folder of recordings or (alone) the digest of an artifact")
+            raise UsageError(f"{path}: expected a recording, a folder of them, or the digest of one artifact; no such path")
         inside = sorted(p for p in path.rglob(f"*{SUFFIX}")) if path.is_dir() else [path]
         if not inside:
             raise UsageError(f"{path}: expected recordings ({SUFFIX}), got none; make them with `pipeline.py run dataset`")

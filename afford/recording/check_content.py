@@ -66,7 +66,7 @@ def _picture(channel: Channel, value: Any, where: str, seen: Seen) -> None:
         return
     seen.sizes.setdefault(picture.shape[:2], channel.topic)
     if "255" in channel.metadata.get("classes", "") and not channel.topic.endswith("/confidence"):
-        strange = ~np.isin(picture, (0, 255))
+        strange = (picture != 0) & (picture != 255)
         if strange.any():
             seen.problems.append(f"{where}: a mask holds 0 and 255 only, got {int(picture[strange][0])}")
 

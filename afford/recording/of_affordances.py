@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import AffordanceState
 from afford.recording.pictures import LEFT, RIGHT, mask_png, overlay_png
@@ -38,4 +40,5 @@ def _state(value: Affordances, t: int) -> AffordanceState:
         frame=int(value.frame[t]), accepted=rejection is Rejection.ACCEPTED, rejection=rejection.name.lower(),
         taxonomy=taxonomy.name.lower(), taxonomy_id=int(taxonomy), taxonomy3_id=int(value.taxonomy3[t]),
         quality=float(value.quality[t]), left_object=left, right_object=right,
-        left_area_px=float(value.masks[0, t].sum()), right_area_px=float(value.masks[1, t].sum()))  # fmt: skip
+        left_area_px=float(np.count_nonzero(value.masks[0, t])),
+        right_area_px=float(np.count_nonzero(value.masks[1, t])))  # fmt: skip

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import CompleteState
 from afford.recording.pictures import Palette, mask_png, overlay_png, palette
@@ -18,7 +20,7 @@ OVERLAY = f"{ROOM}/overlay"
 def record(value: CompleteObjects, frames: Frames) -> Recording:
     """Masks of 0 and 255, one topic per object that a hand touches."""
     words = slugs(value.entities)
-    colours = palette([entity.side for entity in value.entities])
+    colours = palette(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
     channels: list[Channel] = [image_channel(OVERLAY, palette=shades)]
     for word, entity in zip(words, value.entities, strict=True):
@@ -31,6 +33,6 @@ def _messages(value: CompleteObjects, frames: Frames, words: list[str], colours:
         yield image(OVERLAY, time_ns, overlay_png(value.masks[:, t], colours))
         for n, word in enumerate(words):
             state = CompleteState(frame=int(value.frame[t]), confidence=float(value.confidence[n, t]),
-                                  area_px=float(value.masks[n, t].sum()))  # fmt: skip
+                                  area_px=float(np.count_nonzero(value.masks[n, t])))  # fmt: skip
             yield image(f"{ROOM}/{word}", time_ns, mask_png(value.masks[n, t]))
             yield stamped(f"{ROOM}/{word}/state", time_ns, state)

@@ -44,6 +44,6 @@ def _state(value: Inpainted, t: int) -> InpaintState:
     count = np.bincount(value.source[t][replaced], minlength=len(PixelSource))
     sure = float(value.confidence[t][replaced].mean()) / 255 if replaced.any() else 1.0
     return InpaintState(
-        frame=int(value.frame[t]), replaced_px=float(replaced.sum()), confidence=sure,
+        frame=int(value.frame[t]), replaced_px=float(np.count_nonzero(replaced)), confidence=sure,
         background_px=float(count[PixelSource.BACKGROUND]), object_px=float(count[PixelSource.OBJECT]),
         spatial_px=float(count[PixelSource.SPATIAL]))  # fmt: skip

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import Contact, MaskState
 from afford.recording.pictures import Palette, mask_png, overlay_png, palette
@@ -18,7 +20,7 @@ OVERLAY, CONTACT = f"{ROOM}/overlay", f"{ROOM}/contact"
 def record(value: Tracks, frames: Frames) -> Recording:
     """Masks of 0 and 255, one topic per hand and object; states are metrics of each mask."""
     words = slugs(value.entities)
-    colours = palette([entity.side for entity in value.entities])
+    colours = palette(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
     channels: list[Channel] = [image_channel(OVERLAY, palette=shades), channel(CONTACT, Contact)]
     for word, entity in zip(words, value.entities, strict=True):
@@ -38,7 +40,7 @@ def _messages(value: Tracks, frames: Frames, words: list[str], colours: Palette)
 def _state(value: Tracks, n: int, t: int) -> MaskState:
     flags = TrackFlag(int(value.flags[n, t]))
     return MaskState(
-        frame=int(value.frame[t]), confidence=float(value.confidence[n, t]), area_px=float(value.masks[n, t].sum()),
+        frame=int(value.frame[t]), confidence=float(value.confidence[n, t]), area_px=float(np.count_nonzero(value.masks[n, t])),
         visible=TrackFlag.VISIBLE in flags, key=TrackFlag.KEY in flags, entering=TrackFlag.ENTERING in flags,
         leaving=TrackFlag.LEAVING in flags, source_frame=int(value.source_frame[n, t]),
         distance_frames=float(value.distance[n, t]))  # fmt: skip

@@ -6,9 +6,13 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from blake3 import blake3
+
+from schemas.masks import Entity
 
 JPEG_QUALITY = 90
-PNG = (cv2.IMWRITE_PNG_COMPRESSION, 2)
+PNG = (cv2.IMWRITE_PNG_COMPRESSION, 2, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE)
+"""unfiltered: five times as fast as libpng's choice, and as small for flat pictures"""
 Palette = Sequence[tuple[int, int, int]]
 """one RGB colour per label or mask"""
 LEFT, RIGHT = (66, 165, 245), (239, 83, 80)
@@ -33,26 +37,36 @@ def grey_png(values: np.ndarray) -> bytes:
 
 
 def colour_png(labels: np.ndarray, palette: Palette) -> bytes:
-    """PNG of (h, w) labels, each painted in its colour of the palette."""
-    return _encode(".png", np.array(palette, np.uint8)[labels][..., ::-1], PNG)
+    """PNG of (h, w) uint8 labels, each painted in its colour of the palette."""
+    return _encode(".png", _painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG)
 
 
 def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
     """Transparent PNG of (n, h, w) bool masks; a later mask lies over an earlier one."""
-    rgba = np.zeros((*masks.shape[1:], 4), np.uint8)
-    for mask, (red, green, blue) in zip(masks, palette, strict=True):
-        rgba[mask] = (blue, green, red, OPACITY)
-    return _encode(".png", rgba, PNG)
+    labels = np.zeros(masks.shape[1:], np.uint8)
+    for n, mask in enumerate(masks, 1):
+        np.copyto(labels, np.uint8(n), where=mask)
+    return _encode(".png", _painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG)
 
 
-def palette(sides: Sequence[str]) -> Palette:
-    """A colour for each entity by its side: 'left' and 'right' hands have their own, objects take turns."""
-    objects = iter(range(len(sides)))
-    hands = {"left": LEFT, "right": RIGHT}
-    return [hands[side] if side in hands else OBJECTS[next(objects) % len(OBJECTS)] for side in sides]
+def palette(entities: Sequence[Entity]) -> Palette:
+    """A colour for each entity: hands have their own, an object the one of its name, or the next free one."""
+    colours = {"left": LEFT, "right": RIGHT}
+    found: list[tuple[int, int, int]] = []
+    for entity in entities:
+        start = blake3(entity.entity_id.encode()).digest()[0]
+        turns = [OBJECTS[(start + n) % len(OBJECTS)] for n in range(len(OBJECTS))]
+        found.append(colours.get(entity.side) or next((colour for colour in turns if colour not in found), turns[0]))
+    return found
 
 
-def _encode(kind: str, picture: np.ndarray, options: tuple[int, int]) -> bytes:
+def _painted(labels: np.ndarray, rgba: Sequence[tuple[int, ...]]) -> np.ndarray:
+    """(h, w, 4) uint8 in the order that OpenCV writes: blue, green, red, alpha."""
+    words = np.array(rgba, np.uint8)[:, [2, 1, 0, 3]].copy().view(np.uint32).reshape(-1)
+    return np.take(words, labels).view(np.uint8).reshape(*labels.shape, 4)
+
+
+def _encode(kind: str, picture: np.ndarray, options: tuple[int, ...]) -> bytes:
     done, data = cv2.imencode(kind, picture, list(options))
     if not done:
         raise ValueError(f"cannot encode a picture of shape {picture.shape} as {kind}")

@@ -50,7 +50,7 @@ def _stream(path: Path) -> rr.RecordingStream:
 
 
 def _layout() -> rrb.Blueprint:
-    clean = "/clean/image"
+    clean, unit = "/clean/image", rrb.ScalarAxis(range=(0.0, 1.05))
     pictures = rrb.Grid(
         rrb.Spatial2DView(origin="/frame", name="hands and objects"),
         rrb.Spatial2DView(origin="/clean", name="hands removed"),
@@ -61,9 +61,9 @@ def _layout() -> rrb.Blueprint:
     words = rrb.Vertical(
         rrb.TextDocumentView(origin="/task", name="task"),
         rrb.TextLogView(origin="/log", name="narrations"),
-        rrb.TimeSeriesView(origin="/plots/confidence", name="confidence of each mask"),
-        rrb.TimeSeriesView(origin="/plots/sample", name="sample and inpainting"),
-        row_shares=[3, 2, 3, 3],
+        rrb.TimeSeriesView(origin="/plots/confidence", name="confidence of each mask", axis_y=unit),
+        rrb.TimeSeriesView(origin="/plots/sample", name="quality of the sample, confidence of the inpainting", axis_y=unit),
+        row_shares=[4, 2, 3, 3],
     )
     return rrb.Blueprint(rrb.Horizontal(pictures, words, column_shares=[2, 1]), collapse_panels=True)
 
@@ -74,6 +74,9 @@ def _log(path: Path, stream: rr.RecordingStream) -> None:
         place = next(place for place, overlay in MASKS.items() if overlay == topic)
         classes = [rr.AnnotationInfo(n + 1, word, colour) for n, (word, colour) in enumerate(palette.items())]
         stream.log(place.split("/")[0], rr.AnnotationContext([rr.AnnotationInfo(0, "", (0, 0, 0, 0)), *classes]), static=True)
+        if topic == of_tracks.OVERLAY:
+            for word, colour in palette.items():
+                stream.log(f"plots/confidence/{word}", rr.SeriesLines(colors=[colour], names=[word]), static=True)
     for moment in moments(path):
         stream.set_time("media_time", duration=moment.time_ns / 1e9)
         state = moment.one(of_frames.STATE)
@@ -131,8 +134,7 @@ def _markdown(state: Any, said: list[Any]) -> str:
     rows = {"verb, noun": "; ".join(f"{n.verb}, {n.noun}" for n in said), "hands": state.taxonomy,
             "left hand": state.left_object or "nothing", "right hand": state.right_object or "nothing",
             "sample": verdict}  # fmt: skip
-    table = "\n".join(f"| {key} | {text.replace('_', ' ')} |" for key, text in rows.items())
-    return f"## {title}\n\n| | |\n|---|---|\n{table}\n"
+    return f"## {title}\n\n" + "\n".join(f"- **{key}** {text.replace('_', ' ')}" for key, text in rows.items())
 
 
 def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
