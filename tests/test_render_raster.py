@@ -114,8 +114,14 @@ def test_images_must_have_sides_that_are_powers_of_two() -> None:
         Textures.of([Material(np.zeros((30, 32, 3), np.uint8))])
 
 
-@pytest.mark.parametrize("shape", [box((0.1, 0.2, 0.3), 0.01), lathe(np.array([(0, 0), (0.1, 0), (0.1, 0.2), (0, 0.2)])),
-                                   tube(np.array([(0, 0, 0), (0.1, 0, 0), (0.2, 0.1, 0)]), 0.02)])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        box((0.1, 0.2, 0.3), 0.01),
+        lathe(np.array([(0, 0), (0.1, 0), (0.1, 0.2), (0, 0.2)])),
+        tube(np.array([(0, 0, 0), (0.1, 0, 0), (0.2, 0.1, 0)]), 0.02),
+    ],
+)
 def test_solids_are_closed_and_face_outwards(shape) -> None:  # type: ignore[no-untyped-def]
     """The volume under the faces is positive and near that of the solid."""
     tri = shape.vertices[shape.faces].astype(float)

@@ -98,6 +98,7 @@ def test_skin_weights_are_shares() -> None:
 @pytest.mark.parametrize("radius", [0.012, 0.03, 0.045])
 def test_fingers_close_until_they_touch_and_no_deeper(kind: str, radius: float) -> None:
     """After closing on a rod at least one finger touches it, none is pressed in deeper than the flesh gives way."""
+
     def rod(p: np.ndarray) -> np.ndarray:
         return np.hypot(p[:, 0] - 0.03, p[:, 2] - radius - 0.02) - radius
 
@@ -162,3 +163,12 @@ def test_a_step_before_reset_is_refused() -> None:
     """The environment says what to do."""
     with pytest.raises(RuntimeError, match="reset"):
         Settle().poses()
+
+
+def test_the_skin_is_closed_but_for_the_elbow() -> None:
+    """Every edge has two faces, save where the arm ends behind the elbow."""
+    shape = hand_shape()
+    edges = np.sort(np.concatenate([shape.faces[:, [0, 1]], shape.faces[:, [1, 2]], shape.faces[:, [2, 0]]]), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    open_end = shape.vertices[unique[count == 1]][:, :, 0]
+    assert open_end.size == 0 or open_end.max() < -0.4

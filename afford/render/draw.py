@@ -15,8 +15,15 @@ from afford.render.textures import Textures
 from afford.render.view import Seen, View, depth
 
 
-def render(instances: Sequence[Instance], camera: Camera, light: Light, textures: Textures, *, supersample: int = 2,
-           shadow_casters: Sequence[Instance] | None = None) -> Rendered:
+def render(
+    instances: Sequence[Instance],
+    camera: Camera,
+    light: Light,
+    textures: Textures,
+    *,
+    supersample: int = 2,
+    shadow_casters: Sequence[Instance] | None = None,
+) -> Rendered:
     """An image of the instances; shadows are thrown by `shadow_casters`, by default the instances themselves."""
     view = View.of(batch(instances, textures), camera)
     lighting = Lighting.of(view.scene if shadow_casters is None else batch(shadow_casters, textures), light)
@@ -33,8 +40,16 @@ def draw_ids(instances: Sequence[Instance], camera: Camera, textures: Textures) 
     return view.ids(face), depth(near)
 
 
-def render_bundle(instances: Sequence[Instance], hands: Iterable[int], entities: int, camera: Camera, light: Light,
-                  textures: Textures, *, supersample: int = 2) -> Bundle:
+def render_bundle(
+    instances: Sequence[Instance],
+    hands: Iterable[int],
+    entities: int,
+    camera: Camera,
+    light: Light,
+    textures: Textures,
+    *,
+    supersample: int = 2,
+) -> Bundle:
     """The full truth of one frame: `hands` are the entities to take away, amodal masks are for entities 0..entities-1.
 
     Only the pixels that hands cover, or that their shadows can reach, are shaded again.
@@ -61,11 +76,26 @@ def _changed(full: Seen, bare: Seen, supersample: int) -> np.ndarray:
     return (full[0] != bare[0]).reshape(height // supersample, supersample, width // supersample, supersample).any(axis=(1, 3))
 
 
-def _paint(view: View, seen: Seen, light: Lighting, maps: np.ndarray, textures: Textures, want: np.ndarray, out: np.ndarray) -> None:
+def _paint(
+    view: View, seen: Seen, light: Lighting, maps: np.ndarray, textures: Textures, want: np.ndarray, out: np.ndarray
+) -> None:
     """Colour the wanted pixels of `out`."""
     s = view.scene
     geometry = (s.vertices, s.normals, s.colours, s.uv, s.faces, s.part, s.layer)
     eye = view.camera.T_world_cam[:3, 3].astype(np.float32)
     supersample = seen[0].shape[0] // view.camera.height
-    shade(want, supersample, view.E, *seen, geometry, s.looks, (textures.texels, textures.levels), eye, light.rows, maps,
-          light.ambience, light.vignette, out)
+    shade(
+        want,
+        supersample,
+        view.E,
+        *seen,
+        geometry,
+        s.looks,
+        (textures.texels, textures.levels),
+        eye,
+        light.rows,
+        maps,
+        light.ambience,
+        light.vignette,
+        out,
+    )

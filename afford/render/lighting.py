@@ -34,8 +34,14 @@ class Lighting:
         rows = [np.concatenate([la.frame.reshape(-1), -la.frame[2, :3], la.colour, [la.softness, la.texel_m]]) for la in both]
         ambience = np.array([light.sky, light.ground, [light.exposure] * 3], np.float32)
         maps = [depth_maps(scene, lamp, last) for lamp in both]
-        return Lighting(both, np.array(rows, np.float32), ambience, light.vignette, np.stack([m[1] for m in maps]),
-                        np.stack([m[0] for m in maps]))
+        return Lighting(
+            both,
+            np.array(rows, np.float32),
+            ambience,
+            light.vignette,
+            np.stack([m[1] for m in maps]),
+            np.stack([m[0] for m in maps]),
+        )
 
     def touched(self, points: np.ndarray) -> np.ndarray:
         """(h, w) bool: the points (h, w, 3) whose light may differ between the two sets of maps."""

@@ -32,29 +32,31 @@ def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba
     return red * red, green * green, blue * blue
 
 
-@numba.njit(cache=True, fastmath=True)
-def sample(texels, levels, u, v, ux, vx, uy, vy):  # type: ignore[no-untyped-def]
+@numba.njit(cache=True, fastmath=True, inline="always")
+def sample(texels, levels, layer, u, v, ux, vx, uy, vy):  # type: ignore[no-untyped-def]
     """Filtered linear RGB at uv, given the change of uv from one pixel to the next along x and y."""
-    h, w = F(levels[0, 1]), F(levels[0, 2])
+    h, w = F(levels[layer, 0, 1]), F(levels[layer, 0, 2])
     long_u, long_v = ux * w, vx * h
     short, long = (uy * w) ** 2 + (vy * h) ** 2, long_u**2 + long_v**2
     if short > long:
         long_u, long_v, long, short = uy * w, vy * h, short, long
     long = np.sqrt(long)
-    taps = min(max(np.int32(np.ceil(long / np.sqrt(max(short, F(1))))), np.int32(1)), np.int32(6))
+    taps = min(max(np.int32(np.ceil(long / np.sqrt(max(short, F(1))) - F(0.4))), np.int32(1)), np.int32(6))
     share = F(1) / F(taps)
     lod = max(np.log2(max(long * share, F(1e-6))), F(0))
     long_u, long_v = long_u / w, long_v / h
-    low = min(int(lod), len(levels) - 1)
-    high = min(low + 1, len(levels) - 1)
-    part = lod - np.floor(lod)
+    low = min(int(lod), levels.shape[1] - 1)
+    high = min(low + 1, levels.shape[1] - 1)
+    part = min(max(F(2) * (lod - np.floor(lod)) - F(0.5), F(0)), F(1))
+    low, part = (high, F(0)) if part >= F(1) else (low, part)
     r, g, b = F(0), F(0), F(0)
     for k in range(taps):
         along = (F(k) + F(0.5)) * share - F(0.5)
         x, y = u + along * long_u, v + along * long_v
         for which in range(2 if part > 0 and high > low else 1):
-            level = levels[low] if which == 0 else levels[high]
-            p, q, s = _texel(texels, level[0], level[1], level[2], x * F(level[2]) - F(0.5), y * F(level[1]) - F(0.5))
+            level = low if which == 0 else high
+            start, tall, wide = levels[layer, level, 0], levels[layer, level, 1], levels[layer, level, 2]
+            p, q, s = _texel(texels, start, tall, wide, x * F(wide) - F(0.5), y * F(tall) - F(0.5))
             weight = F(1) if high == low or part == 0 else (F(1) - part if which == 0 else part)
             r, g, b = r + p * weight, g + q * weight, b + s * weight
     share *= F(1 / 65025)
@@ -124,71 +126,73 @@ def _unit(x, y, z):  # type: ignore[no-untyped-def]
     return x * scale, y * scale, z * scale
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, inline="always")
 def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambience):  # type: ignore[no-untyped-def]
     """Linear RGB of the triangle `face` seen at image point (px, py)."""
     vertices, normals, colours, uv, faces, part, layers = geometry
-    texels, all_levels = textures
-    e = E[face]
-    a = e[0, 0] * px + e[0, 1] * py + e[0, 2]
-    b = e[1, 0] * px + e[1, 1] * py + e[1, 2]
-    c = e[2, 0] * px + e[2, 1] * py + e[2, 2]
+    texels, levels = textures
+    a = E[face, 0, 0] * px + E[face, 0, 1] * py + E[face, 0, 2]
+    b = E[face, 1, 0] * px + E[face, 1, 1] * py + E[face, 1, 2]
+    c = E[face, 2, 0] * px + E[face, 2, 1] * py + E[face, 2, 2]
     inv = 1.0 / (a + b + c)
     a, b, c = a * inv, b * inv, c * inv
     i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
     p = part[face]
-    look, levels = looks[p], all_levels[layers[p]]
     u, v = _mix(uv, i, j, k, 0, a, b, c), _mix(uv, i, j, k, 1, a, b, c)
-    sx, sy = (e[0, 0] + e[1, 0] + e[2, 0]) * inv, (e[0, 1] + e[1, 1] + e[2, 1]) * inv
-    ux = _mix(uv, i, j, k, 0, e[0, 0], e[1, 0], e[2, 0]) * inv - u * sx
-    uy = _mix(uv, i, j, k, 0, e[0, 1], e[1, 1], e[2, 1]) * inv - u * sy
-    vx = _mix(uv, i, j, k, 1, e[0, 0], e[1, 0], e[2, 0]) * inv - v * sx
-    vy = _mix(uv, i, j, k, 1, e[0, 1], e[1, 1], e[2, 1]) * inv - v * sy
-    red, green, blue = sample(texels, levels, F(u), F(v), F(ux), F(vx), F(uy), F(vy))
+    sx, sy = (E[face, 0, 0] + E[face, 1, 0] + E[face, 2, 0]) * inv, (E[face, 0, 1] + E[face, 1, 1] + E[face, 2, 1]) * inv
+    ux = _mix(uv, i, j, k, 0, E[face, 0, 0], E[face, 1, 0], E[face, 2, 0]) * inv - u * sx
+    uy = _mix(uv, i, j, k, 0, E[face, 0, 1], E[face, 1, 1], E[face, 2, 1]) * inv - u * sy
+    vx = _mix(uv, i, j, k, 1, E[face, 0, 0], E[face, 1, 0], E[face, 2, 0]) * inv - v * sx
+    vy = _mix(uv, i, j, k, 1, E[face, 0, 1], E[face, 1, 1], E[face, 2, 1]) * inv - v * sy
+    red, green, blue = sample(texels, levels, layers[p], F(u), F(v), F(ux), F(vx), F(uy), F(vy))
     a, b, c = F(a), F(b), F(c)
     X, Y, Z = _mix(vertices, i, j, k, 0, a, b, c), _mix(vertices, i, j, k, 1, a, b, c), _mix(vertices, i, j, k, 2, a, b, c)
-    nx, ny, nz = _unit(_mix(normals, i, j, k, 0, a, b, c), _mix(normals, i, j, k, 1, a, b, c), _mix(normals, i, j, k, 2, a, b, c))
+    nx, ny, nz = _unit(
+        _mix(normals, i, j, k, 0, a, b, c), _mix(normals, i, j, k, 1, a, b, c), _mix(normals, i, j, k, 2, a, b, c)
+    )
     wx, wy, wz = _unit(eye[0] - X, eye[1] - Y, eye[2] - Z)
     if nx * wx + ny * wy + nz * wz < 0:
         nx, ny, nz = -nx, -ny, -nz
-    red = red * look[0] * _mix(colours, i, j, k, 0, a, b, c)
-    green = green * look[1] * _mix(colours, i, j, k, 1, a, b, c)
-    blue = blue * look[2] * _mix(colours, i, j, k, 2, a, b, c)
-    return _light((X, Y, Z), (nx, ny, nz), (wx, wy, wz), (red, green, blue), look, lamps, maps, ambience)
+    red = red * looks[p, 0] * _mix(colours, i, j, k, 0, a, b, c)
+    green = green * looks[p, 1] * _mix(colours, i, j, k, 1, a, b, c)
+    blue = blue * looks[p, 2] * _mix(colours, i, j, k, 2, a, b, c)
+    return _light((X, Y, Z), (nx, ny, nz), (wx, wy, wz), (red, green, blue), looks, p, lamps, maps, ambience)
 
 
-@numba.njit(cache=True, fastmath=True)
-def _light(P, N, V, albedo, look, lamps, maps, ambience):  # type: ignore[no-untyped-def]
+@numba.njit(cache=True, fastmath=True, inline="always")
+def _light(P, N, V, albedo, looks, p, lamps, maps, ambience):  # type: ignore[no-untyped-def]
     """Reflected light. `lamps` (n, 20): frame (12), direction to the lamp (3), colour (3), softness, texel."""
-    specular, metal, skin = look[3], look[6], look[7]
-    alpha = max(look[4] * look[4], F(0.02))
+    specular, metal, skin = looks[p, 3], looks[p, 6], looks[p, 7]
+    alpha = max(looks[p, 4] * looks[p, 4], F(0.02))
     nv = max(N[0] * V[0] + N[1] * V[1] + N[2] * V[2], F(0.02))
     mirror = F(2) * nv * N[2] - V[2]
-    fringe = specular * (F(1) + metal) + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - look[4])
-    up, gleam = F(0.5) + F(0.5) * N[2], _room(F(2) * nv * N[0] - V[0], F(2) * nv * N[1] - V[1], mirror, look[4])
+    fringe = specular * (F(1) + metal) + (F(1) - specular) * (F(1) - nv) ** 5 * (F(1) - looks[p, 4])
+    up, gleam = F(0.5) + F(0.5) * N[2], _room(F(2) * nv * N[0] - V[0], F(2) * nv * N[1] - V[1], mirror, looks[p, 4])
     dr, dg, db = _sky(ambience, 0, up), _sky(ambience, 1, up), _sky(ambience, 2, up)
     sr, sg, sb = _sky(ambience, 0, gleam) * fringe, _sky(ambience, 1, gleam) * fringe, _sky(ambience, 2, gleam) * fringe
     for n in range(len(lamps)):
-        lamp = lamps[n]
-        nl = N[0] * lamp[12] + N[1] * lamp[13] + N[2] * lamp[14]
+        nl = N[0] * lamps[n, 12] + N[1] * lamps[n, 13] + N[2] * lamps[n, 14]
         if nl <= F(-0.4) * skin:
             continue
-        seen = _seen(P, N, lamp, maps[n])
+        seen = _seen(P, N, lamps, n, maps)
         if seen <= 0:
             continue
         straight, wrapped = max(nl, F(0)), max((nl + F(0.4)) / F(1.4), F(0))
         spread = (wrapped - straight) * skin
-        dr += lamp[15] * seen * (straight + spread)
-        dg += lamp[16] * seen * (straight + spread * F(0.55))
-        db += lamp[17] * seen * (straight + spread * F(0.45))
+        dr += lamps[n, 15] * seen * (straight + spread)
+        dg += lamps[n, 16] * seen * (straight + spread * F(0.55))
+        db += lamps[n, 17] * seen * (straight + spread * F(0.45))
         if straight > 0:
-            gloss = _gloss(N, V, lamp, straight, nv, alpha, specular) * seen
-            sr, sg, sb = sr + lamp[15] * gloss, sg + lamp[16] * gloss, sb + lamp[17] * gloss
+            gloss = _gloss(N, V, lamps, n, straight, nv, alpha, specular) * seen
+            sr, sg, sb = sr + lamps[n, 15] * gloss, sg + lamps[n, 16] * gloss, sb + lamps[n, 17] * gloss
     matt = F(1) - metal * F(0.6)
     tint = F(1) - metal
     red, green, blue = albedo
-    return (red * dr * matt + sr * (tint + red * metal), green * dg * matt + sg * (tint + green * metal),
-            blue * db * matt + sb * (tint + blue * metal))
+    return (
+        red * dr * matt + sr * (tint + red * metal),
+        green * dg * matt + sg * (tint + green * metal),
+        blue * db * matt + sb * (tint + blue * metal),
+    )
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
@@ -204,19 +208,19 @@ def _sky(ambience, channel, up):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
-def _seen(P, N, lamp, depths):  # type: ignore[no-untyped-def]
+def _seen(P, N, lamps, n, maps):  # type: ignore[no-untyped-def]
     """Share of the lamp seen from a point a little above the surface."""
     qx, qy, qz = P[0] + N[0] * F(0.004), P[1] + N[1] * F(0.004), P[2] + N[2] * F(0.004)
-    x = lamp[0] * qx + lamp[1] * qy + lamp[2] * qz + lamp[3]
-    y = lamp[4] * qx + lamp[5] * qy + lamp[6] * qz + lamp[7]
-    z = lamp[8] * qx + lamp[9] * qy + lamp[10] * qz + lamp[11] - F(0.002)
-    return lit(depths, x, y, z, lamp[18], lamp[19])
+    x = lamps[n, 0] * qx + lamps[n, 1] * qy + lamps[n, 2] * qz + lamps[n, 3]
+    y = lamps[n, 4] * qx + lamps[n, 5] * qy + lamps[n, 6] * qz + lamps[n, 7]
+    z = lamps[n, 8] * qx + lamps[n, 9] * qy + lamps[n, 10] * qz + lamps[n, 11] - F(0.002)
+    return lit(maps, n, x, y, z, lamps[n, 18], lamps[n, 19])
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
-def _gloss(N, V, lamp, nl, nv, alpha, specular):  # type: ignore[no-untyped-def]
+def _gloss(N, V, lamps, n, nl, nv, alpha, specular):  # type: ignore[no-untyped-def]
     """GGX highlight of one lamp, bounded."""
-    hx, hy, hz = _unit(lamp[12] + V[0], lamp[13] + V[1], lamp[14] + V[2])
+    hx, hy, hz = _unit(lamps[n, 12] + V[0], lamps[n, 13] + V[1], lamps[n, 14] + V[2])
     nh = max(N[0] * hx + N[1] * hy + N[2] * hz, F(0))
     vh = max(V[0] * hx + V[1] * hy + V[2] * hz, F(0))
     d = nh * nh * (alpha * alpha - F(1)) + F(1)

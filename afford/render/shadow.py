@@ -93,34 +93,34 @@ SEARCH = _spiral(12)
 
 
 @numba.njit(cache=True, fastmath=True)
-def lit(depths, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
+def lit(maps, n, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
     """Share 0..1 of the lamp seen from light-space (x, y texels, z metres)."""
     reach = min(np.float32(0.12) * softness / texel_m + np.float32(2.0), np.float32(40.0))
     total, blockers = np.float32(0.0), 0
     for k in range(len(SEARCH)):
         i, j = int(y + SEARCH[k, 1] * reach + 0.5), int(x + SEARCH[k, 0] * reach + 0.5)
-        if 0 <= i < SIZE and 0 <= j < SIZE and depths[i, j] < z:
-            total += depths[i, j]
+        if 0 <= i < SIZE and 0 <= j < SIZE and maps[n, i, j] < z:
+            total += maps[n, i, j]
             blockers += 1
     if blockers == 0:
         return np.float32(1.0)
     radius = min(max((z - total / blockers) * softness / texel_m, 1.5), reach)
     share = np.float32(0.0)
     for k in range(len(DISK)):
-        share += _compare(depths, x + DISK[k, 0] * radius, y + DISK[k, 1] * radius, z)
+        share += _compare(maps, n, x + DISK[k, 0] * radius, y + DISK[k, 1] * radius, z)
     return share / np.float32(len(DISK))
 
 
 @numba.njit(cache=True, fastmath=True)
-def _compare(depths, x, y, z):  # type: ignore[no-untyped-def]
+def _compare(maps, n, x, y, z):  # type: ignore[no-untyped-def]
     """Bilinear share of the four texels around (x, y) that do not block."""
     j, i = int(x), int(y)
     if i < 0 or j < 0 or i >= SIZE - 1 or j >= SIZE - 1:
         return np.float32(1.0)
     s, t = np.float32(x - j), np.float32(y - i)
     one, none = np.float32(1.0), np.float32(0.0)
-    a = one if depths[i, j] >= z else none
-    b = one if depths[i, j + 1] >= z else none
-    c = one if depths[i + 1, j] >= z else none
-    d = one if depths[i + 1, j + 1] >= z else none
+    a = one if maps[n, i, j] >= z else none
+    b = one if maps[n, i, j + 1] >= z else none
+    c = one if maps[n, i + 1, j] >= z else none
+    d = one if maps[n, i + 1, j + 1] >= z else none
     return (a * (one - s) + b * s) * (one - t) + (c * (one - s) + d * s) * t

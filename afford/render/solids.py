@@ -14,7 +14,9 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
-def lathe(profile: np.ndarray, sides: int = 48, *, repeat_u: float = 1.0, v_per_m: float = 0.0, crease_deg: float = 35.0) -> Mesh:
+def lathe(
+    profile: np.ndarray, sides: int = 48, *, repeat_u: float = 1.0, v_per_m: float = 0.0, crease_deg: float = 35.0
+) -> Mesh:
     """A solid of revolution about z. `profile` (n, 2) of (radius, height), going from bottom to top on the outside.
 
     u runs around (`repeat_u` textures), v down the profile (images stand upright; 1 texture, or `v_per_m` textures a metre).
@@ -31,8 +33,15 @@ def lathe(profile: np.ndarray, sides: int = 48, *, repeat_u: float = 1.0, v_per_
     return mesh(points.reshape(-1, 3), grid_faces(*xy.shape[:2]), uv.reshape(-1, 2), crease_deg=crease_deg)
 
 
-def tube(path: np.ndarray, radius: np.ndarray | float, sides: int = 14, *, flat: float = 1.0, repeat: tuple[float, float] = (1.0, 1.0),
-         up: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> Mesh:
+def tube(
+    path: np.ndarray,
+    radius: np.ndarray | float,
+    sides: int = 14,
+    *,
+    flat: float = 1.0,
+    repeat: tuple[float, float] = (1.0, 1.0),
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0),
+) -> Mesh:
     """A closed sweep of an ellipse along `path` (n, 3); `radius` (n,) across, times `flat` along the local up."""
     line = np.asarray(path, np.float64)
     r = np.broadcast_to(np.asarray(radius, np.float64), (len(line),))
@@ -115,7 +124,10 @@ def extrude(outline: np.ndarray, height: float, *, uv_per_m: float = 0.0) -> Mes
     index = np.arange(count)
     after = (index + 1) % count
     sides = np.concatenate([np.c_[index, after, after + count], np.c_[index, after + count, index + count]])
-    bottom, top = np.c_[after, index, np.full(count, 2 * count)], np.c_[index + count, after + count, np.full(count, 2 * count + 1)]
+    bottom, top = (
+        np.c_[after, index, np.full(count, 2 * count)],
+        np.c_[index + count, after + count, np.full(count, 2 * count + 1)],
+    )
     points = np.concatenate([rings, caps])
     flat = points[:, :2] + points[:, 2:] * 0.7
     uv = flat * uv_per_m if uv_per_m else (flat - low) / (high - low).max()

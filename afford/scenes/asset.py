@@ -38,7 +38,7 @@ class Joint:
     low: float
     high: float
 
-    def T_obj_moving(self, value: float) -> np.ndarray:
+    def T_obj_moving(self, value: float) -> np.ndarray:  # noqa: N802  # poses are named after their frames
         """(4, 4) motion of the moving parts at `value`; identity at 0."""
         T = np.eye(4)
         axis = np.asarray(self.axis, float) / np.linalg.norm(self.axis)

@@ -24,8 +24,17 @@ def mirrored(grip: Grip, about_x: float = 0.0) -> Grip:
     return Grip(grip.name, grip.kind, "left" if grip.side == "right" else "right", T, grip.aperture_m, grip.moving)
 
 
-def rod(name: str, centre: Vec, thumb: Vec, into: Vec, thickness: float, *, kind: str = "handle_wrap", lean_deg: float = 0.0,
-        moving: bool = False) -> Grip:
+def rod(
+    name: str,
+    centre: Vec,
+    thumb: Vec,
+    into: Vec,
+    thickness: float,
+    *,
+    kind: str = "handle_wrap",
+    lean_deg: float = 0.0,
+    moving: bool = False,
+) -> Grip:
     """The right hand round a rod through `centre`, thumb towards `thumb`, palm pressed along `into`.
 
     `lean_deg` turns the hand in the palm's plane so that the fingers point more towards the thumb's end (a slanted grip).

@@ -56,9 +56,14 @@ class HandLook:
         """A sleeve of given radius, with folds that grow deeper away from the cuff."""
         tube_ = tube(WRIST + np.c_[-back, np.zeros((len(back), 2))], radius, 36, flat=0.86, repeat=(2.0, 10.0 * np.ptp(back)))
         offset = tube_.vertices - WRIST * [0, 1, 1]
-        angle, depth = np.arctan2(offset[:, 2], offset[:, 1]), np.clip(-offset[:, 0] + WRIST[0] - self.cuff_m - 0.035, 0, 0.05) / 0.05
-        wave = np.sin(offset[:, 0] * 130 + 2.2 * np.sin(angle + self.folds[0])) + 0.6 * np.sin(offset[:, 0] * 71 - 2 * angle + self.folds[1])
-        swell = 1 + (0.065 * depth * wave + 0.03 * depth * np.sin(3 * angle + self.folds[2]))[:, None] * [0, 1, 1]
+        angle, depth = (
+            np.arctan2(offset[:, 2], offset[:, 1]),
+            np.clip(-offset[:, 0] + WRIST[0] - self.cuff_m - 0.035, 0, 0.05) / 0.05,
+        )
+        turn, twist, drape = self.folds
+        wave = np.sin(offset[:, 0] * 95 + 2 * angle + 2.5 * np.sin(angle + turn + offset[:, 0] * 23))
+        wave = wave + 0.8 * np.sin(offset[:, 0] * 57 - 3 * angle + twist) + 0.7 * np.sin(3 * angle + drape)
+        swell = 1 + (0.030 * depth * wave)[:, None] * [0, 1, 1]
         points = (WRIST * [0, 1, 1] + offset * swell).astype(np.float32)
         return replace(tube_, vertices=points, normals=_seamless(points, tube_))
 
@@ -78,7 +83,7 @@ def person(rng: np.random.Generator) -> HandLook:
     tone = np.array(TONES[rng.integers(len(TONES))]) * rng.uniform(0.95, 1.04)
     skin = materials.plastic(rng, GLOVES[rng.integers(len(GLOVES))], 256) if gloved else materials.skin(rng, tuple(tone))
     style = rng.random()
-    cuff = float(rng.uniform(0.015, 0.05) if style < 0.6 else rng.uniform(0.09, 0.16) if style < 0.8 else ARM_M)
+    cuff = float(rng.uniform(0.015, 0.05) if style < 0.6 or gloved else rng.uniform(0.09, 0.16) if style < 0.8 else ARM_M)
     watch, strap = (_watch(rng), materials.leather(rng)) if cuff > 0.06 and rng.random() < 0.5 else (None, None)
     return HandLook(skin, materials.cloth(rng), cuff, rng.uniform(0, 2 * np.pi, 3), gloved, watch, strap)
 
@@ -87,8 +92,8 @@ def _watch(rng: np.random.Generator) -> Mesh:
     """A strap round the wrist with a case on the back of the hand."""
     turn = np.linspace(0, 2 * np.pi, 33)
     at = WRIST[0] - 0.030
-    ring = np.stack([0 * turn + at, 0.0285 * np.cos(turn), WRIST[2] + 0.0208 * np.sin(turn)], -1)
-    strap = tube(ring, 0.0085, 10, flat=0.2, up=(1.0, 0.0, 0.0))
+    ring = np.stack([0 * turn + at, 0.0272 * np.cos(turn), WRIST[2] + 0.0196 * np.sin(turn)], -1)
+    strap = tube(ring, 0.0085, 12, flat=0.22, up=(1.0, 0.0, 0.0))
     wide = float(rng.uniform(0.014, 0.018))
     case = lathe(np.array([(0, 0), (wide, 0), (wide, 0.007), (wide - 0.002, 0.009), (0, 0.009)]), 28)
     down = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -115,7 +120,7 @@ def _skin_colour(shape: HandShape, normals: np.ndarray) -> np.ndarray:
 
 
 def _near(points: np.ndarray, centre: np.ndarray, width: float) -> np.ndarray:
-    return np.exp(-(np.linalg.norm(points - centre, axis=1) / width) ** 2)
+    return np.exp(-((np.linalg.norm(points - centre, axis=1) / width) ** 2))
 
 
 def _joint(shape: HandShape, normals: np.ndarray, digit: int, link: int) -> np.ndarray:

@@ -84,7 +84,7 @@ def _nodes() -> list[np.ndarray]:
     """Grid lines: fine around the hand, coarse along the arm."""
     fine = np.arange(-0.115, 0.152, STEP_M)
     coarse = np.arange(WRIST[0] - ARM_M, -0.115, 0.009)
-    return [np.concatenate([coarse, fine]), np.arange(-0.088, 0.066, STEP_M), np.arange(-0.062, 0.058, STEP_M)]
+    return [np.concatenate([coarse, fine]), np.arange(-0.100, 0.066, STEP_M), np.arange(-0.062, 0.058, STEP_M)]
 
 
 @lru_cache(maxsize=1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
@@ -24,7 +26,7 @@ def wood(rng: np.random.Generator, species: str | None = None, size: int = 512, 
     rows = [_board(rng, size, SPECIES[name]) for _ in range(min(planks, 3))]
     out = np.zeros((size, size, 3), np.float32)
     cuts = np.linspace(0, size, planks + 1).astype(int)
-    for k, (start, stop) in enumerate(zip(cuts, cuts[1:], strict=False)):
+    for k, (start, stop) in enumerate(pairwise(cuts)):
         shift = int(rng.integers(size))
         out[:, start:stop] = np.roll(rows[k % len(rows)], shift, 0)[:, : stop - start] * rng.uniform(0.9, 1.06)
         if planks > 1:
@@ -169,7 +171,9 @@ def _motto(rng: np.random.Generator, canvas: np.ndarray, ink: list[tuple[int, ..
 def _speckles(rng: np.random.Generator, canvas: np.ndarray, ink: list[tuple[int, ...]]) -> None:
     size = len(canvas)
     for k in range(500):
-        cv2.circle(canvas, tuple(int(c) for c in rng.integers(0, size, 2)), int(rng.integers(1, 3)), ink[k % 2], -1, cv2.LINE_AA)
+        cv2.circle(
+            canvas, tuple(int(c) for c in rng.integers(0, size, 2)), int(rng.integers(1, 3)), ink[k % 2], -1, cv2.LINE_AA
+        )
     canvas[: size // 5] = ink[2]
 
 
@@ -225,7 +229,9 @@ def cloth(rng: np.random.Generator, size: int = 256) -> Material:
 
 def cutting_mat(rng: np.random.Generator, size: int = 512) -> Material:
     """A ruled cutting mat."""
-    ground, ink = [((28, 92, 74), (170, 206, 170)), ((44, 66, 108), (186, 198, 214)), ((52, 52, 56), (190, 190, 186))][rng.integers(3)]
+    ground, ink = [((28, 92, 74), (170, 206, 170)), ((44, 66, 108), (186, 198, 214)), ((52, 52, 56), (190, 190, 186))][
+        rng.integers(3)
+    ]
     canvas = image(flat(rng, size, ground, 5.0))
     for k in range(0, size, size // 16):
         wide = 2 if k % (size // 4) == 0 else 1

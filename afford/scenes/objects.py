@@ -16,7 +16,22 @@ BUILDERS: dict[str, Callable[[np.random.Generator], ObjectModel]] = {
     **objects_workshop.BUILDERS,
     **objects_desk.BUILDERS,
 }
-KITCHEN = ("mug", "bottle", "kettle", "pan", "knife", "bowl", "board", "box", "jar", "plate", "spoon", "spatula", "carton", "can")
+KITCHEN = (
+    "mug",
+    "bottle",
+    "kettle",
+    "pan",
+    "knife",
+    "bowl",
+    "board",
+    "box",
+    "jar",
+    "plate",
+    "spoon",
+    "spatula",
+    "carton",
+    "can",
+)
 WORKSHOP = ("hammer", "screwdriver", "drill", "wrench", "saw", "toolbox", "glue", "wood", "paint")
 DESK = ("stapler", "scissors", "tape", "book", "laptop", "cup", "phone", "water")
 

@@ -41,8 +41,14 @@ def bowl(rng: np.random.Generator) -> ObjectModel:
     outer = lathe(np.concatenate([[(0, 0.002), (0.36 * r, 0), (0.4 * r, 0.001)], curve]), 56, repeat_u=2.0)
     inner = lathe(np.concatenate([[curve[-1]], curve[::-1] - [0.004, -0.001], [(0, 0.010)]]), 56, repeat_u=2.0)
     parts = (Part("outside", outer, materials.ceramic(rng)), Part("inside", inner, materials.ceramic(rng)))
-    return ObjectModel("bowl", "bowl", parts, (*edge("rim", (r, 0, h), 0.01), *edge("edge", (r, 0, h), 0.01)), spins=True,
-                       opening=(0.0, 0.0, h))
+    return ObjectModel(
+        "bowl",
+        "bowl",
+        parts,
+        (*edge("rim", (r, 0, h), 0.01), *edge("edge", (r, 0, h), 0.01)),
+        spins=True,
+        opening=(0.0, 0.0, h),
+    )
 
 
 def plate(rng: np.random.Generator) -> ObjectModel:
@@ -51,7 +57,10 @@ def plate(rng: np.random.Generator) -> ObjectModel:
     top = [(0, 0.006), (0.6 * r, 0.006), (0.66 * r, 0.009), (0.97 * r, 0.020), (r, 0.021)]
     under = [(0, 0.0), (0.55 * r, 0.0), (0.62 * r, 0.003), (0.98 * r, 0.016), (r, 0.0205)]
     upper = lathe(np.array(top[::-1]), 64, repeat_u=4.0)
-    parts = (Part("top", upper, materials.ceramic(rng)), Part("bottom", lathe(np.array(under), 64), materials.plastic(rng, (226, 222, 214))))
+    parts = (
+        Part("top", upper, materials.ceramic(rng)),
+        Part("bottom", lathe(np.array(under), 64), materials.plastic(rng, (226, 222, 214))),
+    )
     return ObjectModel("plate", "plate", parts, edge("edge", (r, 0, 0.020), 0.008), spins=True)
 
 
@@ -62,12 +71,25 @@ def spoon(rng: np.random.Generator) -> ObjectModel:
     lift = 0.0075 + 0.004 * np.sin(np.linspace(0, np.pi, 18))
     stick = tube(np.stack([0 * y, y, lift], -1), np.interp(y, [-length / 2, 0, length / 2], [0.0072, 0.0055, 0.0050]), 12)
     a = np.linspace(0, 0.5 * np.pi, 7)
-    cup = lathe(np.concatenate([np.stack([0.021 * np.sin(a), -0.010 * np.cos(a)], -1), np.stack([0.019 * np.sin(a), -0.0075 * np.cos(a)], -1)[::-1]]), 28)
+    cup = lathe(
+        np.concatenate(
+            [
+                np.stack([0.021 * np.sin(a), -0.010 * np.cos(a)], -1),
+                np.stack([0.019 * np.sin(a), -0.0075 * np.cos(a)], -1)[::-1],
+            ]
+        ),
+        28,
+    )
     scale = np.diag([1.0, 1.45, 1.0, 1.0])
     head = moved(transform(cup, scale), 0, length / 2 - 0.028, 0.0115)
     look = materials.wood(rng, size=256) if wood else materials.metal(rng)
-    return ObjectModel("spoon", "spoon", (Part("spoon", merge(stick, head), look),), pinch("handle", (0, -0.22 * length, 0.010), 0.014),
-                       tip=(0.0, length / 2 - 0.01, 0.004))
+    return ObjectModel(
+        "spoon",
+        "spoon",
+        (Part("spoon", merge(stick, head), look),),
+        pinch("handle", (0, -0.22 * length, 0.010), 0.014),
+        tip=(0.0, length / 2 - 0.01, 0.004),
+    )
 
 
 def knife(rng: np.random.Generator) -> ObjectModel:
@@ -81,13 +103,24 @@ def knife(rng: np.random.Generator) -> ObjectModel:
     thick = 0.0125 + 0.0015 * np.sin(np.linspace(0, 2.2 * np.pi, 14))
     grip = tube(np.stack([0 * y - 0.002, y, 0 * y + 0.0096], -1), thick, 16, flat=0.72, repeat=(1, 1))
     look = materials.wood(rng, size=256) if rng.random() < 0.5 else materials.plastic(rng, (46, 44, 44))
-    rivets = [moved(lathe(np.array([(0, 0.0), (0.0035, 0.0), (0.0032, 0.001), (0, 0.0012)]), 12), -0.002, -handle * f, 0.0180) for f in (0.25, 0.5, 0.75)]
+    rivets = [
+        moved(lathe(np.array([(0, 0.0), (0.0035, 0.0), (0.0032, 0.001), (0, 0.0012)]), 12), -0.002, -handle * f, 0.0180)
+        for f in (0.25, 0.5, 0.75)
+    ]
     shift = (handle - blade) / 2
-    parts = (Part("blade", moved(steel, 0, shift), materials.metal(rng, tone=185)), Part("handle", moved(grip, 0, shift), look),
-             Part("rivets", moved(merge(*rivets), 0, shift), materials.metal(rng)))
+    parts = (
+        Part("blade", moved(steel, 0, shift), materials.metal(rng, tone=185)),
+        Part("handle", moved(grip, 0, shift), look),
+        Part("rivets", moved(merge(*rivets), 0, shift), materials.metal(rng)),
+    )
     at = (0.0, shift - 0.45 * handle, 0.010)
-    return ObjectModel("knife", "knife", parts, (*pinch("handle", at, 0.024), *along("handle", at, 0.020, tilt_deg=55.0)),
-                       tip=(deep * 0.5, shift + blade * 0.8, 0.0096))
+    return ObjectModel(
+        "knife",
+        "knife",
+        parts,
+        (*pinch("handle", at, 0.024), *along("handle", at, 0.020, tilt_deg=55.0)),
+        tip=(deep * 0.5, shift + blade * 0.8, 0.0096),
+    )
 
 
 def spatula(rng: np.random.Generator) -> ObjectModel:
@@ -101,8 +134,13 @@ def spatula(rng: np.random.Generator) -> ObjectModel:
     neck = tube(np.array([(0, -0.004, 0.0095), (0, 0.006, 0.008), (0, 0.018, 0.006)]), 0.005, 10)
     shift = (stick - 0.095) / 2
     blade = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng)
-    parts = (Part("handle", moved(handle, 0, shift), materials.plastic(rng)), Part("blade", moved(merge(*bars, *rails, neck), 0, shift), blade))
-    return ObjectModel("spatula", "spatula", parts, pinch("handle", (0, shift - 0.62 * stick, 0.014), 0.016), tip=(0.0, shift + 0.085, 0.005))
+    parts = (
+        Part("handle", moved(handle, 0, shift), materials.plastic(rng)),
+        Part("blade", moved(merge(*bars, *rails, neck), 0, shift), blade),
+    )
+    return ObjectModel(
+        "spatula", "spatula", parts, pinch("handle", (0, shift - 0.62 * stick, 0.014), 0.016), tip=(0.0, shift + 0.085, 0.005)
+    )
 
 
 def board(rng: np.random.Generator) -> ObjectModel:
@@ -114,8 +152,6 @@ def board(rng: np.random.Generator) -> ObjectModel:
     plank = materials.wood(rng, planks=int(rng.integers(2, 6)))
     parts = (Part("board", slab, plank), Part("hole", hole, materials.plastic(rng, (30, 26, 22))))
     return ObjectModel("board", "board:chopping", parts, edge("edge", (wide / 2, -0.02, thick), thick), opening=None)
-
-
 
 
 BUILDERS = {"mug": mug, "bowl": bowl, "plate": plate, "spoon": spoon, "knife": knife, "spatula": spatula, "board": board}

@@ -5,8 +5,34 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-WORDS = ("MUESLI", "OLIVA", "CAFFE", "TEA", "BIO", "RICE", "PASTA", "MILK", "HONEY", "SUGAR", "COCOA", "SALSA", "TOMATO", "CREMA",
-         "FINEST", "ORGANIC", "CLASSIC", "ORIGINAL", "500 g", "1 L", "250 ml", "No 7", "EXTRA", "FRESH", "NATURAL", "CRUNCHY")
+WORDS = (
+    "MUESLI",
+    "OLIVA",
+    "CAFFE",
+    "TEA",
+    "BIO",
+    "RICE",
+    "PASTA",
+    "MILK",
+    "HONEY",
+    "SUGAR",
+    "COCOA",
+    "SALSA",
+    "TOMATO",
+    "CREMA",
+    "FINEST",
+    "ORGANIC",
+    "CLASSIC",
+    "ORIGINAL",
+    "500 g",
+    "1 L",
+    "250 ml",
+    "No 7",
+    "EXTRA",
+    "FRESH",
+    "NATURAL",
+    "CRUNCHY",
+)
 FONTS = (cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_TRIPLEX, cv2.FONT_HERSHEY_COMPLEX, cv2.FONT_HERSHEY_SIMPLEX)
 
 
@@ -44,13 +70,17 @@ def flat(rng: np.random.Generator, size: int, colour: tuple[float, ...], mottle:
     return np.asarray(colour, np.float32) + tone[..., None]
 
 
-def vivid(rng: np.random.Generator, value: tuple[float, float] = (110, 235), saturation: tuple[float, float] = (0.4, 0.9)) -> tuple[int, ...]:
+def vivid(
+    rng: np.random.Generator, value: tuple[float, float] = (110, 235), saturation: tuple[float, float] = (0.4, 0.9)
+) -> tuple[int, ...]:
     """A random saturated colour, sRGB 0..255."""
     hsv = np.uint8([[[rng.integers(180), 255 * rng.uniform(*saturation), rng.uniform(*value)]]])
     return tuple(int(c) for c in cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0, 0])
 
 
-def write(canvas: np.ndarray, text: str, centre: tuple[float, float], height: float, colour: tuple[int, ...], font: int) -> None:
+def write(
+    canvas: np.ndarray, text: str, centre: tuple[float, float], height: float, colour: tuple[int, ...], font: int
+) -> None:
     """Draw centred text `height` px high into a uint8 canvas, narrowed to fit."""
     (width, tall), _ = cv2.getTextSize(text, font, 1.0, 2)
     scale = min(height / tall, 0.92 * canvas.shape[1] / width)

@@ -28,7 +28,7 @@ class Room:
 
 
 def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
-    """A kitchen, workshop or desk of its own; `clutter` things stand at the back, others lie about, mats lie in the middle."""
+    """A kitchen, workshop or desk of its own; `clutter` things stand at the back, others lie about."""
     if setting not in SETTINGS:
         raise KeyError(f"unknown setting {setting!r}; choose one of {', '.join(sorted(SETTINGS))}")
     style = SETTINGS[setting]
@@ -52,8 +52,12 @@ class Style:
 
 
 def _kitchen_top(rng: np.random.Generator) -> Material:
-    makers: tuple[Maker, ...] = (lambda r: materials.wood(r, None, 1024, int(r.integers(4, 8))), lambda r: materials.marble(r, 1024),
-                                 lambda r: materials.granite(r, 1024), lambda r: materials.laminate(r, 1024))
+    makers: tuple[Maker, ...] = (
+        lambda r: materials.wood(r, None, 1024, int(r.integers(4, 8))),
+        lambda r: materials.marble(r, 1024),
+        lambda r: materials.granite(r, 1024),
+        lambda r: materials.laminate(r, 1024),
+    )
     return makers[rng.integers(4)](rng)
 
 
@@ -62,13 +66,27 @@ def _desk_wall(rng: np.random.Generator) -> Material:
 
 
 SETTINGS: dict[str, Style] = {
-    "kitchen": Style(_kitchen_top, materials.tiles, (materials.cloth, materials.cloth, materials.paper, materials.ceramic),
-                     ("bottle", "can", "box", "jar", "carton", "bowl", "mug", "kettle", "plate", "can"), ("spoon", "knife", "spatula", "can")),
-    "workshop": Style(lambda r: materials.wood(r, "pine" if r.random() < 0.5 else None, 1024, 5), lambda r: materials.wood(r, planks=6),
-                      (materials.cutting_mat, materials.paper, materials.leather),
-                      ("paint", "glue", "wood", "toolbox", "can", "drill", "paint"), ("wrench", "screwdriver", "hammer", "glue", "saw")),
-    "desk": Style(lambda r: materials.wood(r, size=1024), _desk_wall, (materials.paper, materials.paper, materials.cutting_mat, materials.leather),
-                  ("book", "cup", "mug", "tape", "water", "box", "cup"), ("scissors", "phone", "tape", "stapler")),
+    "kitchen": Style(
+        _kitchen_top,
+        materials.tiles,
+        (materials.cloth, materials.cloth, materials.paper, materials.ceramic),
+        ("bottle", "can", "box", "jar", "carton", "bowl", "mug", "kettle", "plate", "can"),
+        ("spoon", "knife", "spatula", "can"),
+    ),
+    "workshop": Style(
+        lambda r: materials.wood(r, "pine" if r.random() < 0.5 else None, 1024, 5),
+        lambda r: materials.wood(r, planks=6),
+        (materials.cutting_mat, materials.paper, materials.leather),
+        ("paint", "glue", "wood", "toolbox", "can", "drill", "paint"),
+        ("wrench", "screwdriver", "hammer", "glue", "saw"),
+    ),
+    "desk": Style(
+        lambda r: materials.wood(r, size=1024),
+        _desk_wall,
+        (materials.paper, materials.paper, materials.cutting_mat, materials.leather),
+        ("book", "cup", "mug", "tape", "water", "box", "cup"),
+        ("scissors", "phone", "tape", "stapler"),
+    ),
 }
 
 
@@ -76,19 +94,27 @@ def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
     """Worktop with a front edge; the grain runs along x."""
     (x0, x1), (y0, y1) = TABLE
     per_m = 1.0 / 0.75
-    slab = patch(np.array([x0, y0, 0.0]), np.array([x1 - x0, 0, 0]), np.array([0, y1 - y0, 0]), ((x1 - x0) * per_m, (y1 - y0) * per_m))
+    slab = patch(
+        np.array([x0, y0, 0.0]), np.array([x1 - x0, 0, 0]), np.array([0, y1 - y0, 0]), ((x1 - x0) * per_m, (y1 - y0) * per_m)
+    )
     swapped = slab.uv[:, ::-1] + rng.random(2)
     slab = type(slab)(slab.vertices, slab.faces, swapped.astype(np.float32), slab.normals, slab.colour)
     front = patch(np.array([x0, y0, -0.04]), np.array([x1 - x0, 0, 0]), np.array([0, 0, 0.04]), (2.5, 0.06))
     floor = patch(np.array([-2.0, -1.2, -0.9]), np.array([4.0, 0, 0]), np.array([0, 2.4, 0]), (5, 3))
-    return [Instance(slab, top, casts=False), Instance(front, top, casts=False), Instance(floor, materials.laminate(rng, 256), casts=False)]
+    return [
+        Instance(slab, top, casts=False),
+        Instance(front, top, casts=False),
+        Instance(floor, materials.laminate(rng, 256), casts=False),
+    ]
 
 
 def _wall(rng: np.random.Generator, wall: Material) -> list[Instance]:
     """Back wall, a skirting ledge and a shelf."""
     back = patch(np.array([-2.0, WALL_Y, -0.1]), np.array([4.0, 0, 0]), np.array([0, 0, 1.6]), (8.0, 3.2))
     ledge = moved(box((4.0, 0.02, 0.06), 0.003, uv_per_m=2), 0, WALL_Y - 0.01, 0)
-    shelf = moved(box((float(rng.uniform(0.6, 1.1)), 0.16, 0.022), 0.002, uv_per_m=2), float(rng.uniform(-0.5, 0.5)), WALL_Y - 0.08, 0.42)
+    shelf = moved(
+        box((float(rng.uniform(0.6, 1.1)), 0.16, 0.022), 0.002, uv_per_m=2), float(rng.uniform(-0.5, 0.5)), WALL_Y - 0.08, 0.42
+    )
     timber = materials.wood(rng)
     return [Instance(back, wall, casts=False), Instance(ledge, timber), Instance(shelf, timber)]
 
@@ -105,12 +131,17 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
 
 
 def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
-    """One to three thin things flat on the worktop: a cloth, sheets, a cutting mat."""
+    """Up to two thin things flat on the sides of the worktop: a cloth, a sheet, a cutting mat."""
     out = []
-    for k in range(int(rng.integers(1, 4))):
-        wide, deep = rng.uniform(0.20, 0.42), rng.uniform(0.16, 0.30)
-        sheet = moved(patch(np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide, 0, 0]), np.array([0, deep, 0])), 0, 0, 0.0007 + 0.0004 * k)
-        T = _standing(rng.uniform(-0.45, 0.45), rng.uniform(0.10, 0.55), rng.uniform(-0.6, 0.6))
+    for k in range(int(rng.integers(0, 3))):
+        wide, deep = rng.uniform(0.20, 0.36), rng.uniform(0.16, 0.28)
+        sheet = moved(
+            patch(np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide, 0, 0]), np.array([0, deep, 0])),
+            0,
+            0,
+            0.0007 + 0.0004 * k,
+        )
+        T = _standing(float(rng.choice([-1.0, 1.0])) * rng.uniform(0.38, 0.60), rng.uniform(0.15, 0.60), rng.uniform(-0.6, 0.6))
         out.append(Instance(sheet, style.mats[rng.integers(len(style.mats))](rng), T, casts=False))
     return out
 
@@ -143,5 +174,12 @@ def _light(rng: np.random.Generator, brightness: float) -> Light:
     fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.50, 0.65)
     sky = fill * rng.uniform(0.50, 0.62)
     direction = (side * rng.uniform(0.3, 0.7), rng.uniform(-0.1, 0.45), -0.8)
-    return Light(direction, tuple(key), tuple(fill), tuple(sky), tuple(sky * [0.62, 0.5, 0.42]), softness=float(rng.uniform(0.07, 0.16)),
-                 exposure=float(np.clip(0.62 / (0.34 + brightness), 0.72, 1.25)))
+    return Light(
+        direction,
+        tuple(key),
+        tuple(fill),
+        tuple(sky),
+        tuple(sky * [0.62, 0.5, 0.42]),
+        softness=float(rng.uniform(0.07, 0.16)),
+        exposure=float(np.clip(0.62 / (0.34 + brightness), 0.72, 1.25)),
+    )

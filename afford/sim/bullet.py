@@ -44,11 +44,25 @@ class World:
         centre = np.asarray(hull.center_mass)
         place = T_world_body[:3, :3] @ centre + T_world_body[:3, 3]
         turn = Rotation.from_matrix(T_world_body[:3, :3]).as_quat()
-        body = self._call(pybullet.createMultiBody, mass_kg, shape, basePosition=place.tolist(), baseOrientation=turn.tolist(),
-                          baseInertialFramePosition=centre.tolist())
+        body = self._call(
+            pybullet.createMultiBody,
+            mass_kg,
+            shape,
+            basePosition=place.tolist(),
+            baseOrientation=turn.tolist(),
+            baseInertialFramePosition=centre.tolist(),
+        )
         self._call(pybullet.resetBasePositionAndOrientation, body, place.tolist(), turn.tolist())
-        self._call(pybullet.changeDynamics, body, -1, lateralFriction=0.7, rollingFriction=0.002, spinningFriction=0.002,
-                   linearDamping=0.1, angularDamping=0.3)
+        self._call(
+            pybullet.changeDynamics,
+            body,
+            -1,
+            lateralFriction=0.7,
+            rollingFriction=0.002,
+            spinningFriction=0.002,
+            linearDamping=0.1,
+            angularDamping=0.3,
+        )
         self._centres[body] = centre
         return int(body)
 
