@@ -64,7 +64,7 @@ def render_bundle(
     kept = rgb.copy()
     _paint(view, bare, lighting, lighting.full, textures, _changed(full, bare, supersample), kept)
     clean = kept.copy()
-    shadowed = cv2.dilate(lighting.touched(view.points(bare_1[1])).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    shadowed = cv2.dilate(lighting.touched(camera, depth(bare_1[1])).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     _paint(view, bare, lighting, lighting.bare, textures, shadowed, clean)
     amodal = np.stack([view.alone(k) for k in range(entities)])
     return Bundle(rgb, clean, kept, view.ids(full_1[0]), depth(full_1[1]), amodal)

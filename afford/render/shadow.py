@@ -41,17 +41,14 @@ def _lamp(light: Light, direction: tuple[float, float, float], softness: float, 
     return Lamp(np.c_[rows, offset].astype(np.float32), texel, softness, np.asarray(colour, np.float32))
 
 
-def depth_maps(scene: Batch, lamp: Lamp, last: frozenset[int] = frozenset()) -> tuple[np.ndarray, np.ndarray]:
-    """(SIZE, SIZE) float32 depth of what the lamp hits first: without the entities in `last`, and with everything."""
+def depth_maps(scene: Batch, lamp: Lamp, last: frozenset[int], full: np.ndarray, bare: np.ndarray) -> None:
+    """Draw the depth of what the lamp hits first into `full`, and, without the entities in `last`, into `bare` (SIZE, SIZE)."""
     points = (scene.vertices @ lamp.frame[:, :3].T + lamp.frame[:, 3]).astype(np.float32)
     late = np.isin(scene.entity, list(last))
-    without = np.full((SIZE, SIZE), FAR, np.float32)
-    _fill_depth(points, scene.faces, (scene.casts & ~late)[scene.part], without)
-    if not late.any():
-        return without, without
-    full = without.copy()
-    _fill_depth(points, scene.faces, (scene.casts & late)[scene.part], full)
-    return without, full
+    _fill_depth(points, scene.faces, (scene.casts & ~late)[scene.part], bare)
+    if last:
+        full[:] = bare
+        _fill_depth(points, scene.faces, (scene.casts & late)[scene.part], full)
 
 
 def reach(lamp: Lamp) -> float:

@@ -53,13 +53,6 @@ class View:
         """(h, w) int16 entity of each triangle index."""
         return np.append(self.scene.entity[self.scene.part], np.int16(BACKGROUND))[face]
 
-    def points(self, near: np.ndarray) -> np.ndarray:
-        """(h, w, 3) float32 world position of each pixel; where nothing is seen, the camera."""
-        y, x = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
-        rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(self.camera.K).T
-        T = self.camera.T_world_cam
-        return ((rays * depth(near)[..., None]) @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
-
     def _draw(self, parts: np.ndarray, supersample: int, near: np.ndarray, face: np.ndarray) -> None:
         for k in parts:
             fill(self.E, self.bounds, self.starts[k], self.starts[k + 1], supersample, near, face)
