@@ -12,6 +12,7 @@ from typing import Any
 from blake3 import blake3
 
 CHUNK_BYTES = 1 << 22
+ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 
 def canonical(value: object) -> Any:
@@ -33,7 +34,7 @@ def canonical(value: object) -> Any:
 
 def dumps(tree: Any) -> str:
     """One spelling per tree: sorted keys, no spaces, ASCII."""
-    return json.dumps(tree, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return ENCODER.encode(tree)
 
 
 def digest(tag: str, tree: Any) -> str:

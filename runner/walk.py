@@ -179,7 +179,8 @@ class Walk:
         """A list is known: its elements become places, in order."""
         outcome = self.outcome[node.inputs[0][1], path]
         elements = [] if outcome == FAILED else [("*", UNKNOWN)] if outcome == UNKNOWN else self._elements(node, outcome)
-        kept = [(name, digest) for name, digest in elements if self._wanted(node, path, name, [n for n, _ in elements])]
+        siblings = {name for name, _ in elements}
+        kept = [(name, digest) for name, digest in elements if self._wanted(node, path, name, siblings)]
         self._expanded[node.id].add(path)
         for name, _ in kept:
             self.paths[node.axes][*path, name] = None
@@ -195,16 +196,16 @@ class Walk:
             raise ValueError(f"g.each: the output of {node.name.removeprefix('each ')} is not a tuple")
         return children
 
-    def _wanted(self, node: Node, path: Path_, name: str, siblings: list[str]) -> bool:
+    def _wanted(self, node: Node, path: Path_, name: str, siblings: set[str]) -> bool:
         """Whether an element is selected. Above a deeper fan-out, names that no sibling bears may still be met below."""
         self._seen.add(name)
         self._met |= self._shards & {name}
         if not self._shards or name == "*" or name in self._shards:
             return True
         if self._shards & set(path):
-            return not self._shards & set(siblings)
+            return not self._shards & siblings
         deeper = any(other.sort == "each" and node.id in other.axes[:-1] for other in self.nodes)
-        return deeper and bool(self._shards - set(siblings))
+        return deeper and bool(self._shards - siblings)
 
     def _collect(self, node: Node) -> None:
         source = self.graph.nodes[node.inputs[0][1]]
