@@ -55,7 +55,7 @@ class Background:
         at = y[inside] * shape[1] + x[inside]
         count = np.bincount(at, minlength=shape[0] * shape[1]).reshape(shape)
         total = np.bincount(at, points[inside, 3], shape[0] * shape[1]).reshape(shape)
-        return membrane(np.repeat((total / np.maximum(count, 1))[..., None], 3, axis=2), count > 0)[..., 0]
+        return membrane(total / np.maximum(count, 1), count > 0)
 
 
 def register(grey: np.ndarray, frame: np.ndarray, static: np.ndarray) -> Background:

@@ -14,9 +14,11 @@ AGREE_GREY = 20.0
 
 @njit(cache=True)
 def gather_colour(
-    points: np.ndarray, cameras: np.ndarray, rows: np.ndarray, weights: np.ndarray, rgb: np.ndarray, usable: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Colour of every scene point: the weighted median over frames, then the mean of the samples that agree with it.
+    points: np.ndarray, cameras: np.ndarray, rows: np.ndarray, weights: np.ndarray, rgb: np.ndarray, usable: np.ndarray,
+    quantile: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Colour of every scene point: the mean of the samples near a weighted quantile of brightness (0.5 the median, higher
+    ones avoid passing shadows).
 
     points (m, 4) float64; cameras (n, 3, 4) float64, rows (n,) int64 and weights (n,) float64 of the frames to look into;
     rgb (t, h, w, 3) uint8; usable (t, h, w) bool. Returns colour (m, 3) float32 and the weight (m,) float32 that was found,
@@ -43,7 +45,7 @@ def gather_colour(
             found[i] += weights[k]
             count += 1
         if count > 0:
-            _robust_mean(samples[:count], sample_weights[:count], colour[i])
+            _robust_mean(samples[:count], sample_weights[:count], quantile, colour[i])
     return colour, found
 
 
@@ -80,14 +82,14 @@ def _project(camera: np.ndarray, point: np.ndarray) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _robust_mean(samples: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+def _robust_mean(samples: np.ndarray, weights: np.ndarray, quantile: float, out: np.ndarray) -> None:
     grey = samples.sum(axis=1) / 3
     order = np.argsort(grey)
-    half, running, middle = weights.sum() / 2, 0.0, grey[order[0]]
+    enough, running, middle = weights.sum() * quantile, 0.0, grey[order[0]]
     for k in order:
         running += weights[k]
         middle = grey[k]
-        if running >= half:
+        if running >= enough:
             break
     total = 0.0
     sums = np.zeros(3)

@@ -5,28 +5,48 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-RIM_PX = 4
-LIMITS = (0.4, 2.0)
+MAX_LOG = 0.9
+MAX_HUE = 0.12
+"""a rim pixel whose channels disagree on the log ratio by more is not the same surface in another light"""
+OFFSET = 4.0
+"""added to grey values, 0..255, before ratios are taken"""
+SMOOTH_PX = 1.0
 
 
 def membrane(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Smooth (h, w, 3) float32 surface through `values` where `weight` (h, w) is positive: pull-push over a pyramid."""
-    weight = np.repeat(weight.astype(np.float32)[..., None], values.shape[2], axis=2)
+    """Smooth (h, w) float32 surface through `values` where `weight` (h, w) is positive: pull-push over a pyramid."""
+    weight = weight.astype(np.float32)
     levels = [(values.astype(np.float32) * weight, weight)]
-    while min(levels[-1][0].shape[:2]) > 2:
+    while min(levels[-1][0].shape) > 2:
         levels.append((cv2.pyrDown(levels[-1][0]), cv2.pyrDown(levels[-1][1])))
     surface = levels[-1][0] / np.maximum(levels[-1][1], 1e-6)
     for total, mass in reversed(levels[:-1]):
-        coarse = cv2.pyrUp(surface, dstsize=mass.shape[1::-1])
+        coarse = cv2.pyrUp(surface, dstsize=mass.shape[::-1])
         trust = np.minimum(mass * 4, 1)
         surface = trust * (total / np.maximum(mass, 1e-6)) + (1 - trust) * coarse
     return surface
 
 
-def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool, smoothly in between."""
+def log_ratio(image: np.ndarray, fill: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """log(image / fill) of (h, w, 3) images where `weight` (h, w) bool: (h, w) float32, and its weight (h, w) float32 in 0..1.
+
+    The weight falls where the channels disagree, because light changes them together.
+    """
+    mass = weight.astype(np.float32)
+    share = np.maximum(cv2.GaussianBlur(mass, (0, 0), SMOOTH_PX), 1e-3)[..., None]
+    soft = [cv2.GaussianBlur(part.astype(np.float32) * mass[..., None], (0, 0), SMOOTH_PX) / share for part in (image, fill)]
+    ratio = np.log((soft[0] + OFFSET) / (soft[1] + OFFSET))
+    hue = np.abs(ratio - ratio.mean(axis=2, keepdims=True)).max(axis=2)
+    return np.clip(ratio.mean(axis=2), -MAX_LOG, MAX_LOG), mass / (1 + (hue / MAX_HUE) ** 4)
+
+
+def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray, expected: np.ndarray | float = 0.0) -> np.ndarray:
+    """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool.
+
+    expected: (h, w) log ratio that is known beforehand; what the rim shows beyond it is spread smoothly over the hole.
+    """
     if not rim.any():
-        return fill
-    ratio = (cv2.blur(image.astype(np.float32), (3, 3)) + 4) / (cv2.blur(fill, (3, 3)) + 4)
-    gain = np.exp(membrane(np.log(np.clip(ratio, *LIMITS)), rim))
-    return fill * np.clip(gain, *LIMITS)
+        return fill * np.exp(np.broadcast_to(expected, fill.shape[:2]))[..., None]
+    ratio, weight = log_ratio(image, fill, rim)
+    surface = expected + membrane(ratio - expected, weight)
+    return fill * np.exp(np.clip(surface, -MAX_LOG, MAX_LOG))[..., None]

@@ -10,43 +10,44 @@ import numpy as np
 from afford.backends.inpaint import Filled
 from afford.backends.inpaint.telea import spread
 from afford.layers import regions
+from afford.layers.background import BackgroundFill
 from afford.layers.camera import register
 from afford.layers.follow import follow
 from afford.layers.gather import gather_colour
-from afford.layers.relight import RIM_PX, relight
+from afford.layers.relight import relight
 from afford.layers.shape import as_cameras, complete_shape, on_canvas, recall
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
 MOVING_PX = 3
-FADE_FRAMES = 15.0
-SOURCES = 32
+RIM_PX = 4
 
 
 def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
     """Background layer, then object layers over it, each relit to meet its surroundings. Reads no parameter."""
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
-    moving = regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
-    filled = fill_background(frames, grey, hole, moving)
+    filled = fill_background(frames, grey, tracks, hole)
     for index in regions.touched_indices(tracks):
         _paint_object(filled, frames, grey, tracks, hole, index)
     return filled
 
 
-def fill_background(frames: Frames, grey: np.ndarray, hole: np.ndarray, moving: np.ndarray) -> Filled:
-    usable = ~moving
-    background = register(grey, frames.frame, usable)
+def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.ndarray) -> Filled:
+    """The hole as if it showed background only."""
+    usable = ~regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
+    behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, usable))
+    arms = [mask for entity, mask in zip(tracks.entities, tracks.masks, strict=True) if entity.role == "hand"]
+    shadows = behind.shadows(arms)
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
     for t in np.flatnonzero(hole.any(axis=(1, 2))):
         target = regions.dilate(hole[t], RIM_PX + 2)
         pixels = _pixels(target)
-        points = background.scene_points(t, pixels, target.shape)
-        rows, weights = _nearby(frames.frame, int(t), background.group)
-        colour, found = gather_colour(points, background.cameras[rows], rows, weights, frames.rgb, usable)
+        colour, found = behind.lit(int(t), pixels)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
-        rim = target & ~hole[t] & usable[t] & _mask(hole[t].shape, pixels, found > 0)
-        fill = relight(fill, frames.rgb[t], rim)
-        _put(filled, t, hole[t], fill, _mask(hole[t].shape, pixels, found > 0), found, pixels, PixelSource.BACKGROUND)
+        shown = _mask(target.shape, pixels, found > 0)
+        shadow = cv2.resize(shadows[t], target.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        fill = relight(fill, frames.rgb[t], target & ~hole[t] & usable[t] & shown, shadow)
+        _put(filled, t, hole[t], fill, shown, found, pixels, PixelSource.BACKGROUND)
     return filled
 
 
@@ -59,7 +60,7 @@ def _paint_object(filled: Filled, frames: Frames, grey: np.ndarray, tracks: Trac
         target = regions.dilate(complete[t] & hole[t], RIM_PX) & complete[t]
         pixels = _pixels(target)
         rows, weights = recall(path, frames.frame, int(t))
-        colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner)
+        colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner, 0.5)
         shown = _mask(target.shape, pixels, found > 0)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
         fill = relight(fill, frames.rgb[t], shown & inner[t] & ~hole[t])
@@ -86,15 +87,6 @@ def _spread_unseen(
     seen = found > 0
     fill[pixels[seen, 1], pixels[seen, 0]] = colour[seen]
     return fill
-
-
-def _nearby(frame: np.ndarray, t: int, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (n,) of up to SOURCES frames, dense near `t` and sparse far away, and their weights (n,)."""
-    order = np.argsort(np.abs(np.arange(len(frame)) - t), kind="stable")[1:]
-    order = order[group[order] == group[t]]
-    pick = np.unique(np.geomspace(1, max(len(order), 1), SOURCES).astype(int) - 1) if len(order) else np.zeros(0, int)
-    rows = order[pick[pick < len(order)]]
-    return rows, 0.02 + np.exp(-np.abs(frame[rows] - frame[t]) / FADE_FRAMES)
 
 
 def _pixels(mask: np.ndarray) -> np.ndarray:

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from afford.backends.inpaint import Filled
-from afford.backends.inpaint.layered import MOVING_PX, fill_background
-from afford.layers import regions
+from afford.backends.inpaint.layered import fill_background
 from schemas.masks import Tracks
 from schemas.video import Frames
 
@@ -17,4 +16,4 @@ from schemas.video import Frames
 def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
     """Robust mean over registered frames; objects behind hands are not followed. Reads no parameter."""
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
-    return fill_background(frames, grey, hole, regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX))
+    return fill_background(frames, grey, tracks, hole)
