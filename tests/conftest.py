@@ -1,0 +1,31 @@
+"""What is made once and used by several files of tests."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.command import Made
+from tests.tiny_source import write_source
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """The targets of a tiny source, made as a user makes them. Tests that change anything take `made.copy(tmp_path)`."""
+    folder = tmp_path_factory.mktemp("made")
+    source, store = write_source(folder / "tiny", truth=True), folder / "store"
+    printed = [_pipeline(target, source, store) for target in ("dataset", "extraction-report")]
+    return Made(source, store, json.loads(printed[0].splitlines()[-1]))
+
+
+def _pipeline(target: str, source: Path, store: Path) -> str:
+    command = [sys.executable, "pipeline.py", "run", target, "--source", source, "--store", store, "--jobs", "1", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -1,0 +1,208 @@
+"""The laws of the whole pipeline, on a tiny source in EPIC's format."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+from tests.command import KEYS, PER_CLIP, RECORDED, Made
+from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations
+
+AFTER_AFFORDANCE = {"affordance_intersect": 2, "record_affordance_intersect": 2, "clip_record": 2, "sample_assemble": 2,
+                    "dataset_pack": 1}
+
+
+@pytest.fixture
+def mine(made: Made, tmp_path: Path) -> Made:
+    """A source and a store to break."""
+    return made.copy(tmp_path)
+
+
+def rows(made: Made) -> list[str]:
+    """The video of every sample in the data set."""
+    shards = sorted((made.store / "datasets" / made.source.name / "data").glob("*.parquet"))
+    return [video for shard in shards for video in pq.read_table(shard, columns=["video"])["video"].to_pylist()]
+
+
+def recording(made: Made, clip: str) -> Path:
+    return made.store / "recordings" / made.source.name / f"{clip}.mcap"
+
+
+def is_whole(path: Path) -> bool:
+    with path.open("rb") as file:
+        return sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages()) > FRAMES
+
+
+def blobs_of(made: Made, stage: str) -> list[Path]:
+    """The blobs that a stage made."""
+    traces = [json.loads(path.read_bytes()) for path in made.traces]
+    manifests = [trace["output"] for trace in traces if trace["stage"] == stage]
+    files = [json.loads((made.store / "manifests" / d[:2] / f"{d[2:]}.json").read_bytes())["files"] for d in manifests]
+    return [made.store / "blobs" / blob[:2] / blob[2:] for entries in files for _, blob, *_ in entries]
+
+
+def flip(path: Path) -> None:
+    """One bit in the middle, with the modification time kept."""
+    before = path.stat()
+    path.chmod(0o644)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def times(number: int, stages: Iterable[str]) -> dict[str, int]:
+    return dict.fromkeys(stages, number)
+
+
+# -- a run, and what a second one does ---------------------------------------------------------------------------------
+
+
+def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
+    """Every stage ran once per clip; the data set holds both videos, and every clip has a recording with valid checksums."""
+    assert set(made.first) == KEYS and made.first["target"] == "dataset"
+    assert made.first["ran"] == times(2, PER_CLIP) | {"dataset_pack": 1}
+    assert made.first["cached"] == made.first["failed"] == {}
+    assert Path(made.first["outputs"]["dataset"]).is_dir() and set(rows(made)) == set(VIDEOS)
+    assert all(is_whole(recording(made, video)) for video in VIDEOS)
+
+
+def test_a_second_run_does_nothing(made: Made) -> None:
+    """Every stage is cached, and the outputs are the same."""
+    before, again = made.traces, made.run("dataset")
+    assert again.code == 0 and set(again.json) == KEYS
+    assert (again.json["ran"], again.json["cached"]) == ({}, made.first["ran"])
+    assert again.json["outputs"] == made.first["outputs"] and made.traces == before
+
+
+def test_targets_share_what_they_have_in_common(made: Made) -> None:
+    """The report measures what the data set was made of: nothing is extracted twice, and metrics are a flat dict of numbers."""
+    report = made.run("extraction-report")
+    assert report.json["ran"] == {} and report.json["cached"]["mask_densify"] == 2
+    assert all(isinstance(value, (int, float)) for value in report.json["metrics"].values())
+    assert {"densify.j.gap15", "inpaint.psnr_db", "affordance.iou", "cpu_s_per_frame"} <= set(report.json["metrics"])
+
+
+def test_a_source_that_has_moved_is_the_same_source(mine: Made) -> None:
+    """Where files lie is no part of what they are."""
+    assert mine.run("dataset").json["ran"] == {}
+
+
+def test_a_dry_run_runs_nothing(mine: Made) -> None:
+    """It says what would run and why."""
+    before = mine.traces
+    plan = mine.run("dataset", "--dry-run", "--set", "affordance_intersect.dilate_px855=0")
+    told = {task["stage"]: task for task in plan.json["tasks"] if task["status"] != "cached"}
+    assert plan.code == 0 and mine.traces == before and set(told) == set(AFTER_AFFORDANCE)
+    assert told["affordance_intersect"]["reason"] == "parameter changed: dilate_px855 10.0 -> 0.0"
+
+
+# -- what a change makes run -------------------------------------------------------------------------------------------
+
+
+def test_a_parameter_runs_its_stage_and_what_reads_it_and_undo_is_free(mine: Made) -> None:
+    """No stage before it, none beside it; the old value finds its old outputs."""
+    assert mine.run("dataset", "--set", "affordance_intersect.dilate_px855=0").json["ran"] == AFTER_AFFORDANCE
+    assert mine.run("dataset").json["ran"] == {}
+
+
+def test_the_same_bytes_stop_a_change(mine: Made) -> None:
+    """A limit that no frame meets changes no output: one stage runs and nothing below it."""
+    assert mine.run("dataset", "--set", "affordance_intersect.max_area_px855=90000").json["ran"] == {"affordance_intersect": 2}
+
+
+def test_a_narration_of_another_video_runs_what_reads_files_and_nothing_else(mine: Made) -> None:
+    """All clips share the table, so all are read and decoded again; what comes out is what it was."""
+    write_narrations(mine.source, {video: {} for video in (*VIDEOS, "P96_77")})
+    assert mine.run("dataset").json["ran"] == {"source_read": 2, "frame_decode": 2}
+
+
+def test_a_narration_of_a_clip_runs_what_reads_that_clip(mine: Made) -> None:
+    """Its frames and masks come out as before, so hands are not removed again and the other clip is left alone."""
+    write_narrations(mine.source, {VIDEOS[0]: {}, VIDEOS[1]: {"narration": "put down card"}})
+    ran = mine.run("dataset").json["ran"]
+    assert ran.pop("source_read") == ran.pop("frame_decode") == 2 and set(ran.values()) == {1}
+    assert {"mask_densify", "narration_labelling", "sample_assemble", "dataset_pack"} <= set(ran)
+    assert not {"hand_inpaint", "object_completion", "affordance_intersect"} & set(ran)
+
+
+def test_clips_can_be_chosen(mine: Made) -> None:
+    """Only what was asked for runs; the rest of the data set is not thrown away when it is asked for again."""
+    ran = mine.run("recordings", "--clip", VIDEOS[1], "--set", "affordance_intersect.dilate_px855=0").json["ran"]
+    assert ran == times(1, ("affordance_intersect", "record_affordance_intersect", "clip_record"))
+
+
+def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine: Made) -> None:
+    """`--only` runs nothing else."""
+    fresh = mine.run("dataset", "--only", "affordance_intersect", "--set", "affordance_intersect.dilate_px855=0")
+    assert fresh.json["ran"] == {"affordance_intersect": 2} and "stale" not in fresh.err
+    stale = mine.run("dataset", "--only", "object_completion", "--set", "mask_densify.radius=3")
+    assert stale.json["ran"] == {} and "its recorded inputs are stale" in stale.words
+
+
+def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> None:
+    """`--force` distrusts one stage."""
+    assert mine.run("dataset", "--force", "narration-labelling").json["ran"] == {"narration_labelling": 2}
+
+
+# -- what fails, what is damaged ---------------------------------------------------------------------------------------
+
+
+def test_a_corrupt_video_fails_alone(mine: Made) -> None:
+    """Exit 1, one clear sentence, and the data set of the other clip."""
+    media(mine.source, VIDEOS[0]).write_bytes(b"no video")
+    broken = mine.run("dataset")
+    assert broken.code == 1 and sum(broken.json["failed"].values()) == 1
+    assert f"{VIDEOS[0]}.MP4" in broken.words and "Traceback" not in broken.err
+    assert set(rows(mine)) == {VIDEOS[1]}
+    assert f"{VIDEOS[0]}" in mine.ask("status").words
+
+
+def test_a_flipped_bit_in_the_store_is_found_and_mended(mine: Made) -> None:
+    """`verify` finds it and sets it aside; the next run makes it again, and nothing else."""
+    flip(blobs_of(mine, "narration_labelling")[0])
+    found = mine.ask("verify", "--json", source=False)
+    assert found.code == 1 and len(found.json["damaged"]) == 1 and not found.json["ok"]
+    assert len(list((mine.store / "damaged").iterdir())) == 1
+    assert mine.run("dataset").json["ran"].keys() <= {"narration_labelling"}
+    assert mine.ask("verify", "--json", source=False).json["ok"]
+
+
+def test_a_run_finds_a_flipped_bit_by_itself(mine: Made) -> None:
+    """Nobody has to call `verify`."""
+    flip(next(path for path in blobs_of(mine, "affordance_intersect") if path.stat().st_size > 200))
+    mended = mine.run("dataset")
+    assert mended.code == 0 and mended.json["ran"].keys() == {"affordance_intersect"}
+    assert len(list((mine.store / "damaged").iterdir())) == 1
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, flip, lambda path: os.truncate(path, 1000)], ids=["deleted", "flipped", "cut"])
+def test_a_spoilt_recording_is_written_again_without_its_stages(mine: Made, spoil: object) -> None:
+    """From what is stored: at most the recording is merged again."""
+    spoil(recording(mine, VIDEOS[0]))  # type: ignore[operator]
+    again = mine.run("dataset")
+    assert again.code == 0 and not set(again.json["ran"]) & set(RECORDED)
+    assert is_whole(recording(mine, VIDEOS[0]))
+
+
+def test_a_deleted_data_set_is_shown_again(mine: Made) -> None:
+    """It lies in the store."""
+    shutil.rmtree(mine.store / "datasets")
+    assert mine.run("dataset").json["ran"] == {} and set(rows(mine)) == set(VIDEOS)
+
+
+def test_garbage_goes_and_what_is_in_use_stays(mine: Made) -> None:
+    """After gc, nothing runs; what a parameter no longer in use had made is gone."""
+    mine.run("recordings", "--set", "affordance_intersect.dilate_px855=0")
+    mine.run("recordings")
+    swept = mine.ask("gc", "--json", source=False)
+    assert swept.code == 0 and swept.json["files"] > 0 and swept.json["bytes"] > 0
+    assert mine.run("dataset").json["ran"] == mine.run("extraction-report").json["ran"] == {}
+    assert mine.run("recordings", "--set", "affordance_intersect.dilate_px855=0").json["ran"]["affordance_intersect"] == 2
