@@ -100,7 +100,7 @@ def moved(shape: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
 
 def painted(shape: Mesh, colour: tuple[float, float, float]) -> Mesh:
     """The mesh with one linear RGB vertex colour."""
-    return replace(shape, colour=np.broadcast_to(np.float32(colour), shape.vertices.shape).copy())
+    return replace(shape, colour=np.broadcast_to(np.asarray(colour, np.float32), shape.vertices.shape).copy())
 
 
 def merge(*shapes: Mesh) -> Mesh:

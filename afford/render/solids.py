@@ -63,7 +63,9 @@ def tube(
 def box(size: tuple[float, float, float], bevel: float = 0.002, *, uv_per_m: float = 0.0) -> Mesh:
     """A box standing on z = 0, edges cut by `bevel`. Each side shows one whole texture, or `uv_per_m` textures a metre."""
     half = np.asarray(size, np.float64) / 2
-    points, faces, uv = [], [], []
+    points: list[np.ndarray] = []
+    faces: list[np.ndarray] = []
+    uv: list[np.ndarray] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             corner, coords = _side(half, bevel, axis, sign)

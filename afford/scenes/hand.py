@@ -35,7 +35,8 @@ class HandModel:
             raise ValueError(f"HandModel.side: expected left or right, got {side!r}")
         flip = side == "left"
         sleeve, watch = look.sleeve_mesh(), look.worn if flip else None
-        return HandModel(side, look, *(_mirrored(m, flip) if m else None for m in (look.skin_mesh(), sleeve, watch)))
+        rest = (mesh and _mirrored(mesh, flip) for mesh in (sleeve, watch))
+        return HandModel(side, look, _mirrored(look.skin_mesh(), flip), *rest)
 
     def posed(self, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray) -> np.ndarray:
         """(v, 3) float32 world vertices of the skin. `elbow` (3,) world metres."""

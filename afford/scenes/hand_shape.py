@@ -48,12 +48,12 @@ def _join(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
 
 def digit_field(p: np.ndarray, digit: int) -> np.ndarray:
     """Signed distance to one digit at rest, with a little pad under the tip."""
-    out = None
+    out = np.zeros(0)
     for link in range(3):
         T = REST[2 + 3 * digit + link]
         end = T[:3, 3] + T[:3, 0] * LENGTHS[digit, link]
         part = _cone(p, T[:3, 3], end, RADII[digit, link], RADII[digit, link + 1])
-        out = part if out is None else _join(out, part, 0.003)
+        out = _join(out, part, 0.003) if link else part
     pad = T[:3, 3] + T[:3, 0] * LENGTHS[digit, 2] * 0.55 + T[:3, 2] * 0.0018
     return _join(out, np.linalg.norm(p - pad, axis=-1) - RADII[digit, 2] * 0.92, 0.003)
 
@@ -98,8 +98,8 @@ def hand_shape() -> HandShape:
         field = np.minimum(field, _join(palm, digit_field(p, digit), 0.008 if digit else 0.010))
     index, faces, _, _ = marching_cubes(field, 0.0)
     vertices = np.stack([np.interp(index[:, k], np.arange(len(nodes[k])), nodes[k]) for k in range(3)], axis=1)
-    digit = _digit_of(vertices)
-    return HandShape(vertices.astype(np.float32), faces[:, ::-1].astype(np.int32), _weights(vertices, digit), digit)
+    owner = _digit_of(vertices)
+    return HandShape(vertices.astype(np.float32), faces[:, ::-1].astype(np.int32), _weights(vertices, owner), owner)
 
 
 def _digit_of(vertices: np.ndarray) -> np.ndarray:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from afford.render.model import Material
-from afford.scenes.patterns import FONTS, barcode, cloud, flat, grain, image, ramp, small_print, vivid, word, write
+from afford.scenes.patterns import FONTS, barcode, cloud, flat, grain, image, ramp, rgb, small_print, vivid, word, write
 
 SPECIES = {
     "oak": [(196, 156, 104), (172, 128, 80), (140, 100, 60)],
@@ -34,7 +35,7 @@ def wood(rng: np.random.Generator, species: str | None = None, size: int = 512, 
     return Material(image(out), specular=0.04, roughness=float(rng.uniform(0.35, 0.6)), bump=0.3)
 
 
-def _board(rng: np.random.Generator, size: int, stops: list[tuple[float, float, float]]) -> np.ndarray:
+def _board(rng: np.random.Generator, size: int, stops: Sequence[tuple[float, float, float]]) -> np.ndarray:
     """Growth rings cut lengthwise, with fibres and pores."""
     x = np.arange(size, dtype=np.float32)[None] / size
     bend = cloud(rng, size, 2.2, (1.0, 4.0))
@@ -54,23 +55,23 @@ def marble(rng: np.random.Generator, size: int = 512) -> Material:
     dark = rng.random() < 0.35
     base, ink = ((58, 60, 64), (150, 148, 142)) if dark else ((226, 222, 214), (128, 124, 122))
     colour = flat(rng, size, base, 7.0)
-    colour += mark[..., None] * (np.float32(ink) - np.float32(base)) + (warp[..., None] - 0.5) * 30
+    colour += mark[..., None] * (rgb(ink) - rgb(base)) + (warp[..., None] - 0.5) * 30
     return Material(image(colour), specular=0.05, roughness=0.22)
 
 
 def granite(rng: np.random.Generator, size: int = 512) -> Material:
     """Speckled stone worktop."""
-    base = np.float32([(150, 142, 134), (92, 92, 96), (178, 160, 140)][rng.integers(3)])
+    base = rgb([(150, 142, 134), (92, 92, 96), (178, 160, 140)][rng.integers(3)])
     colour = np.broadcast_to(base, (size, size, 3)) + (cloud(rng, size, 1.2)[..., None] - 0.5) * 60
     for shade, level in (((40, 38, 38), 0.80), ((222, 214, 204), 0.78), ((124, 92, 74), 0.82)):
         spots = cloud(rng, size, 0.75) > level - 0.1
-        colour = np.where(spots[..., None], np.float32(shade) + grain(rng, size)[..., None] * 8, colour)
+        colour = np.where(spots[..., None], rgb(shade) + grain(rng, size)[..., None] * 8, colour)
     return Material(image(cv2.GaussianBlur(colour, (0, 0), 0.7)), specular=0.05, roughness=0.25)
 
 
 def laminate(rng: np.random.Generator, size: int = 512) -> Material:
     """Worktop laminate: coloured chips on a plain ground."""
-    base = np.float32([(206, 200, 186), (168, 176, 178), (120, 128, 132), (190, 172, 150)][rng.integers(4)])
+    base = rgb([(206, 200, 186), (168, 176, 178), (120, 128, 132), (190, 172, 150)][rng.integers(4)])
     colour = flat(rng, size, tuple(base), 5.0)
     for _ in range(900):
         centre = tuple(int(c) for c in rng.integers(0, size, 2))
@@ -82,7 +83,7 @@ def laminate(rng: np.random.Generator, size: int = 512) -> Material:
 
 def tiles(rng: np.random.Generator, size: int = 512, across: int = 4) -> Material:
     """Glazed wall tiles with joints, each a little different."""
-    base = np.float32([(214, 212, 202), (150, 178, 176), (198, 176, 142), (122, 146, 168), (208, 196, 190)][rng.integers(5)])
+    base = rgb([(214, 212, 202), (150, 178, 176), (198, 176, 142), (122, 146, 168), (208, 196, 190)][rng.integers(5)])
     colour = flat(rng, size, (196, 192, 184), 10.0)
     step, brick = size // across, rng.random() < 0.5
     for row in range(across * 2):
@@ -98,7 +99,7 @@ def metal(rng: np.random.Generator, size: int = 256, tone: float | None = None) 
     """Brushed metal, brushed along u."""
     base = tone if tone is not None else rng.uniform(120, 190)
     brush = (cloud(rng, size, 0.5, (8.0, 0.3)) - 0.5) * 70 + (cloud(rng, size, 1.5) - 0.5) * 30
-    tint = np.float32([1.0, 1.0, 1.01]) * base + brush[..., None]
+    tint = rgb([1.0, 1.0, 1.01]) * base + brush[..., None]
     return Material(image(tint), specular=0.55, roughness=float(rng.uniform(0.28, 0.42)), metal=1.0)
 
 
@@ -216,11 +217,11 @@ def carton(rng: np.random.Generator, size: int = 256) -> Material:
 
 def cloth(rng: np.random.Generator, size: int = 256) -> Material:
     """Woven cloth: plain, striped, checked or denim."""
-    base = np.float32(vivid(rng, (50, 170), (0.1, 0.7)))
+    base = rgb(vivid(rng, (50, 170), (0.1, 0.7)))
     y, x = np.mgrid[0:size, 0:size]
     weave = 0.86 + 0.14 * np.cos(2 * np.pi * x / 4) * np.cos(2 * np.pi * y / 4)
     colour = base * weave[..., None] + (cloud(rng, size, 1.0)[..., None] - 0.5) * 40
-    style, other = rng.integers(4), np.float32(vivid(rng, (40, 220), (0.1, 0.8)))
+    style, other = rng.integers(4), rgb(vivid(rng, (40, 220), (0.1, 0.8)))
     stripes, rungs = (x // (size // 8)) % 2 == 0, (y // (size // 8)) % 2 == 0
     mark = {0: np.zeros_like(stripes), 1: stripes, 2: stripes | rungs, 3: rungs}[int(style)]
     colour = np.where(mark[..., None], 0.55 * colour + 0.45 * other * weave[..., None], colour)
@@ -264,6 +265,6 @@ def pages(rng: np.random.Generator, size: int = 64) -> Material:
 
 def skin(rng: np.random.Generator, tone: tuple[float, ...], size: int = 256) -> Material:
     """Skin with blotches and pores; `tone` sRGB 0..255."""
-    blotch = (cloud(rng, size, 1.6) - 0.5)[..., None] * np.float32([14, 24, 24])
+    blotch = (cloud(rng, size, 1.6) - 0.5)[..., None] * rgb([14, 24, 24])
     pores = (cloud(rng, size, 0.5) - 0.5)[..., None] * 26 + grain(rng, size)[..., None] * 2
-    return Material(image(np.float32(tone) + blotch + pores), specular=0.035, roughness=0.46, bump=0.25, skin=1.0)
+    return Material(image(rgb(tone) + blotch + pores), specular=0.035, roughness=0.46, bump=0.25, skin=1.0)

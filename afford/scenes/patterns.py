@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -52,11 +54,16 @@ def grain(rng: np.random.Generator, size: int) -> np.ndarray:
     return rng.standard_normal((size, size), dtype=np.float32)
 
 
-def ramp(field: np.ndarray, stops: list[tuple[float, float, float]]) -> np.ndarray:
+def ramp(field: np.ndarray, stops: Sequence[tuple[float, float, float]]) -> np.ndarray:
     """(h, w, 3) float32 0..255: a field 0..1 coloured along evenly spaced stops."""
     at = np.linspace(0, 1, len(stops))
     table = np.stack([np.interp(np.linspace(0, 1, 256), at, [s[k] for s in stops]) for k in range(3)], -1).astype(np.float32)
     return table[(np.clip(field, 0, 1) * 255).astype(np.uint8)]
+
+
+def rgb(colour: Sequence[float]) -> np.ndarray:
+    """(3,) float32 of a colour."""
+    return np.asarray(colour, np.float32)
 
 
 def image(colours: np.ndarray) -> np.ndarray:
@@ -74,7 +81,7 @@ def vivid(
     rng: np.random.Generator, value: tuple[float, float] = (110, 235), saturation: tuple[float, float] = (0.4, 0.9)
 ) -> tuple[int, ...]:
     """A random saturated colour, sRGB 0..255."""
-    hsv = np.uint8([[[rng.integers(180), 255 * rng.uniform(*saturation), rng.uniform(*value)]]])
+    hsv = np.array([[[rng.integers(180), 255 * rng.uniform(*saturation), rng.uniform(*value)]]]).astype(np.uint8)
     return tuple(int(c) for c in cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0, 0])
 
 
