@@ -23,7 +23,7 @@ class HeadStyle:
     """sideways travel over the whole clip: the stronger, the more parallax"""
 
 
-CALM = HeadStyle(sway_m=0.030, turn_deg=3.1, roll_deg=1.8, orbit_m=0.06)
+CALM = HeadStyle(sway_m=0.033, turn_deg=3.9, roll_deg=2.0, orbit_m=0.07)
 PARALLAX = HeadStyle(sway_m=0.05, turn_deg=4.0, roll_deg=2.5, orbit_m=0.20)
 
 
@@ -48,8 +48,8 @@ class Head:
     def __init__(self, rng: np.random.Generator, style: HeadStyle, eye: np.ndarray, length: float) -> None:
         self.style, self.eye, self.length = style, eye, length
         self.gazes: list[tuple[float, float, np.ndarray]] = []
-        self._move = sway(rng, 3, (32, 80))
-        self._turn = sway(rng, 3, (26, 70))
+        self._move = sway(rng, 3, (30, 74))
+        self._turn = sway(rng, 3, (25, 64))
         self._side = 1.0 if rng.random() < 0.5 else -1.0
 
     def look(self, start: float, stop: float, target: np.ndarray) -> None:

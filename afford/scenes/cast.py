@@ -153,8 +153,9 @@ def split(model: ObjectModel) -> tuple[ObjectModel, ObjectModel]:
     """The still and the moving parts as two objects in the same frame: a jar and its lid."""
     body = replace(model, parts=tuple(p for p in model.parts if not p.moving), joint=None,
                    grips=tuple(g for g in model.grips if not g.moving))
-    lid = replace(model, kind="lid", noun="lid", parts=tuple(replace(p, moving=False) for p in model.parts if p.moving), joint=None,
-                  grips=tuple(replace(g, moving=False) for g in model.grips if g.moving), opening=None)
+    parts = tuple(replace(p, moving=False) for p in model.parts if p.moving)
+    grips = tuple(replace(g, moving=False) for g in model.grips if g.moving)
+    lid = replace(model, kind="lid", noun="lid", parts=parts, joint=None, grips=grips, opening=None)
     return body, lid
 
 
@@ -162,7 +163,8 @@ def mirrored(model: ObjectModel) -> ObjectModel:
     """The object for the other hand: everything mirrored in its plane x = 0, sides of grips swapped."""
     flip = np.diag([-1.0, 1.0, 1.0, 1.0])
     parts = tuple(replace(p, mesh=transform(p.mesh, flip)) for p in model.parts)
-    grips = tuple(replace(g, side=OTHER[g.side], T_obj_palm=flip @ g.T_obj_palm @ np.diag([1.0, -1.0, 1.0, 1.0])) for g in model.grips)
+    other = np.diag([1.0, -1.0, 1.0, 1.0])
+    grips = tuple(replace(g, side=OTHER[g.side], T_obj_palm=flip @ g.T_obj_palm @ other) for g in model.grips)
     tip = None if model.tip is None else (-model.tip[0], model.tip[1], model.tip[2])
     return replace(model, parts=parts, grips=grips, tip=tip)
 

@@ -23,8 +23,8 @@ class Fingers:
         weights = np.array([_nearness(touch, time) for touch in self.arm.touches])
         weights /= weights.sum()
         amount = float(self.arm.closed.at(time)[0])
-        shapes = [opening(t.grip.kind) + amount * (c - opening(t.grip.kind)) for t, c in zip(self.arm.touches, self._closed, strict=True)]
-        return weights @ np.array(shapes)
+        opened = np.array([opening(touch.grip.kind) for touch in self.arm.touches])
+        return weights @ (opened + amount * (np.array(self._closed) - opened))
 
 
 def closed_on(touch: Touch) -> np.ndarray:

@@ -15,7 +15,7 @@ from afford.scenes.motion import about, pose
 THICKNESS_M = 0.0012
 Weave = Callable[[np.random.Generator], Material]
 KINDS: dict[str, tuple[Weave, ...]] = {
-    "kitchen": (materials.ceramic, materials.ceramic, materials.cloth, materials.carton),
+    "kitchen": (materials.ceramic, materials.ceramic, materials.carton),
     "workshop": (materials.paper, materials.carton),
     "desk": (materials.paper, materials.carton, materials.ceramic),
 }
@@ -31,4 +31,5 @@ def _mat(rng: np.random.Generator, kinds: tuple[Weave, ...], centre: np.ndarray,
     sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(3.0, 5.0)))
     sheet = replace(sheet, uv=sheet.uv * np.float32([1, -1]))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
-    return Instance(sheet, kinds[rng.integers(len(kinds))](rng), pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5))), casts=False)
+    lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
+    return Instance(sheet, kinds[rng.integers(len(kinds))](rng), lying, casts=False)

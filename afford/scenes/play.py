@@ -1,7 +1,8 @@
 """The actors of a clip: things with a motion, arms that take hold of them, a head, and what is said about it.
 
-Time runs from 0 to `LENGTH`; a clip of so many frames shows one unit a frame, a shorter or longer one is faster or slower. A script writes the motion of the things; an arm that holds one follows it rigidly, grip by grip, so
-that hand and object never slip. Everything is evaluated late: a script may write what a hand does before the thing it follows.
+Time runs from 0 to `LENGTH`; a clip of so many frames shows one unit a frame, a shorter or longer one is faster or slower.
+A script writes the motion of the things; an arm that holds one follows it rigidly, grip by grip, so that hand and object
+never slip. Everything is evaluated late: a script may write what a hand does before the thing it follows.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from afford.scenes.cast import Cast, Want
@@ -11,6 +13,7 @@ from afford.scenes.play import LENGTH
 from afford.scenes.scripts_kitchen import GRASPABLE
 
 FLAT_THINGS = {"kitchen": ("box", "carton", "plate"), "workshop": ("paint", "wood"), "desk": ("book", "phone")}
+TAPPED = {"kitchen": GRASPABLE, "workshop": ("glue", "paint", "wood"), "desk": ("tape", "cup", "book")}
 HINGED = {"kitchen": ("box",), "workshop": ("toolbox",), "desk": ("laptop", "book")}
 
 
@@ -22,7 +25,7 @@ def never_free(cast: Cast) -> None:
     start[:3, 3] += (0.0, 0.0, 0.06)
     thing.track.rest = start
     stops = np.linspace(0, LENGTH, 5)
-    for first, last in zip(stops[:-1], stops[1:], strict=True):
+    for first, last in pairwise(stops):
         target = put(thing, cast.spot(0.05, 0.04, 0.09) + (0, 0, cast.rng.uniform(0.03, 0.16)), cast.rng.uniform(-0.4, 0.4))
         target[:3, :3] = about((1, 0, 0), cast.rng.uniform(-0.3, 0.3)) @ target[:3, :3]
         thing.move(first, last, target)
@@ -39,7 +42,8 @@ def turn_over(cast: Cast) -> None:
     take, drop = cast.beat(24), cast.beat(96)
     cast.arm(cast.lead).take(thing, grip, cast.beat(4), take, drop)
     first = thing.at(0)
-    shown = pose(cast.spot(0.04, -0.02) + (0, 0, 0.17), about((0, 0, 1), 0.9 * cast.mirror) @ about((1, 0, 0), 0.35) @ first[:3, :3])
+    up = cast.spot(0.04, -0.02) + (0, 0, 0.17)
+    shown = pose(up, about((0, 0, 1), 0.9 * cast.mirror) @ about((1, 0, 0), 0.35) @ first[:3, :3])
     tipped = pose(shown[:3, 3] + (0, 0.03, 0.0), about((0, 1, 0), 0.9 * cast.mirror) @ about((1, 0, 0), -0.5) @ first[:3, :3])
     thing.move(take + 2, take + 24, shown, lift_m=0.03)
     thing.move(take + 24, take + 44, tipped)
@@ -72,8 +76,7 @@ def open_hinged(cast: Cast) -> None:
 
 def dart(cast: Cast) -> None:
     """While one hand carries a thing, the other darts in and out between two key frames to tap another."""
-    kinds = GRASPABLE if cast.setting == "kitchen" else {"workshop": ("glue", "paint", "wood"), "desk": ("tape", "cup", "book")}[cast.setting]
-    names = [str(k) for k in cast.rng.permutation(kinds)[:2]]
+    names = [str(k) for k in cast.rng.permutation(TAPPED[cast.setting])[:2]]
     thing, (grip,) = cast.thing(names[0], cast.spot(0.16, 0.02), Want(cast.lead))
     target, (tap,) = cast.thing(names[1], cast.spot(-0.14, -0.08), Want(cast.support))
     take, drop = cast.beat(24), cast.beat(94)

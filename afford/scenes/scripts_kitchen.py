@@ -35,7 +35,7 @@ def carry_far(cast: Cast) -> None:
 def carry_both(cast: Cast) -> None:
     """Both hands lift one wide thing, carry it and put it down."""
     wants = (Want("left", ("rim", "edge")), Want("right", ("rim", "edge")))
-    thing, grips = cast.thing(cast.pick(("bowl", "board", "plate")), cast.spot(0.08, 0.04), *wants)
+    thing, grips = cast.thing(cast.pick(("bowl", "plate")), cast.spot(0.08, 0.04), *wants)
     take, drop = cast.beat(26), cast.beat(92)
     for want, grip in zip(wants, grips, strict=True):
         cast.arm(want.side).take(thing, grip, cast.beat(4), take + cast.rng.uniform(-3, 0), drop)
@@ -52,7 +52,8 @@ def carry_two(cast: Cast) -> None:
     words = ("body", "neck", "handle", "rim")
     near, (first,) = cast.thing(kinds[0], cast.spot(0.18, -0.02), Want(cast.lead, words))
     far, (second,) = cast.thing(kinds[1], cast.spot(-0.20, 0.06), Want(cast.support, words))
-    for side, thing, grip, shift, place in ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 9, (-0.16, -0.06))):
+    acts = ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 9, (-0.16, -0.06)))
+    for side, thing, grip, shift, place in acts:
         take, drop = cast.beat(22 + shift), cast.beat(86 + shift)
         cast.arm(side).take(thing, grip, cast.beat(3 + shift), take, drop)
         cast.arm(side).withdraw(cast.beat(107 + shift))
@@ -63,7 +64,8 @@ def carry_two(cast: Cast) -> None:
 
 def pour(cast: Cast) -> None:
     """One hand pours from a vessel into another that the other hand holds."""
-    vessel, (grip,) = cast.thing(cast.pick(("bottle", "kettle", "carton", "jar")), cast.spot(0.17, 0.02), Want(cast.lead, ("body", "handle")))
+    kind = cast.pick(("bottle", "kettle", "carton", "jar"))
+    vessel, (grip,) = cast.thing(kind, cast.spot(0.17, 0.02), Want(cast.lead, ("body", "handle")))
     cup, (hold,) = cast.thing(cast.pick(("mug", "bowl")), cast.spot(-0.12, 0.02), Want(cast.support, ("body", "handle", "rim")))
     take, drop = cast.beat(22), cast.beat(95)
     start, stop = cast.beat(44), cast.beat(74)
@@ -146,7 +148,8 @@ def chop(cast: Cast, down: Pose, strokes: int) -> PoseAt:
 
 def stir(cast: Cast) -> None:
     """A spoon or spatula stirs in a bowl or pan that the other hand holds."""
-    vessel, (hold,) = cast.thing(cast.pick(("bowl", "pan", "mug")), cast.spot(-0.06, 0.04), Want(cast.support, ("rim", "handle", "body")))
+    kind = cast.pick(("bowl", "pan", "mug"))
+    vessel, (hold,) = cast.thing(kind, cast.spot(-0.06, 0.04), Want(cast.support, ("rim", "handle", "body")))
     spoon, (grip,) = cast.thing(cast.pick(("spoon", "spatula")), cast.spot(0.19, 0.0), Want(cast.lead))
     take, drop = cast.beat(22), cast.beat(96)
     first, last = cast.beat(42), cast.beat(78)

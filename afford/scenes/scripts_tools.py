@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.scenes.asset import Grip
 from afford.scenes.cast import Cast, Want
 from afford.scenes.motion import Pose, PoseAt, about, pose
 from afford.scenes.moves import aim, carry, put, rolled
+from afford.scenes.play import Thing
 from afford.scenes.scripts_kitchen import carry_one
 
 DESK_THINGS = ("book", "tape", "phone", "water", "cup", "stapler")
@@ -32,7 +34,7 @@ def screw(cast: Cast) -> None:
     _work(cast, wood, hold, tool, grip, down, twists(down, 0.5, 4), "screw")
 
 
-def _work(cast: Cast, piece, hold, tool, grip, ready: Pose, act: PoseAt, verb: str) -> None:  # type: ignore[no-untyped-def]
+def _work(cast: Cast, piece: Thing, hold: Grip, tool: Thing, grip: Grip, ready: Pose, act: PoseAt, verb: str) -> None:
     take, drop = cast.beat(22), cast.beat(96)
     first, last = cast.beat(42), cast.beat(78)
     start = tool.at(0)
@@ -88,7 +90,8 @@ def tidy_desk(cast: Cast) -> None:
     kinds = [str(k) for k in cast.rng.permutation(DESK_THINGS)[:2]]
     near, (first,) = cast.thing(kinds[0], cast.spot(0.18, 0.0), Want(cast.lead))
     far, (second,) = cast.thing(kinds[1], cast.spot(-0.18, 0.04), Want(cast.support))
-    for side, thing, grip, shift, goal in ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 8, (-0.14, -0.05))):
+    acts = ((cast.lead, near, first, 0, (0.10, 0.20)), (cast.support, far, second, 8, (-0.14, -0.05)))
+    for side, thing, grip, shift, goal in acts:
         take, drop = cast.beat(23 + shift), cast.beat(87 + shift)
         cast.arm(side).take(thing, grip, cast.beat(3 + shift), take, drop)
         cast.arm(side).withdraw(cast.beat(108 + shift))

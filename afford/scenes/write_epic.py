@@ -44,7 +44,7 @@ class KeyMasks:
 def write_video(path: Path, images: np.ndarray, crf: int) -> None:
     """H.264 at 30 fps, one thread, of (t, h, w, 3) uint8 RGB images; the same images give the same bytes."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as container:
+    with av.open(str(path), "w", format="mp4", container_options={"fflags": "+bitexact"}) as container:
         stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), "preset": "medium", "threads": "1"})
         stream.pix_fmt = "yuv420p"
         stream.thread_count = 1
