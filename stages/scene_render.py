@@ -29,7 +29,7 @@ class Params:
     """seed of the clips that `make dataset` renders; each clip draws its own from it"""
     supersample: int = 2
     """samples per pixel and axis of the colour images"""
-    crf: int = 21
+    crf: int = 23
     """H.264 quality of the video; lower is better"""
 
 
