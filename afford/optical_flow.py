@@ -1,7 +1,6 @@
 """Dense optical flow between two frames, and how to follow it: DIS (Kroeger et al. 2016) on grey images.
 
 A flow (h, w, 2) float32 from frame a to frame b says for each pixel x of a that it lies at x + flow(x) in b, in px, (x, y).
-A map (h, w, 2) float32 holds such positions themselves.
 """
 
 from __future__ import annotations
@@ -26,21 +25,14 @@ def flow_between(a: np.ndarray, b: np.ndarray, preset: str = "medium", start: np
 
 @cache
 def identity_map(height_px: int, width_px: int) -> np.ndarray:
-    """Map (h, w, 2) float32 that leaves every pixel where it is. Read-only."""
+    """Position (x, y) of every pixel, (h, w, 2) float32. Read-only."""
     y, x = np.mgrid[:height_px, :width_px].astype(np.float32)
     grid = np.dstack([x, y])
     grid.flags.writeable = False
     return grid
 
 
-def sample(image: np.ndarray, where: np.ndarray, outside: float = 0.0) -> np.ndarray:
-    """Bilinear values of `image` (h, w[, c]) at the positions of a map; `outside` beyond the border."""
-    border = (outside,) * 4
-    return cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
-
-
-def disagreement(forward: np.ndarray, backward: np.ndarray) -> np.ndarray:
-    """Distance in px by which following `forward` and then `backward` misses the start. (h, w) float32, large outside."""
-    where = identity_map(*forward.shape[:2]) + forward
-    back = sample(backward, where, outside=1e4)
-    return np.linalg.norm(forward + back, axis=2)
+def follow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Flow from a to c, out of `first` from a to b and `second` from b to c; beyond the border the border's motion holds."""
+    where = identity_map(*first.shape[:2]) + first
+    return first + cv2.remap(second, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -36,7 +36,7 @@ def test_key_masks_are_kept_and_others_follow(shot) -> None:
     for i, label in enumerate((HAND, CUP)):
         for t in range(1, LAST - 1):
             truth = labels[t] == label
-            assert region_similarity(tracks.masks[i, t], truth) > 0.8
+            assert region_similarity(tracks.masks[i, t], truth) > 0.93
             assert region_similarity(tracks.masks[i, t], truth) >= region_similarity(copied.masks[i, t], truth)
     assert (tracks.confidence[:, [0, -1]] == 1).all() and (tracks.confidence[:, 1:-1] > 0).all()
 
