@@ -71,8 +71,7 @@ def align(
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Improve `pose` (2, 3) by at most `steps` damped Gauss-Newton steps; returns (pose, mean robust cost per weight).
 
-    `stiffness` (6,) holds every entry of the pose back to where it began: the weight of a prior, in samples per px^2 of
-    movement. Other arguments as in `normal_equations`.
+    `stiffness` (6, 6) holds the pose, read row by row, back to where it began: the weight of a prior, in samples per px^2. Other arguments as in `normal_equations`.
     """
     start, best, damping = pose.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
     cost, hessian, gradient = _evaluate(points, appearance, distance, look, outline, best, start, stiffness)
@@ -94,6 +93,6 @@ def _evaluate(points, appearance, distance, look, outline, pose, start, stiffnes
     cost, total = normal_equations(points, appearance, distance, look, outline, pose.reshape(2, 3), hessian, gradient)
     total = max(total, 1.0)
     away = pose - start
-    hessian = (hessian + np.triu(hessian, 1).T) / total + np.diag(stiffness) / len(points)
-    gradient = gradient / total + stiffness * away / len(points)
-    return cost / total + 0.5 * float(stiffness @ away**2) / len(points), hessian, gradient
+    pull = stiffness @ away
+    hessian = (hessian + np.triu(hessian, 1).T + stiffness) / total
+    return (cost + 0.5 * float(away @ pull)) / total, hessian, (gradient + pull) / total

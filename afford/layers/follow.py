@@ -16,8 +16,21 @@ from afford.layers.regions import dilate
 
 LEVELS = ((3.0, 8), (1.0, 8))
 """blur of the image (sigma, px) and Gauss-Newton steps, coarse to fine"""
-STIFFNESS = np.array([20.0, 20.0, 0.5, 20.0, 20.0, 0.5])
+SHIFT, TURN, SCALE, SHEAR = 0.1, 1.0, 30.0, 15.0
+"""how hard a pose is held where it was expected, in samples per px^2: things move and turn freely, but hardly change shape"""
 MIN_PIXELS = 25
+LEARN_FIT = 0.6
+"""a frame teaches the canvas when the two agree at least this much"""
+
+
+def _stiffness() -> np.ndarray:
+    """(6, 6) over the entries of a pose, row by row."""
+    modes = [(SCALE, [1, 0, 0, 0, 1, 0]), (SHEAR, [1, 0, 0, 0, -1, 0]), (SHEAR, [0, 1, 0, 1, 0, 0]), (TURN, [0, -1, 0, 1, 0, 0]),
+             (SHIFT, [0, 0, 1, 0, 0, 0]), (SHIFT, [0, 0, 0, 0, 0, 1])]  # fmt: skip
+    return sum(weight * np.outer(mode, mode) / np.dot(mode, mode) for weight, mode in modes)
+
+
+STIFFNESS = _stiffness()
 
 
 @dataclass(frozen=True)
@@ -71,15 +84,30 @@ def _follow_one_way(
     before = last
     for t in order:
         poses[t] = poses[last]
-        if np.count_nonzero(visible[t]) < MIN_PIXELS:
-            continue
-        starts = [poses[last]]
-        if before != last:
-            starts.append(2 * poses[last] - poses[before])
-        poses[t], fit[t] = _place(canvas, starts, grey[t], visible[t], known[t])
-        if fit[t] > 0.5:
-            canvas.learn(grey[t].astype(np.float32), visible[t], known[t], poses[t])
-            before, last = last, t
+        if np.count_nonzero(visible[t]) >= MIN_PIXELS:
+            starts = [poses[last], _carried(poses[last], grey[last], grey[t], visible[last], visible[t])]
+            if before != last:
+                starts.append(2 * poses[last] - poses[before])
+            poses[t], fit[t] = _place(canvas, starts, grey[t], visible[t], known[t])
+            if fit[t] > LEARN_FIT:
+                canvas.learn(grey[t].astype(np.float32), visible[t], known[t], poses[t])
+        before, last = last, t
+
+
+def _carried(pose: np.ndarray, before: np.ndarray, after: np.ndarray, visible: np.ndarray, visible_after: np.ndarray) -> np.ndarray:
+    """The pose moved along with corners that the object shows in both frames; the pose itself when they are too few."""
+    corners = cv2.goodFeaturesToTrack(before, 40, 0.01, 3, mask=visible.view(np.uint8) * 255)
+    if corners is None or len(corners) < 4:
+        return pose
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None, winSize=(11, 11), maxLevel=2)
+    x, y = np.rint(there[:, 0]).astype(int).T.clip(0, np.array([[after.shape[1] - 1], [after.shape[0] - 1]]))
+    good = (ok[:, 0] > 0) & visible_after[y, x]
+    if good.sum() < 4:
+        return pose
+    motion, _ = cv2.estimateAffinePartial2D(corners[good], there[good], method=cv2.RANSAC, ransacReprojThreshold=1.5)
+    if motion is None:
+        return pose
+    return np.column_stack([motion[:, :2] @ pose[:, :2], motion @ np.append(pose[:, 2], 1)])
 
 
 def _place(
