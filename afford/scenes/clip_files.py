@@ -18,7 +18,9 @@ from schemas.truth import ClipTruth
 
 
 def write_clip(root: Path, spec: SceneSpec, play: Play, recording: Recording, crf: int) -> RenderedClip:
-    """Write all files of the clip below `root`."""
+    """Write all files of the clip below `root`; ValueError when the split is neither train nor val."""
+    if spec.split not in write_epic.ACTION_FILES:
+        raise ValueError(f"SceneSpec.split: expected one of {', '.join(write_epic.ACTION_FILES)}, got {spec.split!r}")
     truth, person = recording.truth, spec.video_id.split("_")[0]
     narrations = [_narration(spec, number, saying) for number, saying in enumerate(play.sayings)]
     write_epic.write_video(root / "videos" / person / f"{spec.video_id}.MP4", recording.images, crf)
