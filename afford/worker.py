@@ -38,3 +38,8 @@ def use_kernel_cache(root: Path, store: Path) -> Path:
     folder = store / ".cache" / "numba" / digest.hexdigest(16)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     return folder
+
+
+def use_font_cache(store: Path) -> None:
+    """Let matplotlib keep its list of fonts in the store, and look for no settings in the home folder."""
+    os.environ["MPLCONFIGDIR"] = str(store / ".cache" / "matplotlib")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from afford.worker import use_kernel_cache
+from afford.worker import use_font_cache, use_kernel_cache
 from runner import Runner
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -18,6 +18,7 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     """A runner; StoreError when the store cannot be written to. Memory: what is free when it starts, less a margin."""
     folder = (store or STORE).absolute()
     use_kernel_cache(ROOT, folder)
+    use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(), rehash=rehash)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from afford.dataset.tally import Tally
+from afford.figures import Figure
 
 LEFT, RIGHT, NEUTRAL = "#e07b1a", "#1f6fc4", "#5b6770"
 TOP_CLASSES = 25

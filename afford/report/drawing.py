@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-from matplotlib.figure import Figure
-
-matplotlib.use("Agg")
+from afford.figures import Figure
 
 
 def draw(stages: list[str], edges: list[tuple[str, str]], path: Path) -> None:

@@ -7,16 +7,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
-import matplotlib
 import numpy as np
 from blake3 import blake3
-from matplotlib.figure import Figure
 
+from afford.figures import Figure
 from afford.report.sheet import TITLES, decode_jpeg, encode_jpeg
 from schemas.files import FileRef, FileTree
 from schemas.report import ClipScores
-
-matplotlib.use("Agg")
 
 ROWS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("masks: J, key frames 15 apart", "densify.j.gap15", {"nearest key": "baseline.nearest.j.gap15"}),
