@@ -50,7 +50,8 @@ def _point(video: str, clip: Toy, frame: int) -> dict[str, Any]:
     """The VISOR datapoint of a frame, on the grid of the video itself."""
     seen = {entity.name: _segments(clip.tracks.masks[i, frame - 1]) for i, entity in enumerate(ENTITIES)}
     contact = {"right hand": {"in_contact_object": f"card@{frame}"}}
-    rows = [tiny_root.mask(name, f"{name}@{frame}", segments, **contact.get(name, {})) for name, segments in seen.items() if segments]
+    rows = [tiny_root.mask(name, f"{name}@{frame}", segments, **contact.get(name, {}))
+            for name, segments in seen.items() if segments]
     point = tiny_root.image(video, frame, rows)
     point["image"] |= {"width": WIDTH, "height": HEIGHT}
     return point

@@ -1,0 +1,121 @@
+"""Every stage is a pure function: run again elsewhere, later and under watch, it gives the same bytes and opens nothing else."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from afford.codecs import CODEC
+from afford.worker import use_kernel_cache
+from pipeline import Origin, Settings, build
+from runner import Runner
+from runner.fingerprint import fingerprint
+from runner.modules import Modules
+from runner.store import Store, prepare_store
+from runner.traces import Trace, Traces
+from schemas.scene import SceneSpec
+from tests import impure_stages, landlock
+from tests.command import Made
+from tests.impure_stages import CHEATS
+from tests.purity_probe import blobs
+
+ROOT = Path(__file__).resolve().parent.parent
+STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
+SPEC = SceneSpec("P91_01", "carry", "kitchen", seed=3, frames=3, key_gap=2)
+OTHER_ENVIRONMENT = {
+    "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
+    "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
+    "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
+BUILT_ON_DATETIME = ["pandas", "pyarrow.parquet"]  # and on its layout in C: they load before there is another one
+OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a very short clip was rendered."""
+    store = tmp_path_factory.mktemp("rendered")
+    use_kernel_cache(ROOT, store)
+    graph = build("scenes", Origin("tiny", specs=(SPEC,)), Settings())
+    assert Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "scenes").ok
+    return store
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_is_pure(stage: str, made: Made, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
+    bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing."""
+    store = request.getfixturevalue("rendered") if stage == "scene_render" else made.store
+    traces = one_of_each(Traces(store).all(), f"stages.{stage}:run")
+    assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
+    answers = replay(list(map(task, traces)), sources(traces), store, tmp_path)
+    for trace, answer in zip(traces, answers, strict=True):
+        assert not answer["problems"], "\n".join([trace.stage, *answer["problems"]])
+        assert answer["output"] == trace.output, f"{trace.stage}: another output"
+        assert answer["blobs"] == blobs(Store(store, CODEC), trace.output), f"{trace.stage}: the same value in other bytes"
+
+
+def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
+    """One run of every node of the graph that calls the function."""
+    mine = sorted((trace for trace in traces if trace.function == function), key=lambda trace: trace.shard)
+    return list({trace.stage: trace for trace in mine}.values())
+
+
+def test_what_is_impure_is_caught(made: Made, tmp_path: Path) -> None:
+    """Every way of cheating gives another output or is seen. (What libraries open by themselves is seen with Landlock only.)"""
+    store = Store(tmp_path / "store", CODEC)
+    prepare_store(store.root)
+    trace = next(trace for trace in Traces(made.store).all() if trace.stage == "key_thin")
+    clip = Store(made.store, CODEC).load(trace.inputs["clip"])
+    given = {"clip": store.put_leaf(clip)}
+    functions = [f"tests.impure_stages:{cheat.__name__}" for cheat in CHEATS]
+    tasks = [task(replace(trace, function=function, inputs=given)) | {"params": {}} for function in functions]
+    before = [store.put_leaf(cheat(deepcopy(clip), impure_stages.Params())) for cheat in CHEATS]
+    answers = replay(tasks, [impure_stages.__file__], store.root, tmp_path)
+    unseen = [cheat.__name__ for cheat, answer, output in zip(CHEATS, answers, before, strict=True)
+              if not answer["problems"] and answer["output"] == output]
+    assert unseen == ([] if landlock.available() else ["file_behind_python"])
+
+
+def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
+    """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
+    work, elsewhere = folder / "work", folder / "elsewhere"
+    work.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
+    job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
+           "first": BUILT_ON_DATETIME if any(task["arrow"] for task in tasks) else []}
+    (folder / "job.json").write_text(json.dumps(job))
+    command = [sys.executable, str(ROOT / "tests" / "purity_probe.py"), str(folder / "job.json")]
+    kernels = use_kernel_cache(ROOT, store)
+    kernels.mkdir(parents=True, exist_ok=True)
+    fonts = store / ".cache" / "matplotlib"
+    environment = OTHER_ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
+    done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    answers: list[dict[str, Any]] = json.loads(done.stdout.splitlines()[-1])
+    return answers
+
+
+def task(trace: Trace) -> dict[str, Any]:
+    """What the probe must know of a run."""
+    module, _, name = trace.function.partition(":")
+    wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
+    return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,
+            "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries}
+
+
+def sources(traces: list[Trace]) -> list[str]:
+    """The files of the project that the fingerprint of a stage is taken over, and those of the worker's hook."""
+    modules = Modules(ROOT)
+    found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
+    return sorted({*(path for paths in found for path in paths), *fingerprint(modules, "afford.worker:prepare", {}).files})
