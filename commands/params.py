@@ -7,6 +7,7 @@ import json as encoder
 import sys
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import unknown
@@ -27,6 +28,6 @@ def show(stage: str | None, json: bool) -> int:
         return 0
     table = Table("parameter", "type", "default", "meaning", box=None)
     for name, field, kind, default, doc in rows:
-        table.add_row(f"{name}.{field}", kind, repr(default), doc)
+        table.add_row(f"{name}.{field}", escape(kind), escape(repr(default)), escape(doc))
     Console().print(table)
     return 0

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from runner import Reason
@@ -60,7 +61,7 @@ class Bars:
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """Say why it runs."""
         self._began.setdefault(stage, time.monotonic())
-        self._bars.update(self._ids[stage], note=f"{shard}: {reason}"[:60])
+        self._bars.update(self._ids[stage], note=escape(f"{shard}: {reason}"[:60]))
 
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """Move the bar by the part of the task that is done."""
@@ -77,7 +78,7 @@ class Bars:
             rate = self._worked[stage] / max(time.monotonic() - self._began[stage], 1e-3)
             self._bars.update(bar, note=f"{rate:.2f}/s" if rate >= 0.1 else f"{1 / rate:.0f} s each")
         if result == "failed":
-            self._bars.console.print(f"[red]failed[/] {stage} {shard}: {message}", highlight=False)
+            self._bars.console.print(f"[red]failed[/] {escape(f'{stage} {shard}: {message}')}", highlight=False)
 
 
 class Lines:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from afford.readers.discover import Source
@@ -132,13 +133,13 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
         table.add_row(stage, *cells, f"{cpu:.1f}")
     console.print(table)
     if source and source.missing:
-        console.print(f"no video for {len(source.missing)} annotated video(s): {', '.join(source.missing[:8])}"
+        console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"
                       + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
     for note in report.stale:
-        console.print(f"[yellow]stale[/] {note}", highlight=False)
+        console.print(f"[yellow]stale[/] {escape(note)}", highlight=False)
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
-        console.print(f"[bold]{name}[/] {path}", highlight=False, soft_wrap=True)
+        console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
     for name in sorted(summary.metrics):
         console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
     console.print(f"{summary.seconds:.1f} s")
@@ -153,5 +154,5 @@ def _show_failures(console: Console, failures: list[Any]) -> None:
         return
     table = Table("stage", "clip", "what happened", title="[red]failed[/]", box=None, title_justify="left")
     for failure in failures:
-        table.add_row(failure.stage, failure.shard, failure.message)
+        table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
     console.print(table)

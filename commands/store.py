@@ -10,16 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from commands.errors import unknown
+from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, open_runner
 from commands.settings import settings
 from pipeline import TARGETS, build
 from runner import Graph, Runner, TaskPlan
+
+SHOWN_FILES = 6
+PIPED_WIDTH = 200
 
 
 def planned(request: Request) -> list[TaskPlan]:
@@ -71,7 +75,8 @@ def status(request: Request) -> int:
     console = Console()
     console.print(table)
     for failure in failures:
-        console.print(f"[red]failed[/] {failure['stage']} {failure['shard']}: {failure['message']}", highlight=False)
+        told = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
+        console.print(f"[red]failed[/] {told}", highlight=False, soft_wrap=True)
     return 0
 
 
@@ -86,10 +91,15 @@ def graph_text(graph: Graph) -> str:
 
 def graph(request: Request, out: Path | None) -> int:
     """The stages and what they read, as text, or drawn to an SVG or PNG."""
-    _, built, _ = _prepared(request)
+    target = _target(request)
+    chosen = settings(request.sets, request.params)
+    place, _ = origin(target, request.source, chosen, lambda path: "")  # what is in the files does not matter to the graph
+    built = build(target, place, chosen)
     if out is None:
         sys.stdout.write(graph_text(built) + "\n")
         return 0
+    if out.suffix not in (".svg", ".png"):
+        raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
     from afford.report.drawing import draw
 
     edges = [(_stage_of(built, source), node.name) for node in built.stages() for _, source in node.inputs]
@@ -110,13 +120,17 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     """Walk from an artifact (a digest, its beginning, or any path in or linked from the store) to the leafs."""
     runner = open_runner(store)
     path = Path(artifact)
-    found = runner.lineage(_digest_of(runner, path) if path.exists() else artifact)
+    try:
+        found = runner.lineage(_digest_of(runner, path) if path.exists() else artifact)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
     if as_json:
         _print_json(asdict(found))
         return 0
     tree = Tree(_origin_line(found))
-    _grow(tree, found)
-    Console().print(tree)
+    _grow(tree, found, {found.digest})
+    console = Console()
+    console.print(tree, crop=False, width=console.width if console.is_terminal else PIPED_WIDTH)
     return 0
 
 
@@ -132,15 +146,23 @@ def _digest_of(runner: Runner, path: Path) -> str:
 
 def _origin_line(origin: Any) -> str:
     trace = origin.trace
-    made = f"[bold]{trace.stage}[/] {trace.shard}" if trace else "[dim]from outside[/]"
-    return f"{origin.kind} {origin.digest[:12]}  {made}" + (f"  {', '.join(origin.files[:2])}" if origin.files else "")
+    outside = "" if origin.inputs else "[dim]from outside[/]"
+    made = f"[bold]{trace.stage}[/] {escape(trace.shard)}" if trace else outside
+    return f"{origin.kind} {origin.digest[:12]}  {made}"
 
 
-def _grow(tree: Tree, origin: Any, depth: int = 0) -> None:
+def _grow(tree: Tree, origin: Any, seen: set[str]) -> None:
+    """What an artifact was made from; what was shown before is only named."""
+    for path in origin.files[:SHOWN_FILES]:
+        tree.add(escape(path))
+    if len(origin.files) > SHOWN_FILES:
+        tree.add(f"and {len(origin.files) - SHOWN_FILES} more files")
     for name, source in origin.inputs:
-        branch = tree.add(f"{name}: {_origin_line(source)}")
-        if depth < 12:
-            _grow(branch, source, depth + 1)
+        before = source.digest in seen
+        branch = tree.add(f"{escape(name)}: {_origin_line(source)}" + (" [dim](see above)[/]" if before else ""))
+        seen.add(source.digest)
+        if not before:
+            _grow(branch, source, seen)
 
 
 def verify(store: Path | None, as_json: bool) -> int:
@@ -152,7 +174,7 @@ def verify(store: Path | None, as_json: bool) -> int:
         console = Console()
         for kind in ("damaged", "missing", "changed"):
             for name in getattr(verdict, kind):
-                console.print(f"[red]{kind}[/] {name}", highlight=False)
+                console.print(f"[red]{kind}[/] {escape(name)}", highlight=False, soft_wrap=True)
         console.print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: " + ("whole" if verdict.ok else "run again to mend"))
     return 0 if verdict.ok else 1
 
@@ -163,14 +185,19 @@ def gc(store: Path | None, as_json: bool) -> int:
     if as_json:
         _print_json(asdict(swept))
     else:
-        Console().print(f"deleted {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}")
+        sys.stdout.write(f"deleted {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
     return 0
 
 
-def _prepared(request: Request) -> tuple[Runner, Graph, str]:
+def _target(request: Request) -> str:
     target = request.target.replace("_", "-")
     if target not in TARGETS:
         raise unknown("target", request.target, TARGETS)
+    return target
+
+
+def _prepared(request: Request) -> tuple[Runner, Graph, str]:
+    target = _target(request)
     chosen = settings(request.sets, request.params)
     runner = open_runner(request.store)
     place, _ = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
@@ -184,7 +211,7 @@ def _plan(plan: TaskPlan) -> dict[str, str]:
 def _show_plans(plans: list[TaskPlan]) -> None:
     table = Table("stage", "clip", "state", "reason", box=None)
     for plan in plans:
-        table.add_row(plan.stage, plan.shard, plan.status, str(plan.reason))
+        table.add_row(plan.stage, escape(plan.shard), plan.status, escape(str(plan.reason)))
     Console().print(table)
 
 
