@@ -1,0 +1,198 @@
+"""The verbs of the command line: what they say, what they refuse, and what their JSON looks like."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import h5py
+import pytest
+
+from pipeline import TARGETS, Settings
+from tests.command import KEYS, PER_CLIP, Made, call
+from tests.tiny_source import VIDEOS
+
+STAGES = {*PER_CLIP, "dataset_pack"}
+
+
+@pytest.fixture
+def mine(made: Made, tmp_path: Path) -> Made:
+    """A source and a store to change."""
+    return made.copy(tmp_path)
+
+
+# -- usage errors ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("run", "datset"), "did you mean 'dataset'"),
+        (("run", "dataset", "--set", "mask_densfy.radius=1"), "did you mean 'mask_densify'"),
+        (("run", "dataset", "--set", "mask_densify.radus=1"), "did you mean 'radius'"),
+        (("run", "dataset", "--set", "mask_densify.radius=wide"), "expected int, got 'wide'"),
+        (("run", "dataset", "--set", "radius"), "expected STAGE.PARAM=VALUE"),
+        (("run", "dataset", "--params", "none.toml"), "none.toml"),
+        (("run", "dataset", "--only", "mask_densfy"), "mask_densify"),
+        (("run", "dataset", "--force", "mask_densfy"), "mask_densify"),
+        (("run", "dataset", "--clip", "P96_1"), "P96_01"),
+        (("run", "dataset", "--jobs", "-1"), "expected 0"),
+        (("run", "dataset", "--jobs", "many"), "valid integer"),
+        (("run", "dataset", "--dri-run"), "--dry-run"),
+        (("status", "datset"), "did you mean 'dataset'"),
+        (("explain", "mask_densfy"), "did you mean 'mask_densify'"),
+        (("explain", "--clip", "P96_1"), "P96_01"),
+        (("graph", "datset"), "did you mean 'dataset'"),
+    ],
+)
+def test_what_does_not_exist_is_refused_with_the_nearest_name(words: tuple[str, ...], hint: str, made: Made) -> None:
+    """Exit 2, one sentence, no traceback, and nothing is run."""
+    before = made.traces
+    store = [] if words[0] == "graph" else ["--store", made.store]
+    refused = call(*words, "--source", made.source, *store)
+    assert refused.code == 2 and hint in refused.words.replace("│ ", "")
+    assert "Traceback" not in refused.err and made.traces == before
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("params", "mask_densfy"), "did you mean 'mask_densify'"),
+        (("export", "coko", "out"), "did you mean 'coco'"),
+        (("rum",), "run"),
+        (("lineage", "0000"), "fits 0 artifacts"),
+    ],
+)
+def test_other_verbs_refuse_what_does_not_exist(words: tuple[str, ...], hint: str, made: Made) -> None:
+    """Exit 2 as well."""
+    store = ["--store", made.store] if words[0] in ("lineage", "export") else []
+    refused = call(*words, *store)
+    assert refused.code == 2 and hint in refused.words.replace("│ ", "") and "Traceback" not in refused.err
+
+
+@pytest.mark.parametrize("what", ["nothing", "file", "empty"])
+def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
+    """A folder that does not exist, a file, an empty folder: exit 2, and the store is not asked for anything."""
+    source = tmp_path / "source"
+    {"nothing": lambda: None, "file": source.touch, "empty": source.mkdir}[what]()
+    refused = call("run", "dataset", "--source", source, "--store", tmp_path / "store")
+    assert refused.code == 2 and f"--source {source}" in refused.words and "expected" in refused.words
+
+
+def test_a_verb_alone_shows_help() -> None:
+    """Every verb explains itself, and the program lists its verbs."""
+    verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params")
+    helped = call("--help")
+    assert helped.code == 0 and all(verb in helped.out for verb in verbs)
+    assert all(call(verb, "--help").code == 0 for verb in verbs)
+
+
+# -- what the verbs say ------------------------------------------------------------------------------------------------
+
+
+def test_run_prints_its_summary_in_the_last_line(made: Made) -> None:
+    """With exactly the documented keys; everything meant for people goes to stderr."""
+    done = made.run("dataset")
+    assert set(done.json) == KEYS and len(done.out.splitlines()) == 1
+    assert isinstance(done.json["seconds"], float) and done.json["target"] == "dataset"
+    for path in done.json["outputs"].values():
+        assert Path(path).exists() and path in done.err
+
+
+def test_status_counts_and_lists_failures(made: Made) -> None:
+    """Per stage; all is cached after a run."""
+    stages = made.ask("status", "--json").json["stages"]
+    assert stages.keys() == STAGES and all(set(counts) == {"cached"} for counts in stages.values())
+    assert "mask_densify 2" in made.ask("status").words
+    changed = made.ask("status", "dataset", "--set", "mask_densify.radius=3", "--json").json["stages"]
+    assert changed["mask_densify"] == {"run": 2} and changed["dataset_pack"] == {"pending": 1}
+
+
+def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
+    """Of one stage or one clip when asked."""
+    tasks = made.ask("explain", "mask-densify", "--clip", VIDEOS[0], "--set", "mask_densify.radius=3", "--json").json["tasks"]
+    assert [(task["stage"], task["clip"].split("/")[-1], task["status"]) for task in tasks] == [("mask_densify", VIDEOS[0], "run")]
+    assert tasks[0]["reason"] == "parameter changed: radius 0 -> 3"
+    assert "first run" in made.ask("explain", "dataset_pack").words
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_graph_shows_every_stage_and_its_inputs(target: str, tmp_path: Path) -> None:
+    """As text, and drawn."""
+    text = call("graph", target)
+    assert text.code == 0 and (target == "scenes" or "hand_inpaint" in text.out)
+    assert all(" <- " in line for line in text.out.splitlines())
+    drawn = call("graph", target, "--out", tmp_path / "graph.svg")
+    assert drawn.code == 0 and "<svg" in (tmp_path / "graph.svg").read_text()
+
+
+def test_graph_refuses_other_formats(tmp_path: Path) -> None:
+    """The suffix says what to draw."""
+    refused = call("graph", "--out", tmp_path / "graph.docx")
+    assert refused.code == 2 and ".svg or .png" in refused.err
+
+
+def test_lineage_leads_to_the_files_from_outside(made: Made) -> None:
+    """From a published file, or from the beginning of a digest, down to the video."""
+    recording = made.store / "recordings" / made.source.name / f"{VIDEOS[0]}.mcap"
+    told = made.ask("lineage", recording, source=False)
+    assert told.code == 0
+    assert all(word in told.out for word in ("clip_record", "hand_inpaint", "source_read", "from outside", f"{VIDEOS[0]}.MP4"))
+    again = made.ask("lineage", made.ask("lineage", recording, "--json", source=False).json["digest"][:16], source=False)
+    assert again.out == told.out
+
+
+def test_verify_finds_a_whole_store_whole(made: Made) -> None:
+    """Exit 0; as JSON with counts."""
+    assert made.ask("verify", source=False).words.endswith("whole")
+    found = made.ask("verify", "--json", source=False).json
+    assert found["ok"] and found["blobs"] > 50 and found["damaged"] == found["missing"] == found["changed"] == []
+
+
+def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
+    """Of every stage, or of one."""
+    rows = call("params", "--json").json
+    wanted = {(stage.name, field.name) for stage in dataclasses.fields(Settings) for field in dataclasses.fields(stage.default)}
+    assert {(row["stage"], row["name"]) for row in rows} == wanted
+    assert all(row["type"] and row["doc"] for row in rows)
+    assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
+
+
+def test_inspect_summarises_what_run_published(made: Made) -> None:
+    """The folder of recordings, strictly."""
+    folder = made.store / "recordings" / made.source.name
+    assert call("inspect", folder, "--strict").code == 0
+    told = call("inspect", folder, "--json")
+    assert told.code == 0 and all(video in told.out for video in VIDEOS)
+    assert call("inspect", folder / f"{VIDEOS[0]}.mcap", folder / f"{VIDEOS[1]}.mcap", "--diff").code == 1
+
+
+# -- export ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format", ["2hands", "coco", "webdataset"])
+def test_the_data_set_can_be_exported(format: str, made: Made, tmp_path: Path) -> None:
+    """In every format; a folder with files in it is left alone."""
+    out = tmp_path / "out"
+    done = made.ask("export", format, out)
+    assert done.code == 0 and any(path.is_file() for path in out.rglob("*"))
+    if format == "2hands":
+        assert all(h5py.File(path).keys() for path in out.rglob("*.h5"))
+    refused = made.ask("export", format, out)
+    assert refused.code == 2 and "expected a new or empty folder" in refused.err
+
+
+def test_what_was_never_made_cannot_be_exported(made: Made, tmp_path: Path) -> None:
+    """And it is said how to make it."""
+    refused = call("export", "coco", tmp_path / "out", "--store", made.store)
+    assert refused.code == 2 and "make dataset" in refused.err and not (tmp_path / "out").exists()
+
+
+def test_a_file_of_parameters_counts_as_parameters(mine: Made, tmp_path: Path) -> None:
+    """TOML or JSON, one table per stage; `--set` wins."""
+    (tmp_path / "p.json").write_text(json.dumps({"narration_labelling": {"policy": "all"}}))
+    plan = mine.run("dataset", "--dry-run", "--params", str(tmp_path / "p.json")).json["tasks"]
+    assert {task["stage"] for task in plan if task["status"] == "run"} == {"narration_labelling"}
+    back = mine.run("dataset", "--dry-run", "--params", str(tmp_path / "p.json"), "--set", "narration_labelling.policy=last")
+    assert {task["status"] for task in back.json["tasks"]} == {"cached"}
