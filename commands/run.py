@@ -117,8 +117,9 @@ def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
     if "report" not in outputs:
         return {}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
+    scored = {shard for name, shard in report.cpu_s if name == "extraction_score"}
     for stage in EXTRACTION:
-        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name == stage)
+        spent = sum(cpu for (name, shard), cpu in report.cpu_s.items() if name == stage and shard in scored)
         metrics[f"cpu_s_per_frame.{stage}"] = spent / metrics["clips.frames"]
     metrics["cpu_s_per_frame"] = sum(metrics[f"cpu_s_per_frame.{stage}"] for stage in EXTRACTION)
     return metrics

@@ -13,6 +13,8 @@ from afford.scenes import materials
 from afford.scenes.motion import about, pose
 
 THICKNESS_M = 0.0012
+CONTRAST = 0.8
+"""of a pattern, relative to new"""
 Weave = Callable[[np.random.Generator], Material]
 KINDS: dict[str, tuple[Weave, ...]] = {
     "kitchen": (materials.ceramic, materials.ceramic, materials.carton),
@@ -32,4 +34,10 @@ def _mat(rng: np.random.Generator, kinds: tuple[Weave, ...], centre: np.ndarray,
     sheet = replace(sheet, uv=sheet.uv * np.float32([1, -1]))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
     lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
-    return Instance(sheet, kinds[rng.integers(len(kinds))](rng), lying, casts=False)
+    return Instance(sheet, _washed(kinds[rng.integers(len(kinds))](rng)), lying, casts=False)
+
+
+def _washed(fresh: Material) -> Material:
+    """The same pattern with less contrast: cloth and print that have been used, not a poster."""
+    mean = fresh.image.mean(axis=(0, 1))
+    return replace(fresh, image=(mean + CONTRAST * (fresh.image - mean)).astype(np.uint8))
