@@ -15,22 +15,25 @@ import numpy as np
 
 from afford.backends.propagate import BACKGROUND, UNKNOWN, Propagated
 from afford.optical_flow import flow_between, follow, identity_map
+from afford.tracking.leaps import better_of, step_between
 from afford.tracking.patches import REACH_PX, UNMATCHED, colours, match
 
 BLUR = (5, 5)
 """window over which colour differences are averaged, px"""
-DOUBT = 12.0
+DOUBT = 18.0
 """mean colour difference (sum over Lab) from which a pixel counts as not explained by flow"""
 OUT_OF_VIEW = 10.0
 """by how much background is likelier where neither key frame has seen the place"""
 SHARPNESS = 4.0
 """difference in matching cost that makes an entity e times likelier"""
 SMOOTH_PX = 1.0
+SPECK = 4e-4
+"""an entity that enters or leaves and covers less than this share of the image is taken for out of sight"""
 
 
 @dataclass(frozen=True)
 class View:
-    """A key frame as seen from another frame."""
+    """A key frame, or a solved neighbour, as seen from another frame."""
 
     flow: np.ndarray
     """(h, w, 2) from the frame to the key frame, px"""
@@ -42,6 +45,10 @@ class View:
     """1 at the key frame, 0 at the next one"""
 
 
+Solved = tuple[np.ndarray, np.ndarray]
+"""labels (h, w) int16 of a frame, confidence (n,) float32 of its entities"""
+
+
 def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Any) -> Propagated:
     """See `Propagate`. Reads `params.search_px` and `params.band_px`."""
     labels = np.zeros(rgb.shape[:3], np.int16)
@@ -49,48 +56,107 @@ def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, co
     labels[key_index] = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels)
     for i in range(count):
         confidence[i, key_index] = (key_labels == i + 1).any(axis=(1, 2))
-    for at, views in _views(rgb, key_index, key_labels):
-        labels[at], confidence[:, at] = _solve(colours(rgb[at]), views, count, params.search_px, params.band_px)
+    for left in range(-1, len(key_index)):
+        views = _views(rgb, key_index, key_labels, left)
+        ends = [_shown(key_labels[k]) if 0 <= k < len(key_index) else None for k in (left, left + 1)]
+        for at, (found, trust) in _segment(rgb, views, *ends, count, params).items():
+            labels[at], confidence[:, at] = found, trust
     return Propagated(labels, confidence)
 
 
-def _views(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray) -> Iterator[tuple[int, list[View]]]:
-    """Every frame that is no key frame, with the one or two key frames around it, earlier first."""
+def _shown(labels: np.ndarray) -> set[int]:
+    return set(np.unique(labels).tolist()) - {BACKGROUND, UNKNOWN}
+
+
+def _segment(
+    rgb: np.ndarray, views: dict[int, list[View]], before: set[int] | None, after: set[int] | None, count: int, params: Any
+) -> dict[int, Solved]:
+    """Labels and confidences of the frames between two key frames that show the entities `before` and `after`.
+
+    What only one of them shows enters or leaves, often fast: then the frames are solved in order, away from that key frame,
+    and each also looks at the one just solved. Background of the one order gives way to what leaves in the other.
+    """
+    order = sorted(views)
+    changing = before is not None and after is not None and before != after
+    if not changing:
+        return {at: _solve(colours(rgb[at]), views[at], count, params) for at in order}
+    entering, leaving = after - before, before - after
+    found = _in_order(rgb, views, order[::-1] if entering else order, count, params)
+    if entering and leaving:
+        for at, (labels, trust) in _in_order(rgb, views, order, count, params).items():
+            mine = np.isin(labels, list(leaving)) & (found[at][0] == BACKGROUND)
+            found[at][0][mine] = labels[mine]
+            gone = [label - 1 for label in leaving]
+            found[at][1][gone] = trust[gone]
+    for labels, _ in found.values():
+        size = np.bincount(labels.ravel(), minlength=count + 1)
+        labels[np.isin(labels, [label for label in entering | leaving if size[label] < SPECK * labels.size])] = BACKGROUND
+    return found
+
+
+def _in_order(rgb: np.ndarray, views: dict[int, list[View]], order: list[int], count: int, params: Any) -> dict[int, Solved]:
+    """Solve frames one after the other; each has the one before as a further view."""
+    found: dict[int, Solved] = {}
+    last: int | None = None
+    for at in order:
+        here, tone = list(views[at]), colours(rgb[at])
+        if last is not None:
+            labels = found[last][0]
+            step = step_between(_grey(rgb[at]), _grey(rgb[last]), labels)
+            here.append(View(step, labels, colours(rgb[last]), 0.0))
+        found[at] = _solve(tone, here, count, params)
+        last = at
+    return found
+
+
+def _grey(rgb: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+
+
+def _views(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, left: int) -> dict[int, list[View]]:
+    """Every frame between key frame `left` and the next one, with the one or two key frames around it, earlier first."""
     keys = [int(at) for at in key_index]
-    tones = [colours(rgb[at]) for at in keys]
-    for left in range(-1, len(keys)):
-        first = keys[left] if left >= 0 else -1
-        last = keys[left + 1] if left + 1 < len(keys) else len(rgb)
-        between = range(first + 1, last)
-        both = left >= 0 and left + 1 < len(keys)
-        found: dict[int, list[View]] = {at: [] for at in between}
-        for k, order in ((left, between), (left + 1, between[::-1])):
-            if 0 <= k < len(keys):
-                for at, flow in _flows_to(rgb, keys[k], order):
-                    nearness = 1 - abs(at - keys[k]) / (last - first) if both else 1.0
-                    found[at].append(View(flow, key_labels[k], tones[k], nearness))
-        yield from found.items()
+    first = keys[left] if left >= 0 else -1
+    last = keys[left + 1] if left + 1 < len(keys) else len(rgb)
+    between = range(first + 1, last)
+    both = left >= 0 and left + 1 < len(keys)
+    found: dict[int, list[View]] = {at: [] for at in between}
+    for k, order in ((left, between), (left + 1, between[::-1])):
+        if 0 <= k < len(keys):
+            tone = colours(rgb[keys[k]])
+            for at, flow in _flows_to(rgb, keys[k], key_labels[k], order):
+                nearness = 1 - abs(at - keys[k]) / (last - first) if both else 1.0
+                found[at].append(View(flow, key_labels[k], tone, nearness))
+    return found
 
 
-def _flows_to(rgb: np.ndarray, key: int, order: range) -> Iterator[tuple[int, np.ndarray]]:
-    """Flow (h, w, 2) float32 to the key frame from each frame of `order`, which leads away from it."""
-    grey_key = last = cv2.cvtColor(rgb[key], cv2.COLOR_RGB2GRAY)
+def _flows_to(rgb: np.ndarray, key: int, labels: np.ndarray, order: range) -> Iterator[tuple[int, np.ndarray]]:
+    """Flow (h, w, 2) float32 to the key frame, whose labels are given, from each frame of `order`, which leads away from it."""
+    grey_key = last = _grey(rgb[key])
     flow = np.zeros((*last.shape, 2), np.float32)
     for at in order:
-        grey = cv2.cvtColor(rgb[at], cv2.COLOR_RGB2GRAY)
-        flow = flow_between(grey, grey_key, start=follow(flow_between(grey, last), flow))
+        grey = _grey(rgb[at])
+        followed = follow(step_between(grey, last, _carried(labels, flow)), flow)
+        flow = better_of(grey, grey_key, [followed, flow_between(grey, grey_key, start=followed)])
         last = grey
         yield at, flow
 
 
-def _solve(target: np.ndarray, views: list[View], count: int, search_px: int, band_px: int) -> tuple[np.ndarray, np.ndarray]:
+def _carried(labels: np.ndarray, flow: np.ndarray) -> np.ndarray:
+    """Labels (h, w) int16 that flow brings from a key frame, background from outside the image."""
+    at = identity_map(*labels.shape) + flow
+    found = cv2.remap(labels, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=BACKGROUND)
+    return np.maximum(found, BACKGROUND)
+
+
+def _solve(target: np.ndarray, views: list[View], count: int, params: Any) -> Solved:
     """Labels (h, w) int16 of one frame and the confidence (n,) of each entity."""
-    guess, doubt, unseen = _guess(target, views, band_px)
+    guess, doubt, unseen = _guess(target, views, params.band_px)
     where = np.argwhere(doubt)
     cost = np.full((len(where), count + 1), UNMATCHED, np.float32)
     cost[unseen[doubt], BACKGROUND] -= OUT_OF_VIEW
     for view in views:
-        match(target, view.colours, view.labels, view.flow, where, search_px, cost)
+        match(target, view.colours, view.labels, view.flow, where, params.search_px, cost)
     belief = _belief(guess, where, cost)
     labels = np.where(doubt, belief.argmax(axis=0), guess).astype(np.int16)
     own = np.take_along_axis(belief, labels[None].astype(np.int64), axis=0)[0]
@@ -119,11 +185,10 @@ def _look_up(inner: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray, np.
     height, width = inner.shape[:2]
     at = identity_map(height, width) + view.flow
     outside = (at[..., 0] < 0) | (at[..., 1] < 0) | (at[..., 0] > width - 1) | (at[..., 1] > height - 1)
-    labels = cv2.remap(view.labels, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=BACKGROUND)
     shown = cv2.remap(view.colours[REACH_PX:-REACH_PX, REACH_PX:-REACH_PX], at, None, cv2.INTER_LINEAR)
     difference = cv2.absdiff(shown, inner).sum(axis=2, dtype=np.float32)
     difference[outside] = 100
-    return np.maximum(labels, BACKGROUND), cv2.blur(np.minimum(difference, 100), BLUR), outside
+    return _carried(view.labels, view.flow), cv2.blur(np.minimum(difference, 100), BLUR), outside
 
 
 def _outlines(labels: np.ndarray, band_px: int) -> np.ndarray:
