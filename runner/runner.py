@@ -137,8 +137,10 @@ class Runner:
             yield engine
         finally:
             engine.close()
-            self._save()
-            lease.release(remove=False)
+            try:
+                self._save()
+            finally:
+                lease.release(remove=False)
 
     def _share(self) -> Lease:
         while not (lease := Lease(self.place.store / "leases" / "store.lock", shared=True)).held:

@@ -107,14 +107,19 @@ class Traces:
             return
         while not (lease := Lease(self.root / "leases" / "index.lock")).held:
             time.sleep(0.01)
+        try:
+            self._write_index()
+        finally:
+            lease.release(remove=False)
+        self._fresh = False
+
+    def _write_index(self) -> None:
         saved = read_cache(self._index) or {"rows": {}, "latest": {}}
         for stage, shards in saved["latest"].items():
             for shard, key in shards.items():
                 if (stage, shard) not in self._used and key not in self._forgotten:
                     self._latest.setdefault(stage, {})[shard] = key
         write_atomic(self._index, json.dumps({"rows": self._rows, "latest": self._latest}).encode())
-        lease.release(remove=False)
-        self._fresh = False
 
     def forget(self, key: str) -> None:
         """Delete a trace."""
