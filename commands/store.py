@@ -130,7 +130,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     tree = Tree(_origin_line(found))
     _grow(tree, found, {found.digest})
     console = Console()
-    console.print(tree, crop=False, width=console.width if console.is_terminal else PIPED_WIDTH)
+    console.print(tree, crop=False, no_wrap=True, width=console.width if console.is_terminal else PIPED_WIDTH)
     return 0
 
 
