@@ -6,11 +6,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from tests.tiny_models import save_sam2_video
 
 from afford.backends.complete.sam2 import complete
 from schemas.masks import Entity, Tracks
 from schemas.video import Frames, Inpainted
+from tests.tiny_models import save_sam2_video
 
 
 def test_an_object_out_of_sight_stays_empty(tmp_path: Path) -> None:
@@ -28,4 +28,4 @@ def test_an_object_out_of_sight_stays_empty(tmp_path: Path) -> None:
     inpainted = Inpainted("c", frame, rgb, empty > 0, empty.astype(np.uint8), empty.astype(np.uint8))
     found = complete(Frames("c", frame, time, rgb), tracks, inpainted, 0, SimpleNamespace(model=str(folder)))
     assert not found.masks[2].any() and found.confidence[2] == 0
-    assert ((0 <= found.confidence) & (found.confidence <= 1)).all()
+    assert ((found.confidence >= 0) & (found.confidence <= 1)).all()

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.tiny_models import save_sam2_video
 
 from afford.backends.propagate import UNKNOWN
 from afford.backends.propagate.sam2 import propagate
+from tests.tiny_models import save_sam2_video
 
 
 @pytest.fixture(scope="module")
@@ -28,4 +28,4 @@ def test_key_labels_come_back_as_they_were(params: SimpleNamespace) -> None:
     known = labels != UNKNOWN
     assert np.array_equal(found.labels[[0, 3]][known], labels[known])
     assert found.labels.min() >= 0 and found.labels.max() <= 2
-    assert (found.confidence[:, [0, 3]] == 1).all() and ((0 <= found.confidence) & (found.confidence <= 1)).all()
+    assert (found.confidence[:, [0, 3]] == 1).all() and ((found.confidence >= 0) & (found.confidence <= 1)).all()

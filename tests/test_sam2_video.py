@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.tiny_models import save_sam2_video
 
 from afford.models.sam2_video import load_model, track
+from tests.tiny_models import save_sam2_video
 
 
 @pytest.fixture(scope="module")
