@@ -95,7 +95,7 @@ def test_a_patch_is_found_in_its_own_entity() -> None:
     where = np.argwhere(truth[0] == HAND)[::40]
     cost = np.full((len(where), 4), UNMATCHED, np.float32)
     same = colours(rgb[0])
-    match(same, same, truth[0], np.zeros((*truth[0].shape, 2), np.float32), where, 1, cost)
+    match(same, same, truth[0], np.zeros((*truth[0].shape, 2), np.float32), where, 1, np.float32(0), cost)
     assert (cost[:, HAND] == 0).all() and (cost[:, 3] == UNMATCHED).all()
 
 

@@ -40,12 +40,19 @@ def colours(rgb: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, fastmath=True)
 def match(
-    target: np.ndarray, key: np.ndarray, labels: np.ndarray, flow: np.ndarray, where: np.ndarray, search_px: int, cost: np.ndarray
+    target: np.ndarray,
+    key: np.ndarray,
+    labels: np.ndarray,
+    flow: np.ndarray,
+    where: np.ndarray,
+    search_px: int,
+    doubt: np.float32,
+    cost: np.ndarray,
 ) -> None:
     """Lower `cost` (p, l) float32 of the p pixels `where` (p, 2: y, x) of a frame by what matches them in one key frame.
 
     target, key: `colours` of the frame and of the key frame. labels: (h, w) int16 of the key frame, negative = unknown.
-    flow: (h, w, 2) from the frame to the key frame, px. Costs are mean colour differences, sum over Lab.
+    flow: (h, w, 2) from the frame to the key frame, px. Costs are mean colour differences, sum over Lab, plus `doubt`.
     """
     weight, centre = np.zeros(len(TAPS), np.float32), np.zeros((len(TAPS), 3), np.int32)
     tried = np.zeros((len(NEIGHBOURS), 2), np.int64)
@@ -65,7 +72,8 @@ def match(
                     if label < 0:
                         continue
                     limit = min(cost[p, label], best + MARGIN)
-                    found = _difference(key, qy, qx, weight, centre, limit, SHIFT_COST * (abs(qy - cy) + abs(qx - cx)))
+                    start = doubt + SHIFT_COST * (abs(qy - cy) + abs(qx - cx))
+                    found = _difference(key, qy, qx, weight, centre, limit, start)
                     if found < limit:
                         cost[p, label] = found
                         best = min(best, found)

@@ -24,11 +24,13 @@ DOUBT = 18.0
 """mean colour difference (sum over Lab) from which a pixel counts as not explained by flow"""
 OUT_OF_VIEW = 10.0
 """by how much background is likelier where neither key frame has seen the place"""
+HANDED_ON = 8.0
+"""cost of trusting a solved neighbour rather than a key frame; without it, what has left the image lives on"""
 SHARPNESS = 4.0
 """difference in matching cost that makes an entity e times likelier"""
 SMOOTH_PX = 1.0
-SPECK = 4e-4
-"""an entity that enters or leaves and covers less than this share of the image is taken for out of sight"""
+SPECK = 1e-3
+"""pieces of an entity that enters or leaves are dropped when they cover less than this share of the image"""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class View:
     """of the key frame, see `afford.tracking.patches.colours`"""
     nearness: float
     """1 at the key frame, 0 at the next one"""
+    doubt: float = 0.0
+    """added to the cost of what is found here"""
 
 
 Solved = tuple[np.ndarray, np.ndarray]
@@ -89,9 +93,16 @@ def _segment(
             gone = [label - 1 for label in leaving]
             found[at][1][gone] = trust[gone]
     for labels, _ in found.values():
-        size = np.bincount(labels.ravel(), minlength=count + 1)
-        labels[np.isin(labels, [label for label in entering | leaving if size[label] < SPECK * labels.size])] = BACKGROUND
+        for label in entering | leaving:
+            _drop_specks(labels, label)
     return found
+
+
+def _drop_specks(labels: np.ndarray, label: int) -> None:
+    """Turn every small piece of one entity into background, in place."""
+    _, piece, stats, _ = cv2.connectedComponentsWithStats((labels == label).astype(np.uint8), connectivity=8)
+    small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < SPECK * labels.size)
+    labels[np.isin(piece, small[small > 0])] = BACKGROUND
 
 
 def _in_order(rgb: np.ndarray, views: dict[int, list[View]], order: list[int], count: int, params: Any) -> dict[int, Solved]:
@@ -103,7 +114,7 @@ def _in_order(rgb: np.ndarray, views: dict[int, list[View]], order: list[int], c
         if last is not None:
             labels = found[last][0]
             step = step_between(_grey(rgb[at]), _grey(rgb[last]), labels)
-            here.append(View(step, labels, colours(rgb[last]), 0.0))
+            here.append(View(step, labels, colours(rgb[last]), 0.0, HANDED_ON))
         found[at] = _solve(tone, here, count, params)
         last = at
     return found
@@ -156,7 +167,7 @@ def _solve(target: np.ndarray, views: list[View], count: int, params: Any) -> So
     cost = np.full((len(where), count + 1), UNMATCHED, np.float32)
     cost[unseen[doubt], BACKGROUND] -= OUT_OF_VIEW
     for view in views:
-        match(target, view.colours, view.labels, view.flow, where, params.search_px, cost)
+        match(target, view.colours, view.labels, view.flow, where, params.search_px, np.float32(view.doubt), cost)
     belief = _belief(guess, where, cost)
     labels = np.where(doubt, belief.argmax(axis=0), guess).astype(np.int16)
     own = np.take_along_axis(belief, labels[None].astype(np.int64), axis=0)[0]
