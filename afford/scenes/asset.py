@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from afford.render.mesh import Mesh
 from afford.render.model import Instance, Material
@@ -107,7 +108,7 @@ class ObjectModel:
         return tuple(grip for grip in self.grips if grip.side == side)
 
 
-def palm_frame(position: np.ndarray, into: np.ndarray, fingers: np.ndarray) -> np.ndarray:
+def palm_frame(position: ArrayLike, into: ArrayLike, fingers: ArrayLike) -> np.ndarray:
     """(4, 4) palm frame at `position` with z along `into` and x as near to `fingers` as it can be."""
     z = np.asarray(into, float) / np.linalg.norm(into)
     x = np.asarray(fingers, float) - z * np.dot(z, fingers)

@@ -71,7 +71,7 @@ class Cast:
 
     def pick(self, kinds: Sequence[str]) -> str:
         """One of several kinds."""
-        return str(kinds[self.rng.integers(len(kinds))])
+        return str(kinds[int(self.rng.integers(len(kinds)))])
 
     def thing(self, kind: str, place: np.ndarray, *wants: Want) -> tuple[Thing, list[Grip]]:
         """A new object at `place` (3,), turned so that the wanted hands can take it in comfort, and the grips they will use."""
@@ -134,8 +134,8 @@ class Cast:
         names = sorted({tuple(g.name for g in way[1]) for way in ways if way[0] > limit})
         chosen = names[self.rng.integers(len(names))]
         fitting = [way for way in ways if tuple(g.name for g in way[1]) == chosen and way[0] > limit]
-        _, grips, yaw = fitting[self.rng.integers(len(fitting))]
-        return grips, yaw
+        _, held, turn = fitting[int(self.rng.integers(len(fitting)))]
+        return held, turn
 
     def _suitable(self, model: ObjectModel, want: Want) -> list[Grip]:
         found = [g for g in model.grips_of(want.side) if not want.words or g.name in want.words or g.kind in want.words]

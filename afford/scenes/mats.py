@@ -31,7 +31,7 @@ def mats(setting: str, rng: np.random.Generator, centre: np.ndarray) -> list[Ins
 def _mat(rng: np.random.Generator, kinds: tuple[Weave, ...], centre: np.ndarray, level: int) -> Instance:
     size = (float(rng.uniform(0.40, 0.60)), float(rng.uniform(0.30, 0.42)), THICKNESS_M * (1 + 0.6 * level))
     sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(3.0, 5.0)))
-    sheet = replace(sheet, uv=sheet.uv * np.float32([1, -1]))
+    sheet = replace(sheet, uv=sheet.uv * np.array([1, -1], np.float32))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
     lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
     return Instance(sheet, _washed(kinds[rng.integers(len(kinds))](rng)), lying, casts=False)

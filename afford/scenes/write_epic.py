@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -127,7 +127,7 @@ def write_info(root: Path, video_id: str, frames: int, width: int, height: int) 
     write_csv(root / "EPIC_100_video_info.csv", INFO_COLUMNS, [row])
 
 
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[dict[str, object]]) -> None:
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
     """A CSV file with a header and Unix line ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:

@@ -42,7 +42,7 @@ def _said(key: Key, entity: list[int], hand: int, annotation: Annotation, reach_
 
 
 def _nearest_object(key: Key, entity: list[int], hand: int, reach_px: int) -> int:
-    overlap = [np.count_nonzero(grow(key.masks[hand], reach_px) & mask) if a.side == "" else 0
+    overlap = [int(np.count_nonzero(grow(key.masks[hand], reach_px) & mask)) if a.side == "" else 0
                for mask, a in zip(key.masks, key.annotations, strict=True)]
     best = int(np.argmax(overlap))
     return entity[best] if overlap[best] else NOTHING

@@ -91,4 +91,4 @@ def _continue(last: Key, key: Key, known: dict[int, int], here: list[int], carry
 
 
 def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    return np.count_nonzero(a & b) / max(np.count_nonzero(a | b), 1)
+    return float(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a | b)), 1)
