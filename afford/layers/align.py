@@ -67,18 +67,18 @@ def normal_equations(
 
 def align(
     points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
-    pose: np.ndarray, steps: int, stiffness: np.ndarray,
+    pose: np.ndarray, expected: np.ndarray, steps: int, stiffness: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Improve `pose` (2, 3) by at most `steps` damped Gauss-Newton steps; returns (pose, mean robust cost per weight).
 
-    `stiffness` (6, 6) holds the pose, read row by row, back to where it began: the weight of a prior, in samples per px^2. Other arguments as in `normal_equations`.
+    `stiffness` (6, 6) holds the pose, read row by row, near `expected` (2, 3): the weight of a prior, in samples per px^2. Other arguments as in `normal_equations`.
     """
-    start, best, damping = pose.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
-    cost, hessian, gradient = _evaluate(points, appearance, distance, look, outline, best, start, stiffness)
+    home, best, damping = expected.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
+    cost, hessian, gradient = _evaluate(points, appearance, distance, look, outline, best, home, stiffness)
     for _ in range(steps):
         step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)) + 1e-6 * np.eye(6), gradient)
         trial = best - step
-        outcome = _evaluate(points, appearance, distance, look, outline, trial, start, stiffness)
+        outcome = _evaluate(points, appearance, distance, look, outline, trial, home, stiffness)
         if outcome[0] < cost:
             best, (cost, hessian, gradient), damping = trial, outcome, damping * 0.3
             if np.abs(step).max() < 0.02:
@@ -88,11 +88,11 @@ def align(
     return best.reshape(2, 3), cost
 
 
-def _evaluate(points, appearance, distance, look, outline, pose, start, stiffness):  # type: ignore[no-untyped-def]
+def _evaluate(points, appearance, distance, look, outline, pose, home, stiffness):  # type: ignore[no-untyped-def]
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
     cost, total = normal_equations(points, appearance, distance, look, outline, pose.reshape(2, 3), hessian, gradient)
     total = max(total, 1.0)
-    away = pose - start
+    away = pose - home
     pull = stiffness @ away
     hessian = (hessian + np.triu(hessian, 1).T + stiffness) / total
     return (cost + 0.5 * float(away @ pull)) / total, hessian, (gradient + pull) / total

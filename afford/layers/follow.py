@@ -18,19 +18,21 @@ LEVELS = ((3.0, 8), (1.0, 8))
 """blur of the image (sigma, px) and Gauss-Newton steps, coarse to fine"""
 SHIFT, TURN, SCALE, SHEAR = 0.1, 1.0, 30.0, 15.0
 """how hard a pose is held where it was expected, in samples per px^2: things move and turn freely, but hardly change shape"""
+HOME = 0.3
+"""how hard scale and shear are held at those of the first frame"""
 MIN_PIXELS = 25
 LEARN_FIT = 0.6
 """a frame teaches the canvas when the two agree at least this much"""
 
 
-def _stiffness() -> np.ndarray:
+def _stiffness(scale: float, shear: float, turn: float, shift: float) -> np.ndarray:
     """(6, 6) over the entries of a pose, row by row."""
-    modes = [(SCALE, [1, 0, 0, 0, 1, 0]), (SHEAR, [1, 0, 0, 0, -1, 0]), (SHEAR, [0, 1, 0, 1, 0, 0]), (TURN, [0, -1, 0, 1, 0, 0]),
-             (SHIFT, [0, 0, 1, 0, 0, 0]), (SHIFT, [0, 0, 0, 0, 0, 1])]  # fmt: skip
+    modes = [(scale, [1, 0, 0, 0, 1, 0]), (shear, [1, 0, 0, 0, -1, 0]), (shear, [0, 1, 0, 1, 0, 0]), (turn, [0, -1, 0, 1, 0, 0]),
+             (shift, [0, 0, 1, 0, 0, 0]), (shift, [0, 0, 0, 0, 0, 1])]  # fmt: skip
     return sum(weight * np.outer(mode, mode) / np.dot(mode, mode) for weight, mode in modes)
 
 
-STIFFNESS = _stiffness()
+LIKE_BEFORE, LIKE_FIRST = _stiffness(SCALE, SHEAR, TURN, SHIFT), _stiffness(HOME, HOME, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,19 @@ def _carried(pose: np.ndarray, before: np.ndarray, after: np.ndarray, visible: n
     return np.column_stack([motion[:, :2] @ pose[:, :2], motion @ np.append(pose[:, 2], 1)])
 
 
+def _refine(
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
+    pose: np.ndarray, steps: int, radius: float,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Align from `pose`, held near it and, for its shape, near a square of the first frame's size."""
+    turn = np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1])
+    first = pose.copy()
+    first[:, :2] = radius * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    both = LIKE_BEFORE + LIKE_FIRST
+    expected = np.linalg.solve(both, LIKE_BEFORE @ pose.ravel() + LIKE_FIRST @ first.ravel()).reshape(2, 3)
+    return align(points, appearance, distance, look, outline, pose, expected, steps, both)
+
+
 def _place(
     canvas: Canvas, starts: list[np.ndarray], grey: np.ndarray, visible: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, float]:
@@ -120,7 +135,7 @@ def _place(
     for sigma, steps in LEVELS:
         look = _brightness(grey[cut], visible[cut], sigma)
         outline = _with_slopes(*signed_distance(visible[cut], known[cut]))
-        found = [align(points, appearance, distance, look, outline, pose, steps, STIFFNESS) for pose in candidates]
+        found = [_refine(points, appearance, distance, look, outline, pose, steps, canvas.radius) for pose in candidates]
         candidates = [min(found, key=lambda item: item[1])[0]]
     pose = candidates[0] + corner
     return pose, canvas.agreement(visible, known, pose)

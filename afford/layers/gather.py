@@ -26,7 +26,7 @@ def gather_colour(
     """
     height, width = usable.shape[1], usable.shape[2]
     colour, found = np.zeros((points.shape[0], 3), np.float32), np.zeros(points.shape[0], np.float32)
-    samples, sample_weights = np.zeros((cameras.shape[0], 3)), np.zeros(cameras.shape[0])
+    samples, order = np.zeros((cameras.shape[0], 5)), np.zeros(cameras.shape[0], np.int64)
     for i in range(points.shape[0]):
         count = 0
         for k in range(cameras.shape[0]):
@@ -34,18 +34,19 @@ def gather_colour(
             if not (0 <= x < width - 1 and 0 <= y < height - 1):
                 continue
             t, x0, y0 = rows[k], int(x), int(y)
-            if not (usable[t, y0, x0] and usable[t, y0, x0 + 1] and usable[t, y0 + 1, x0] and usable[t, y0 + 1, x0 + 1]):
+            if not (usable[t, y0, x0] and usable[t, y0 + 1, x0 + 1] and usable[t, y0, x0 + 1] and usable[t, y0 + 1, x0]):
                 continue
             a, b = x - x0, y - y0
             for c in range(3):
                 top = (1 - a) * rgb[t, y0, x0, c] + a * rgb[t, y0, x0 + 1, c]
                 low = (1 - a) * rgb[t, y0 + 1, x0, c] + a * rgb[t, y0 + 1, x0 + 1, c]
                 samples[count, c] = (1 - b) * top + b * low
-            sample_weights[count] = weights[k]
+            samples[count, 3] = (samples[count, 0] + samples[count, 1] + samples[count, 2]) / 3
+            samples[count, 4] = weights[k]
             found[i] += weights[k]
             count += 1
         if count > 0:
-            _robust_mean(samples[:count], sample_weights[:count], quantile, colour[i])
+            _robust_mean(samples, count, found[i] * quantile, order, colour[i])
     return colour, found
 
 
@@ -82,21 +83,26 @@ def _project(camera: np.ndarray, point: np.ndarray) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _robust_mean(samples: np.ndarray, weights: np.ndarray, quantile: float, out: np.ndarray) -> None:
-    grey = samples.sum(axis=1) / 3
-    order = np.argsort(grey)
-    enough, running, middle = weights.sum() * quantile, 0.0, grey[order[0]]
-    for k in order:
-        running += weights[k]
-        middle = grey[k]
+def _robust_mean(samples: np.ndarray, count: int, enough: float, order: np.ndarray, out: np.ndarray) -> None:
+    """Mean of the samples (red, green, blue, grey, weight) whose grey is near that of the sample at weight `enough`."""
+    for k in range(count):
+        place = k
+        while place > 0 and samples[order[place - 1], 3] > samples[k, 3]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = k
+    running, middle = 0.0, samples[order[0], 3]
+    for k in range(count):
+        running += samples[order[k], 4]
+        middle = samples[order[k], 3]
         if running >= enough:
             break
-    total = 0.0
-    sums = np.zeros(3)
-    for k in range(len(grey)):
-        if abs(grey[k] - middle) <= AGREE_GREY:
-            total += weights[k]
-            for c in range(3):
-                sums[c] += weights[k] * samples[k, c]
-    for c in range(3):
-        out[c] = sums[c] / total
+    total, red, green, blue = 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        if abs(samples[k, 3] - middle) <= AGREE_GREY:
+            weight = samples[k, 4]
+            total += weight
+            red += weight * samples[k, 0]
+            green += weight * samples[k, 1]
+            blue += weight * samples[k, 2]
+    out[0], out[1], out[2] = red / total, green / total, blue / total

@@ -12,16 +12,16 @@ from numba import njit
 
 from afford.layers.points import Sightings
 
-ROUNDS, FLAT_ROUNDS = 30, 8
+ROUNDS, FLAT_ROUNDS = 20, 8
 FLAT_MISS_PX = 0.7
 """a scene that planes explain to this accuracy (90 % of the sightings) has no depth worth guessing"""
 POWER_ROUNDS = 30
-HUBER_PX = 1.0
+HUBER_PX = 0.3
 FREE = [0, 1, 3]
 """entries of a point that may move"""
 CALM_CAMERA, CALM_POINT = 1e-3, 1e-4
 """weights of the prior that an update is small, per unit^2"""
-DOUBT, FLAT = 0.0005, 1e3
+DOUBT, FLAT = 0.003, 1e3
 """parallax explains noise as well: its products are shrunk by this singular value, unit coordinates"""
 
 

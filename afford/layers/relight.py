@@ -40,13 +40,6 @@ def log_ratio(image: np.ndarray, fill: np.ndarray, weight: np.ndarray) -> tuple[
     return np.clip(ratio.mean(axis=2), -MAX_LOG, MAX_LOG), mass / (1 + (hue / MAX_HUE) ** 4)
 
 
-def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray, expected: np.ndarray | float = 0.0) -> np.ndarray:
-    """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool.
-
-    expected: (h, w) log ratio that is known beforehand; what the rim shows beyond it is spread smoothly over the hole.
-    """
-    if not rim.any():
-        return fill * np.exp(np.broadcast_to(expected, fill.shape[:2]))[..., None]
-    ratio, weight = log_ratio(image, fill, rim)
-    surface = expected + membrane(ratio - expected, weight)
-    return fill * np.exp(np.clip(surface, -MAX_LOG, MAX_LOG))[..., None]
+def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool, smoothly in between."""
+    return fill * np.exp(membrane(*log_ratio(image, fill, rim)))[..., None] if rim.any() else fill

@@ -36,17 +36,14 @@ def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.n
     """The hole as if it showed background only."""
     usable = ~regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
     behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, usable))
-    arms = [mask for entity, mask in zip(tracks.entities, tracks.masks, strict=True) if entity.role == "hand"]
-    shadows = behind.shadows(arms)
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
     for t in np.flatnonzero(hole.any(axis=(1, 2))):
         target = regions.dilate(hole[t], RIM_PX + 2)
         pixels = _pixels(target)
-        colour, found = behind.lit(int(t), pixels)
+        colour, found = behind.colour(int(t), pixels)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
         shown = _mask(target.shape, pixels, found > 0)
-        shadow = cv2.resize(shadows[t], target.shape[::-1], interpolation=cv2.INTER_LINEAR)
-        fill = relight(fill, frames.rgb[t], target & ~hole[t] & usable[t] & shown, shadow)
+        fill = relight(fill, frames.rgb[t], target & ~hole[t] & usable[t] & shown)
         _put(filled, t, hole[t], fill, shown, found, pixels, PixelSource.BACKGROUND)
     return filled
 
