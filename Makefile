@@ -37,7 +37,7 @@ report: $(READY) ## score every extraction stage against synthetic ground truth
 	@$(RUN) run extraction-report --store $(STORE) $(ARGS)
 
 test: $(READY) ## run the tests (not those marked slow or npm)
-	@$(PY) -m pytest -m "not slow and not npm" $(ARGS)
+	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
 
 test-all: $(READY) ## run every test
 	@$(PY) -m pytest $(ARGS)
