@@ -21,7 +21,7 @@ FREE = [0, 1, 3]
 """entries of a point that may move"""
 CALM_CAMERA, CALM_POINT = 1e-3, 1e-4
 """weights of the prior that an update is small, per unit^2"""
-DOUBT, FLAT = 0.003, 1e3
+DOUBT, FLAT = 0.005, 1e3
 """parallax explains noise as well: its products are shrunk by this singular value, unit coordinates"""
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from afford.layers.follow import Path
 from afford.layers.gather import gather_votes
 
-RECALL_FRAMES = 40.0
+RECALL_FRAMES = 12.0
 MIN_FIT = 0.6
+MAJORITY = 0.55
 HULL_VOTE = 0.3
 """weight of the convex hull of the shape, which decides where no frame has seen the point"""
 
@@ -32,10 +33,10 @@ def complete_shape(path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by
         yes, seen = gather_votes(points, cameras[rows], rows, weights, visible, known)
         hull = _in_hull(points, yes > 0.5 * seen, pixels, visible[t])
         share = (yes + HULL_VOTE * hull) / (seen + HULL_VOTE)
-        mine = pixels[share > 0.5]
+        mine = pixels[share > MAJORITY]
         complete[t, mine[:, 1], mine[:, 0]] = True
         sure = np.abs(share - 0.5) * 2 * np.minimum(seen, 1)
-        confidence[t] = path.fit[t] * (float(sure[share > 0.5].mean()) if len(mine) else 1.0)
+        confidence[t] = path.fit[t] * (float(sure[share > MAJORITY].mean()) if len(mine) else 1.0)
     return complete, confidence
 
 
