@@ -38,7 +38,7 @@ class Params:
     """sam2: local folder or hub id of a Sam2VideoModel"""
     search_px: int = 1
     """flow: how far around a supposed motion patches are searched; 2 is a little better and twice as slow"""
-    band_px: int = 6
+    band_px: int = 4
     """flow: pixels this close to an outline are decided by patches"""
     radius: int = 0
     """masks farther than this from their key frame are dropped, frames; 0 = full length (released code: 10)"""

@@ -15,7 +15,7 @@ from afford.tracking.leaps import step_between
 from afford.tracking.patches import UNMATCHED, colours, match
 from tests.moving_shapes import CUP, HAND, film, texture
 
-PARAMS = SimpleNamespace(search_px=1, band_px=6)
+PARAMS = SimpleNamespace(search_px=1, band_px=4)
 BACKENDS = (flow.propagate, nearest.propagate, dense.propagate)
 
 

@@ -31,7 +31,7 @@ def step_between(grey: np.ndarray, last: np.ndarray, labels: np.ndarray) -> np.n
         return flow
     start = flow.copy()
     for label, (x, y) in leaps:
-        shift = np.float32([[1, 0, x], [0, 1, y]])
+        shift = np.array([[1, 0, x], [0, 1, y]], np.float32)
         here = cv2.warpAffine((labels == label).astype(np.uint8), shift, grey.shape[::-1], flags=cv2.INTER_NEAREST) > 0
         start[here] = (-x, -y)
     return better_of(grey, last, [flow, start, flow_between(grey, last, start=start)])
@@ -75,7 +75,7 @@ def _search(small: np.ndarray, last: np.ndarray, pixels: np.ndarray, reach: int)
     best, still, best_x, best_y = 1e9, 1e9, 0, 0
     for dy in range(-reach, reach + 1):
         for dx in range(-reach, reach + 1):
-            total, count = 0, 0
+            total, count = np.int64(0), 0
             for p in range(len(pixels)):
                 y, x = pixels[p, 0] + dy, pixels[p, 1] + dx
                 if 0 <= y < height and 0 <= x < width:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -20,7 +21,7 @@ from afford.tracking.patches import REACH_PX, UNMATCHED, colours, match
 
 BLUR = (5, 5)
 """window over which colour differences are averaged, px"""
-DOUBT = 18.0
+DOUBT = 30.0
 """mean colour difference (sum over Lab) from which a pixel counts as not explained by flow"""
 OUT_OF_VIEW = 10.0
 """by how much background is likelier where neither key frame has seen the place"""
@@ -49,6 +50,8 @@ class View:
     """added to the cost of what is found here"""
 
 
+Key = tuple[int, np.ndarray]
+"""position of a key frame and its labels (h, w) int16"""
 Solved = tuple[np.ndarray, np.ndarray]
 """labels (h, w) int16 of a frame, confidence (n,) float32 of its entities"""
 
@@ -60,42 +63,64 @@ def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, co
     labels[key_index] = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels)
     for i in range(count):
         confidence[i, key_index] = (key_labels == i + 1).any(axis=(1, 2))
-    for left in range(-1, len(key_index)):
-        views = _views(rgb, key_index, key_labels, left)
-        ends = [_shown(key_labels[k]) if 0 <= k < len(key_index) else None for k in (left, left + 1)]
-        for at, (found, trust) in _segment(rgb, views, *ends, count, params).items():
-            labels[at], confidence[:, at] = found, trust
+    keys: list[Key | None] = [None, *((int(at), painted) for at, painted in zip(key_index, key_labels, strict=True)), None]
+    for pair in pairwise(keys):
+        local = np.unique(np.concatenate([[BACKGROUND], *(_shown(end[1]) for end in pair if end)]))
+        before, after = (end and (end[0], _rename(end[1], local)) for end in pair)
+        for at, (found, trust) in _segment(rgb, before, after, len(local) - 1, params).items():
+            labels[at], confidence[local[1:] - 1, at] = local[found], trust
     return Propagated(labels, confidence)
 
 
-def _shown(labels: np.ndarray) -> set[int]:
-    return set(np.unique(labels).tolist()) - {BACKGROUND, UNKNOWN}
+def _shown(labels: np.ndarray) -> np.ndarray:
+    """Labels of the entities of a key frame, ascending."""
+    found = np.unique(labels)
+    return found[found > BACKGROUND].astype(np.int16)
 
 
-def _segment(
-    rgb: np.ndarray, views: dict[int, list[View]], before: set[int] | None, after: set[int] | None, count: int, params: Any
-) -> dict[int, Solved]:
-    """Labels and confidences of the frames between two key frames that show the entities `before` and `after`.
+def _rename(labels: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Labels as indices into `local`: few entities are near at a time, and cost grows with their number."""
+    names = np.full(max(int(local.max()), int(labels.max())) + 2, BACKGROUND, np.int16)
+    names[local] = np.arange(len(local))
+    names[UNKNOWN] = UNKNOWN
+    return names[labels]
+
+
+def _segment(rgb: np.ndarray, before: Key | None, after: Key | None, count: int, params: Any) -> dict[int, Solved]:
+    """Labels and confidences of the frames between two key frames.
 
     What only one of them shows enters or leaves, often fast: then the frames are solved in order, away from that key frame,
     and each also looks at the one just solved. Background of the one order gives way to what leaves in the other.
     """
+    views = _views(rgb, before, after)
+    entering, leaving = _changes(before, after)
     order = sorted(views)
-    changing = before is not None and after is not None and before != after
-    if not changing:
+    if not entering and not leaving:
         return {at: _solve(colours(rgb[at]), views[at], count, params) for at in order}
-    entering, leaving = after - before, before - after
     found = _in_order(rgb, views, order[::-1] if entering else order, count, params)
     if entering and leaving:
-        for at, (labels, trust) in _in_order(rgb, views, order, count, params).items():
-            mine = np.isin(labels, list(leaving)) & (found[at][0] == BACKGROUND)
-            found[at][0][mine] = labels[mine]
-            gone = [label - 1 for label in leaving]
-            found[at][1][gone] = trust[gone]
+        _add_leaving(found, _in_order(rgb, views, order, count, params), leaving)
     for labels, _ in found.values():
-        for label in entering | leaving:
+        for label in entering + leaving:
             _drop_specks(labels, label)
     return found
+
+
+def _changes(before: Key | None, after: Key | None) -> tuple[list[int], list[int]]:
+    """Labels that only the later, and that only the earlier of two key frames shows; none when one of them is missing."""
+    if before is None or after is None:
+        return [], []
+    early, late = _shown(before[1]), _shown(after[1])
+    return np.setdiff1d(late, early).tolist(), np.setdiff1d(early, late).tolist()
+
+
+def _add_leaving(found: dict[int, Solved], forward: dict[int, Solved], leaving: list[int]) -> None:
+    """Put what leaves, as the forward order has it, on the background of `found`, in place."""
+    for at, (labels, trust) in forward.items():
+        mine = np.isin(labels, leaving) & (found[at][0] == BACKGROUND)
+        found[at][0][mine] = labels[mine]
+        index = np.array(leaving) - 1
+        found[at][1][index] = trust[index]
 
 
 def _drop_specks(labels: np.ndarray, label: int) -> None:
@@ -124,30 +149,27 @@ def _grey(rgb: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
 
 
-def _views(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, left: int) -> dict[int, list[View]]:
-    """Every frame between key frame `left` and the next one, with the one or two key frames around it, earlier first."""
-    keys = [int(at) for at in key_index]
-    first = keys[left] if left >= 0 else -1
-    last = keys[left + 1] if left + 1 < len(keys) else len(rgb)
+def _views(rgb: np.ndarray, before: Key | None, after: Key | None) -> dict[int, list[View]]:
+    """Every frame between two key frames (or beyond the only one) with the key frames around it, earlier first."""
+    first, last = before[0] if before else -1, after[0] if after else len(rgb)
     between = range(first + 1, last)
-    both = left >= 0 and left + 1 < len(keys)
     found: dict[int, list[View]] = {at: [] for at in between}
-    for k, order in ((left, between), (left + 1, between[::-1])):
-        if 0 <= k < len(keys):
-            tone = colours(rgb[keys[k]])
-            for at, flow in _flows_to(rgb, keys[k], key_labels[k], order):
-                nearness = 1 - abs(at - keys[k]) / (last - first) if both else 1.0
-                found[at].append(View(flow, key_labels[k], tone, nearness))
+    for key, order in ((before, between), (after, between[::-1])):
+        if key:
+            tone = colours(rgb[key[0]])
+            for at, flow in _flows_to(rgb, key, order):
+                nearness = 1 - abs(at - key[0]) / (last - first) if before and after else 1.0
+                found[at].append(View(flow, key[1], tone, nearness))
     return found
 
 
-def _flows_to(rgb: np.ndarray, key: int, labels: np.ndarray, order: range) -> Iterator[tuple[int, np.ndarray]]:
-    """Flow (h, w, 2) float32 to the key frame, whose labels are given, from each frame of `order`, which leads away from it."""
-    grey_key = last = _grey(rgb[key])
+def _flows_to(rgb: np.ndarray, key: Key, order: range) -> Iterator[tuple[int, np.ndarray]]:
+    """Flow (h, w, 2) float32 to the key frame from each frame of `order`, which leads away from it."""
+    grey_key = last = _grey(rgb[key[0]])
     flow = np.zeros((*last.shape, 2), np.float32)
     for at in order:
         grey = _grey(rgb[at])
-        followed = follow(step_between(grey, last, _carried(labels, flow)), flow)
+        followed = follow(step_between(grey, last, _carried(key[1], flow)), flow)
         flow = better_of(grey, grey_key, [followed, flow_between(grey, grey_key, start=followed)])
         last = grey
         yield at, flow
