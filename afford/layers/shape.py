@@ -13,6 +13,8 @@ MIN_FIT = 0.6
 MAJORITY = 0.55
 HULL_VOTE = 0.3
 """weight of the convex hull of the shape, which decides where no frame has seen the point"""
+HULL_TRUST = 0.25
+"""confidence of a pixel for which the hull alone speaks"""
 
 
 def complete_shape(path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -35,8 +37,9 @@ def complete_shape(path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by
         share = (yes + HULL_VOTE * hull) / (seen + HULL_VOTE)
         mine = pixels[share > MAJORITY]
         complete[t, mine[:, 1], mine[:, 0]] = True
-        sure = np.abs(share - 0.5) * 2 * np.minimum(seen, 1)
-        confidence[t] = path.fit[t] * (float(sure[share > MAJORITY].mean()) if len(mine) else 1.0)
+        sure = np.abs(share - 0.5) * 2 * np.clip(seen, HULL_TRUST, 1)
+        trust = float(path.fit[t]) if followed else 1.0
+        confidence[t] = trust * (float(sure[share > MAJORITY].mean()) if len(mine) else 1.0 if followed else HULL_TRUST)
     return complete, confidence
 
 
