@@ -71,7 +71,8 @@ def align(
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Improve `pose` (2, 3) by at most `steps` damped Gauss-Newton steps; returns (pose, mean robust cost per weight).
 
-    `stiffness` (6, 6) holds the pose, read row by row, near `expected` (2, 3): the weight of a prior, in samples per px^2. Other arguments as in `normal_equations`.
+    `stiffness` (6, 6) holds the pose, read row by row, near `expected` (2, 3): the weight of a prior, in samples per px^2.
+    Other arguments as in `normal_equations`.
     """
     home, best, damping = expected.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
     cost, hessian, gradient = _evaluate(points, appearance, distance, look, outline, best, home, stiffness)
@@ -88,7 +89,10 @@ def align(
     return best.reshape(2, 3), cost
 
 
-def _evaluate(points, appearance, distance, look, outline, pose, home, stiffness):  # type: ignore[no-untyped-def]
+def _evaluate(
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
+    pose: np.ndarray, home: np.ndarray, stiffness: np.ndarray,
+) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
     cost, total = normal_equations(points, appearance, distance, look, outline, pose.reshape(2, 3), hessian, gradient)
     total = max(total, 1.0)

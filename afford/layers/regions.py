@@ -35,6 +35,11 @@ def others(tracks: Tracks, index: int) -> np.ndarray:
     return _union(tracks, [i for i in range(len(tracks.entities)) if i != index])
 
 
+def told(tracks: Tracks) -> np.ndarray:
+    """(t,) bool: frames that some key frame speaks for; in others the hands are there but have no mask."""
+    return (tracks.source_frame >= 0).any(axis=0)
+
+
 def object_indices(tracks: Tracks) -> list[int]:
     """Indices of the objects in `tracks.entities`."""
     return [i for i, entity in enumerate(tracks.entities) if entity.role == "object"]

@@ -34,8 +34,9 @@ def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Fi
 
 def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.ndarray) -> Filled:
     """The hole as if it showed background only."""
-    usable = ~regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
-    behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, usable))
+    static = ~regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
+    usable = static & regions.told(tracks)[:, None, None]
+    behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, static))
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
     for t in np.flatnonzero(hole.any(axis=(1, 2))):
         target = regions.dilate(hole[t], RIM_PX + 2)
