@@ -37,7 +37,7 @@ def others(tracks: Tracks, index: int) -> np.ndarray:
 
 def told(tracks: Tracks) -> np.ndarray:
     """(t,) bool: frames that some key frame speaks for; in others the hands are there but have no mask."""
-    return (tracks.source_frame >= 0).any(axis=0)
+    return np.asarray((tracks.source_frame >= 0).any(axis=0))
 
 
 def object_indices(tracks: Tracks) -> list[int]:

@@ -38,10 +38,10 @@ def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.n
     usable = static & regions.told(tracks)[:, None, None]
     behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, static))
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
-    for t in np.flatnonzero(hole.any(axis=(1, 2))):
+    for t in np.flatnonzero(hole.any(axis=(1, 2))).tolist():
         target = regions.dilate(hole[t], RIM_PX + 2)
         pixels = _pixels(target)
-        colour, found = behind.colour(int(t), pixels)
+        colour, found = behind.colour(t, pixels)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
         shown = _mask(target.shape, pixels, found > 0)
         fill = relight(fill, frames.rgb[t], target & ~hole[t] & usable[t] & shown)
@@ -54,10 +54,10 @@ def _paint_object(filled: Filled, frames: Frames, grey: np.ndarray, tracks: Trac
     path = follow(grey, visible, hidden_by)
     complete, _ = complete_shape(path, frames.frame, visible, hidden_by & ~visible)
     inner, cameras = regions.erode(visible, 1), as_cameras(path.poses)
-    for t in np.flatnonzero((complete & hole).any(axis=(1, 2))):
+    for t in np.flatnonzero((complete & hole).any(axis=(1, 2))).tolist():
         target = regions.dilate(complete[t] & hole[t], RIM_PX) & complete[t]
         pixels = _pixels(target)
-        rows, weights = recall(path, frames.frame, int(t))
+        rows, weights = recall(path, frames.frame, t)
         colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner, 0.5)
         shown = _mask(target.shape, pixels, found > 0)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
