@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from afford.metrics.masks import region_similarity
 from schemas.masks import TrackFlag
 from stages.mask_densify import Params, run
