@@ -163,3 +163,11 @@ def test_relight_meets_the_rim() -> None:
     rim[12:28, 12:28] = False
     assert np.abs(relight(fill, image, rim)[12:28, 12:28] - 120).max() < 6
     assert np.array_equal(relight(fill, image, np.zeros_like(rim)), fill)
+
+
+def test_a_point_on_the_horizon_of_a_badly_linked_frame_stays_finite() -> None:
+    """A homography whose horizon runs through a sighting has a large but finite miss there."""
+    seen = Sightings(np.array([0]), np.array([0]), np.array([[0.5, 0.0]]))
+    camera = np.concatenate([np.eye(3), np.zeros((3, 1))], axis=1)
+    camera[2, 0] = -2.0
+    assert np.isfinite(miss(camera[None], np.array([[0.5, 0.0, 1.0, 0.0]]), seen)).all()

@@ -21,6 +21,10 @@ FREE = [0, 1, 3]
 """entries of a point that may move"""
 CALM_CAMERA, CALM_POINT = 1e-3, 1e-4
 """weights of the prior that an update is small, per unit^2"""
+NEAREST = 1e-4
+"""smallest depth to divide by: a point on the horizon of a badly linked frame must not go to infinity"""
+RIDGE = 1e-10
+"""share of its trace that is added to the diagonal of a system, so that rounding cannot make it singular"""
 DOUBT, FLAT = 0.005, 1e3
 """parallax explains noise as well: its products are shrunk by this singular value, unit coordinates"""
 
@@ -60,7 +64,9 @@ def miss(cameras: np.ndarray, points: np.ndarray, seen: Sightings) -> np.ndarray
 
 def _project(cameras: np.ndarray, points: np.ndarray, seen: Sightings) -> tuple[np.ndarray, np.ndarray]:
     homogeneous = np.einsum("mij,mj->mi", cameras[seen.row], points[seen.point])
-    return homogeneous[:, :2] / homogeneous[:, 2:], homogeneous[:, 2:]
+    depth = homogeneous[:, 2:]
+    depth = np.copysign(np.maximum(np.abs(depth), NEAREST), depth)
+    return homogeneous[:, :2] / depth, depth
 
 
 def _on_plane(seen: Sightings, planes: np.ndarray) -> np.ndarray:
@@ -134,6 +140,7 @@ def _solve(
     weight = 1 / np.maximum(1, np.linalg.norm(left, axis=1) / huber)
     hessian, gradient = np.tile(np.diag(held + calm), (len(now), 1, 1)), now * held
     _accumulate(owner, rows, left, weight, hessian, gradient)
+    hessian += RIDGE * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(now.shape[1])
     return np.linalg.solve(hessian, gradient[..., None])[..., 0]
 
 
