@@ -22,6 +22,7 @@ $(READY): pyproject.toml constraints.txt
 	@echo "setting up $(VENV) (first time: a few minutes)"
 	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	@$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	@rm -rf afford.egg-info build
 	@touch $@
 
 setup: $(READY) ## make .venv with everything but the extras `ray` and `gpu`

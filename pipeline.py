@@ -6,7 +6,7 @@ its code, its parameters and the content of its inputs. Run `python pipeline.py 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from runner import Graph
@@ -101,11 +101,8 @@ def pack(g: Graph, x: Extracted, p: Settings) -> FileTree:
 
 
 def score(g: Graph, files: FileTree, truth: FileTree, p: Settings) -> FileTree:
-    """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30).
-
-    Affordances are scored as they are cut, before the dilation that the data set gets.
-    """
-    x = extract(g, files, replace(p, affordance_intersect=replace(p.affordance_intersect, dilate_px855=0)))
+    """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
+    x = extract(g, files, p)
     thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
     sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify)
     scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,

@@ -8,7 +8,7 @@ Fails   when the truth does not cover the frames of the clip
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from schemas.affordance import Affordances
 from schemas.clip import Clip
@@ -40,6 +40,7 @@ def run(
     params: Params,
 ) -> ClipScores:
     """Score one clip; `tracks` come from every key frame (gap 15), `tracks_sparse` from every second one (gap 30)."""
+    from afford.intersection import intersect
     from afford.report import score, sheet
     from afford.report.tally import Tally
     from afford.report.truth_files import load_truth
@@ -50,6 +51,7 @@ def run(
     score.score_densify(tally, aligned, tracks_sparse, "gap30")
     score.score_inpaint(tally, aligned, frames, inpainted)
     score.score_completion(tally, aligned, tracks, complete)
-    score.score_affordance(tally, aligned, affordances)
+    cut = replace(affordances, masks=intersect(tracks, complete, affordances.object_index))  # before the data set's dilation
+    score.score_affordance(tally, aligned, cut)
     picture = sheet.clip_row(aligned, frames, tracks, inpainted, complete, affordances, params.sheet_width_px)
     return ClipScores(clip.clip_id, aligned.truth.hard, len(frames.frame), tally.scores(), picture)
