@@ -8,10 +8,10 @@ import json
 
 from blake3 import blake3
 
-from schemas import affordance, clip, files, masks, report, sample, scene, truth, video
+from schemas import affordance, clip, files, masks, prediction, report, sample, scene, truth, video
 from schemas.spec import Schema
 
-MODULES = (affordance, clip, files, masks, report, sample, scene, truth, video)
+MODULES = (affordance, clip, files, masks, prediction, report, sample, scene, truth, video)
 BUNDLES = ("RenderedClip",)
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 

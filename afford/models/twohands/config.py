@@ -1,0 +1,69 @@
+"""Everything that decides a model's shape, as plain data that goes into config.json."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from typing import Any
+
+VARIANTS = ("small", "clip", "vlm")
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """One model. Every field is a string, a number, a bool or a tuple of numbers."""
+
+    variant: str = "small"
+    """small (trained from nothing on a CPU) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
+    hypotheses: int = 3
+    """k: regions proposed for each hand; 1 is the paper's model"""
+    size_px: tuple[int, int] = (128, 224)
+    """height and width of the letter-boxed input; square for clip and vlm"""
+    widths: tuple[int, int, int] = (32, 64, 128)
+    """channels at stride 4, 8 and 16 (small); the last one is the width of the decoder and of the words"""
+    depth: int = 3
+    """transformer blocks over the image at stride 16 (small)"""
+    decoder_depth: int = 2
+    """two-way blocks of the mask decoder"""
+    heads: int = 4
+    """attention heads everywhere in small"""
+    text: bool = True
+    """False: the model does not read the task (ablation no_text)"""
+    text_buckets: int = 8192
+    """rows of the table that pieces of words are hashed into"""
+    text_words: int = 16
+    """words read of a task; the rest is cut off"""
+    decoders: int = 2
+    """1: one region for whichever hand, as LISA has it; both sides of the output are then the same"""
+    dropout: float = 0.0
+    """inside the transformers of small; LoRA's own dropout is `lora_dropout`"""
+    backbones: str = ""
+    """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones"""
+    lora_rank: int = 8
+    lora_alpha: int = 16
+    lora_dropout: float = 0.05
+    seg_state: str = "paper"
+    """vlm: paper = the hidden state of [SEG] itself; code = the state before it, as the released code reads it"""
+    threshold: float = 0.5
+    """probability above which a pixel belongs to a region; training chooses it on validation"""
+
+    def __post_init__(self) -> None:
+        if self.variant not in VARIANTS:
+            raise ValueError(f"ModelConfig.variant: expected one of {', '.join(VARIANTS)}, got {self.variant!r}")
+        if self.hypotheses < 1 or self.decoders not in (1, 2) or self.seg_state not in ("paper", "code"):
+            raise ValueError(f"ModelConfig: expected hypotheses >= 1, decoders 1 or 2 and seg_state paper or code, got {self}")
+        if any(size % 16 for size in self.size_px):
+            raise ValueError(f"ModelConfig.size_px: expected multiples of 16, got {self.size_px}")
+
+    def to_json(self) -> str:
+        """The fields as indented JSON."""
+        return json.dumps(dataclasses.asdict(self), indent=2, sort_keys=True)
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> ModelConfig:
+        """The config that `asdict` or JSON describes; ValueError names unknown fields. Missing fields keep their default."""
+        unknown = fields.keys() - {field.name for field in dataclasses.fields(cls)}
+        if unknown:
+            raise ValueError(f"ModelConfig has no field {', '.join(sorted(unknown))}")
+        return cls(**{name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()})
