@@ -18,6 +18,7 @@ from schemas.scene import RenderedClip, SceneSpec
 from schemas.video import Frames, Inpainted
 from stages import (
     affordance_intersect,
+    clip_footage,
     clip_record,
     dataset_pack,
     extraction_report,
@@ -81,10 +82,13 @@ class Extracted(NamedTuple):
         }  # fmt: skip
 
 
-def extract(g: Graph, files: FileTree, p: Settings) -> Extracted:
+def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
     """Video, sparse masks and narrations -> hands, objects and affordances on every frame."""
+    files       = g.pick(video, lambda v: v.files)
+    media       = g.pick(video, lambda v: v.media)
     clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
-    frames      = g.add(frame_decode.run,           files=files,     clip=clip,                      params=p.frame_decode)
+    footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
+    frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
     tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify)
     inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint)
     complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion)
@@ -100,9 +104,10 @@ def pack(g: Graph, x: Extracted, p: Settings) -> FileTree:
     return g.add(dataset_pack.run, samples=g.collect(samples), params=p.dataset_pack, ctx=g.ctx)
 
 
-def score(g: Graph, files: FileTree, truth: FileTree, p: Settings) -> FileTree:
+def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
     """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
-    x = extract(g, files, p)
+    x = extract(g, video, p)
+    truth = g.pick(video, lambda v: v.truth)
     thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
     sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify)
     scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
@@ -128,13 +133,13 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
     """the data set of a source, with a recording of every clip"""
-    x = extract(g, g.pick(videos(g, origin, p), lambda v: v.files), p)
+    x = extract(g, videos(g, origin, p), p)
     g.target("dataset", pack(g, x, p), record(g, x))
 
 
 def recordings(g: Graph, origin: Origin, p: Settings) -> None:
     """a recording of every clip of a source"""
-    g.target("recordings", record(g, extract(g, g.pick(videos(g, origin, p), lambda v: v.files), p)))
+    g.target("recordings", record(g, extract(g, videos(g, origin, p), p)))
 
 
 def scenes(g: Graph, origin: Origin, p: Settings) -> None:
@@ -144,8 +149,7 @@ def scenes(g: Graph, origin: Origin, p: Settings) -> None:
 
 def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
     """scores of every extraction stage against ground truth"""
-    video = videos(g, origin, p)
-    g.target("extraction-report", score(g, g.pick(video, lambda v: v.files), g.pick(video, lambda v: v.truth), p))
+    g.target("extraction-report", score(g, videos(g, origin, p), p))
 
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality}

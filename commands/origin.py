@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from afford.readers.discover import Source, discover
+from afford.readers.folder import media_of
 from commands.errors import UsageError
 from pipeline import Origin, Settings
 from schemas.files import FileTree
@@ -36,4 +37,4 @@ def _synthetic(target: str, settings: Settings) -> Origin:
 
 
 def _with_truth(video: FileTree, source: Source) -> RenderedClip:
-    return RenderedClip(video, source.truths.get(video.name, FileTree(video.name, ())))
+    return RenderedClip(video, media_of(video), source.truths.get(video.name, FileTree(video.name, ())))

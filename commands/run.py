@@ -99,8 +99,9 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage == "extraction_report":
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "scene_render":
-                for part, tree in runner.children(digest) or ():
-                    publish(runner, tree, store / "scenes" / place.name / clip / part)
+                parts = dict(runner.children(digest) or ())
+                for part in ("files", "truth"):
+                    publish(runner, parts[part], store / "scenes" / place.name / clip / part)
                 out["scenes"] = str(store / "scenes" / place.name)
     return out
 

@@ -80,3 +80,17 @@ class Clip(Schema):
     key_frames: tuple[KeyFrame, ...] = value("sorted by frame; the sparse truth of annotators")
     narrations: tuple[Narration, ...] = value("those that touch the clip, in file order")
     warnings: tuple[str, ...] = value("what the reader corrected or skipped, one sentence each")
+
+
+@dataclass(frozen=True)
+class Footage(Schema):
+    """Which frames of which media a clip consists of, apart from everything that is said of them."""
+
+    clip_id: str = value("clip")
+    media: tuple[str, ...] = value("names of the video file, or of the frame images in frame order")
+    media_kind: Literal["video", "frames"] = value("how `media` is to be read")
+    fps: float = value("frame rate that the data set's numbers refer to", unit="1/s")
+    resample: bool = value("True: frame n is at (n - 1) / fps (EPIC's 50/60 rule); False: frame n is the n-th decoded frame")
+    first_frame: int = value("first frame, data-set numbering")
+    last_frame: int = value("last frame, inclusive")
+    key_frames: tuple[int, ...] = value("frames that annotators looked at, ascending; one of them must be there")

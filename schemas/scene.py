@@ -22,8 +22,23 @@ class SceneSpec(Schema):
 
 
 @dataclass(frozen=True)
+class StillSpec(Schema):
+    """One room with things of its own, of which stills are rendered. The same spec gives the same bytes."""
+
+    video_id: str = value("id of the set of stills, e.g. P81_03")
+    setting: str = value("kitchen, workshop or desk")
+    seed: int = value("seed of everything random in it")
+    split: str = value("train, val or test")
+    asks: str = value("known: things and verbs that training shows; new: what it never shows")
+    layouts: int = value("how often the things are laid out anew")
+    views: int = value("pictures of each layout")
+    tasks: int = value("most tasks asked of one picture")
+
+
+@dataclass(frozen=True)
 class RenderedClip(Schema):
-    """A rendered clip as files: an EPIC/VISOR root of one video, and, apart, its ground truth (see `ClipTruth`)."""
+    """A video as files: an EPIC/VISOR root of one video, and, apart, its ground truth (see `ClipTruth`)."""
 
     files: FileTree = value("videos/, GroundTruth-SparseAnnotations/, EPIC_100_*.csv, as in an EPIC root")
+    media: FileTree = value("those of `files` that hold pictures: the video file, or the frame images")
     truth: FileTree = value("truth/<video_id>/ of the same root")

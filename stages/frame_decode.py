@@ -1,6 +1,6 @@
 """video or frame images -> the frames of a clip at working size, with exact data-set numbers and times.
 
-Reads   FileTree (media), Clip
+Reads   FileTree of the media, Footage: neither outlines nor words, so that a change of those decodes nothing again
 Writes  Frames: rgb (t, h, w, 3) uint8 sRGB, frame (t,) data-set numbers, time_ns (t,) from the start of the video
 Method  frames are told apart by presentation time, so variable rates and reordering do no harm; EPIC-KITCHENS videos are
         resampled to 60 or 50 frames/s as their annotators did; display rotation is applied; sizes shrink by area mean
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.clip import Clip
+from schemas.clip import Footage
 from schemas.files import FileTree
 from schemas.video import Frames
 
@@ -29,8 +29,8 @@ class Params:
     """see width_px"""
 
 
-def run(files: FileTree, clip: Clip, params: Params) -> Frames:
+def run(media: FileTree, footage: Footage, params: Params) -> Frames:
     """Decode first_frame to last_frame of a clip; ValueError names the file when it cannot be used."""
     from afford.video.frames import decode_clip
 
-    return decode_clip(files, clip, (params.width_px, params.height_px))
+    return decode_clip(media, footage, (params.width_px, params.height_px))

@@ -14,7 +14,8 @@ from commands.cli import main
 
 KEYS = {"target", "ran", "cached", "failed", "outputs", "metrics", "seconds"}
 RECORDED = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect", "narration_labelling")
-PER_CLIP = (*RECORDED, *(f"record_{stage}" for stage in RECORDED), "source_read", "sample_assemble", "clip_record")
+PER_CLIP = (*RECORDED, *(f"record_{stage}" for stage in RECORDED), "source_read", "clip_footage", "sample_assemble",
+            "clip_record")
 
 
 @dataclass(frozen=True)

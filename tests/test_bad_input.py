@@ -11,8 +11,21 @@ import pytest
 
 from afford.readers.errors import SourceError
 from schemas.clip import Clip
-from stages import frame_decode, narration_labelling, source_read
-from tests.tiny_root import OTHER, SQUARE, clips, image, mask, row, trees, write_points, write_root, write_rows, write_video
+from stages import narration_labelling, source_read
+from tests.tiny_root import (
+    OTHER,
+    SQUARE,
+    clips,
+    decode,
+    image,
+    mask,
+    row,
+    trees,
+    write_points,
+    write_root,
+    write_rows,
+    write_video,
+)
 
 COLUMNS_WITHOUT_START = tuple(c for c in row("P95_01") if c != "start_frame")
 
@@ -213,7 +226,7 @@ def test_of_a_truncated_video_the_frames_that_are_there_are_used(tmp_path: Path)
     video(tmp_path).write_bytes(data[: len(data) * 6 // 10])
     (clip,) = clips(tmp_path)
     assert 1 <= len(clip.key_frames) < 6 and "frame 76 is annotated but not among" in clip.warnings[-1]
-    frames = frame_decode.run(trees(tmp_path)["P95_01"], clip, frame_decode.Params())
+    frames = decode(trees(tmp_path)["P95_01"], clip)
     assert clip.key_frames[-1].frame <= frames.frame[-1] <= clip.last_frame < 80
 
 
@@ -238,7 +251,7 @@ def test_long_and_unicode_narrations_come_through(tmp_path: Path) -> None:
     text = ('κόψε "το" ψωμί, 切面包 🍞\n' * 2000)[:40_000]
     write_root(tmp_path, rows=[row("P95_01", narration=text, noun="面包", noun_class=-1, all_nouns="['面包']")])
     (clip,) = clips(tmp_path)
-    frames = frame_decode.run(trees(tmp_path)["P95_01"], clip, frame_decode.Params())
+    frames = decode(trees(tmp_path)["P95_01"], clip)
     labels = narration_labelling.run(clip, frames, narration_labelling.Params())
     assert labels.narrations[0].text == text and labels.narrations[0].noun_key == "面包"
 

@@ -110,10 +110,10 @@ def test_a_file_is_its_name_and_digest(tmp_path: Path) -> None:
 
 
 def test_bundles_split_into_their_fields(tmp_path: Path) -> None:
-    """A rendered clip is two artifacts, and comes together again."""
-    bundle = RenderedClip(tree(tmp_path / "f", "P91_01"), tree(tmp_path / "t", "P91_01"))
+    """A rendered clip is three artifacts, and comes together again."""
+    bundle = RenderedClip(*(tree(tmp_path / name, "P91_01") for name in ("files", "media", "truth")))
     parts = CODEC.children(bundle)
-    assert parts is not None and [name for name, _ in parts] == ["files", "truth"]
+    assert parts is not None and [name for name, _ in parts] == ["files", "media", "truth"]
     assert CODEC.combine("RenderedClip", parts) == bundle
     assert CODEC.children((bundle,)) == [("P91_01", bundle)]
 

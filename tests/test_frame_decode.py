@@ -9,10 +9,17 @@ import cv2
 import numpy as np
 import pytest
 
-from stages import frame_decode, source_read
+from afford.readers.folder import media_of
+from schemas.clip import Clip, Footage
+from stages import clip_footage, frame_decode, source_read
+from tests import tiny_root
 from tests.tiny_root import HEIGHT, WIDTH, image, picture, spelt, trees, write_root
 
 PARAMS = frame_decode.Params()
+
+
+def footage(clip: Clip) -> Footage:
+    return clip_footage.run(clip, clip_footage.Params())
 
 
 def stills(root: Path, numbers: tuple[int, ...]) -> Path:
@@ -29,7 +36,7 @@ def stills(root: Path, numbers: tuple[int, ...]) -> Path:
 def decode(root: Path, **params: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     files = trees(root)["P95_01"]
     (clip,) = source_read.run(files, source_read.Params())
-    frames = frame_decode.run(files, clip, replace(PARAMS, **params))
+    frames = tiny_root.decode(files, clip, replace(PARAMS, **params))
     return frames.frame, frames.time_ns, frames.rgb
 
 
@@ -84,4 +91,24 @@ def test_a_clip_without_a_decodable_key_frame_is_refused(tmp_path: Path) -> None
     files = trees(tmp_path)["P95_01"]
     (clip,) = source_read.run(files, source_read.Params())
     with pytest.raises(ValueError, match=r"expected a key frame of P95_01 .*, got 3 frames, 2 to 4"):
-        frame_decode.run(files, replace(clip, first_frame=2, last_frame=4), PARAMS)
+        tiny_root.decode(files, replace(clip, first_frame=2, last_frame=4))
+
+
+def test_words_and_outlines_are_no_part_of_the_footage(tmp_path: Path) -> None:
+    """Only what the frames are made from: the same footage for other words, another one for other frames."""
+    write_root(tmp_path)
+    files = trees(tmp_path)["P95_01"]
+    (clip,) = source_read.run(files, source_read.Params())
+    keys = tuple(replace(key, annotations=()) for key in clip.key_frames)
+    assert footage(replace(clip, narrations=(), warnings=(), key_frames=keys)) == footage(clip)
+    assert footage(replace(clip, last_frame=9)) != footage(clip)
+    assert [file.name for file in media_of(files).files] == ["videos/P95_01.MP4"]
+
+
+def test_a_video_that_is_not_there_is_named(tmp_path: Path) -> None:
+    """The file, whose it is, and what to do."""
+    write_root(tmp_path)
+    files = trees(tmp_path)["P95_01"]
+    (clip,) = source_read.run(files, source_read.Params())
+    with pytest.raises(ValueError, match=r"gone\.MP4: expected among the files of P95_01, got nothing; read the source again"):
+        tiny_root.decode(files, replace(clip, media=("gone.MP4",)))

@@ -12,9 +12,9 @@ import pytest
 
 from afford.readers.polygons import rasterise
 from schemas.clip import Annotation, Clip, KeyFrame
-from stages import frame_decode, source_read
+from stages import source_read
 from tests.test_readers_discover import DATA
-from tests.tiny_root import OTHER, SQUARE, clips, image, mask, picture, row, trees, write_points, write_root, write_rows
+from tests.tiny_root import OTHER, SQUARE, clips, decode, image, mask, picture, row, trees, write_points, write_root, write_rows
 
 real = pytest.mark.skipif(not DATA.is_dir(), reason="real sample data are not here")
 PARAMS = source_read.Params()
@@ -211,7 +211,7 @@ def test_real_video_is_one_clip_and_key_frame_n_is_its_nth_picture(video: str, f
     files = trees(DATA / "tabletop")[video]
     (clip,) = source_read.run(files, PARAMS)
     assert (clip.first_frame, clip.last_frame) == frames
-    decoded = frame_decode.run(files, replace(clip, first_frame=193, last_frame=253), frame_decode.Params())
+    decoded = decode(files, replace(clip, first_frame=193, last_frame=253))
     wanted = cv2.imread(str(next((DATA / "tabletop" / "rgb_frames").rglob(f"{video}_frame_0000000241.jpg"))))
     wanted = cv2.resize(wanted, (456, 256), interpolation=cv2.INTER_AREA)[..., ::-1]
     error = np.abs(decoded.rgb.astype(int) - wanted).mean(axis=(1, 2, 3))

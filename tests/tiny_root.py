@@ -15,10 +15,12 @@ import numpy as np
 from blake3 import blake3
 
 from afford.readers.discover import discover
+from afford.readers.folder import media_of
 from afford.readers.narrations import COLUMNS
 from schemas.clip import Clip
 from schemas.files import FileTree
-from stages import source_read
+from schemas.video import Frames
+from stages import clip_footage, frame_decode, source_read
 
 WIDTH, HEIGHT, BITS = 128, 64, 8
 SQUARE = [[600.0, 400.0], [900.0, 400.0], [900.0, 700.0], [600.0, 700.0]]
@@ -130,3 +132,9 @@ def trees(root: Path) -> dict[str, FileTree]:
 
 def clips(root: Path, video: str = "P95_01", params: source_read.Params | None = None) -> tuple[Clip, ...]:
     return source_read.run(trees(root)[video], params or source_read.Params())
+
+
+def decode(files: FileTree, clip: Clip, params: frame_decode.Params | None = None) -> Frames:
+    """The frames of a clip, as the pipeline gets them: from its media and its footage alone."""
+    footage = clip_footage.run(clip, clip_footage.Params())
+    return frame_decode.run(media_of(files), footage, params or frame_decode.Params())

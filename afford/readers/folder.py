@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from schemas.files import FileTree
+
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".m4v", ".mpg", ".mpeg")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
@@ -36,6 +38,13 @@ class Entry:
     @property
     def top(self) -> bool:
         return "/" not in self.name
+
+
+def media_of(files: FileTree) -> FileTree:
+    """The files of a video that hold its pictures. What decodes frames is given no others, so that an edited table or outline
+    does not decode them again."""
+    suffixes = VIDEO_SUFFIXES + IMAGE_SUFFIXES
+    return FileTree(files.name, tuple(f for f in files.files if PurePosixPath(f.name).suffix.lower() in suffixes))
 
 
 def entries(root: Path) -> tuple[Entry, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from blake3 import blake3
 
 from afford.codecs import save
+from afford.readers.folder import media_of
 from afford.scenes import write_epic
 from afford.scenes.play import LENGTH, Play, Saying
 from afford.scenes.record import Recording
@@ -40,8 +41,10 @@ def rendered_clip(root: Path, video_id: str) -> RenderedClip:
     """The files of a root of one video as a value."""
     names = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
     refs = [_ref(root, name) for name in names]
+    files = FileTree(video_id, tuple(ref for ref in refs if not ref.name.startswith("truth/")))
     return RenderedClip(
-        files=FileTree(video_id, tuple(ref for ref in refs if not ref.name.startswith("truth/"))),
+        files=files,
+        media=media_of(files),
         truth=FileTree(video_id, tuple(ref for ref in refs if ref.name.startswith("truth/"))))
 
 

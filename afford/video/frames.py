@@ -7,17 +7,17 @@ import numpy as np
 from afford.video.decode import Decoded, decode_video
 from afford.video.number import number_in
 from afford.video.stills import read_stills
-from schemas.clip import Clip
+from schemas.clip import Footage
 from schemas.files import FileRef, FileTree
 from schemas.video import Frames
 
 
-def decode_clip(files: FileTree, clip: Clip, box_wh: tuple[int, int]) -> Frames:
-    """Frames of `clip` that fit into `box_wh`. ValueError when the media are unreadable or no key frame is among them."""
+def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:
+    """Frames of a clip that fit into `box_wh`. ValueError when the media are unreadable or no key frame is among them."""
     media = [_find(files, name) for name in clip.media]
     is_video = clip.media_kind == "video"
     number, time_ns, rgb = _from_video(media[0], clip, box_wh) if is_video else _from_stills(media, clip, box_wh)
-    if not {key.frame for key in clip.key_frames} & set(number.tolist()):
+    if not set(clip.key_frames) & set(number.tolist()):
         got = f"{len(number)} frames, {number[0]} to {number[-1]}" if len(number) else "no frame at all"
         raise ValueError(f"{media[0].name}: expected a key frame of {clip.clip_id} among frames {clip.first_frame} to "
                          f"{clip.last_frame}, got {got}; is the file cut short? get it again")
@@ -31,7 +31,7 @@ def _find(files: FileTree, name: str) -> FileRef:
     return file
 
 
-def _from_video(video: FileRef, clip: Clip, box_wh: tuple[int, int]) -> Decoded:
+def _from_video(video: FileRef, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
     rate = clip.fps if clip.resample else None
     try:
         return decode_video(video.path, clip.first_frame, clip.last_frame, rate, box_wh)
@@ -39,7 +39,7 @@ def _from_video(video: FileRef, clip: Clip, box_wh: tuple[int, int]) -> Decoded:
         raise ValueError(f"{video.name}: expected a video that can be read, got {error}; get the file again") from error
 
 
-def _from_stills(images: list[FileRef], clip: Clip, box_wh: tuple[int, int]) -> Decoded:
+def _from_stills(images: list[FileRef], clip: Footage, box_wh: tuple[int, int]) -> Decoded:
     number = np.array([number_in(image.name) for image in images], np.int64)
     time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
     return number, time_ns, read_stills([i.path for i in images], [i.name for i in images], box_wh)
