@@ -1,0 +1,23 @@
+"""From a config to a model: the variants by name."""
+
+from __future__ import annotations
+
+import torch
+
+from afford.models.twohands.config import ModelConfig
+from afford.models.twohands.model import TwoHands
+from afford.registry import load
+
+VARIANTS = {"small": "afford.models.twohands.small:assemble"}
+"""name -> function that assembles the parts; the parts never import each other"""
+
+
+def build(config: ModelConfig, seed: int) -> TwoHands:
+    """A new model whose random weights come from `seed` alone; the caller's random state is left as it was.
+
+    Under `torch.device("meta")` it has shapes and no weights. ValueError when config.backbones cannot be read.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model: TwoHands = load(VARIANTS, config.variant)(config)
+    return model

@@ -1,0 +1,65 @@
+"""Image encoder of the small model: convolutions down to stride 16, then a transformer that sees the words as well."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from torch import Tensor, cat, channels_last, nn
+
+from afford.models.twohands.common import Block, sines
+
+
+class Features(NamedTuple):
+    """What the encoder hands to the decoder."""
+
+    stride4: Tensor
+    """(b, c4, H/4, W/4)"""
+    stride8: Tensor
+    """(b, c8, H/8, W/8)"""
+    tokens: Tensor
+    """(b, H/16 * W/16, c16): stride 16, row by row"""
+    words: Tensor
+    """(b, n, c16), each having seen the image; n may be 0"""
+
+
+class Encoder(nn.Module):
+    """Image and words -> features at three strides."""
+
+    def __init__(self, size_px: tuple[int, int], widths: tuple[int, int, int], depth: int, heads: int, dropout: float) -> None:
+        super().__init__()
+        c4, c8, c16 = widths
+        self.stem = nn.Sequential(_conv(3, c4 // 2, stride=2), _conv(c4 // 2, c4, stride=2))
+        self.stage4 = Residual(c4)
+        self.stage8 = nn.Sequential(_conv(c4, c8, stride=2), Residual(c8))
+        self.stage16 = _conv(c8, c16, stride=2)
+        self.blocks = nn.ModuleList(Block(c16, heads, ratio=2, dropout=dropout) for _ in range(depth))
+        self.norm = nn.LayerNorm(c16)
+        self.place: Tensor
+        self.register_buffer("place", sines(size_px[0] // 16, size_px[1] // 16, c16), persistent=False)
+
+    def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
+        """image (b, 3, H, W) normalised, words (b, n, c16), keep (b, n) bool."""
+        stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
+        stride8 = self.stage8(stride4)
+        tokens = self.stage16(stride8).flatten(2).transpose(1, 2) + self.place
+        count = tokens.shape[1]
+        x, seen = cat([tokens, words], dim=1), cat([keep.new_ones(len(keep), count), keep], dim=1)
+        for block in self.blocks:
+            x = block(x, seen)
+        x = self.norm(x)
+        return Features(stride4, stride8, x[:, :count], x[:, count:])
+
+
+class Residual(nn.Module):
+    """One 3 x 3 convolution beside the identity."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.body = _conv(width, width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.body(x)
+
+
+def _conv(before: int, after: int, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(nn.Conv2d(before, after, 3, stride, 1, bias=False), nn.GroupNorm(8, after), nn.ReLU())

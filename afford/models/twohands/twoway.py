@@ -1,0 +1,75 @@
+"""Mask decoder of the small model: tokens and image look at each other in turn (Segment Anything, Kirillov et al. 2023), then
+every hypothesis weighs the same fine features by a hypernetwork. Both hands decode together, so that a pair of regions is one
+hypothesis."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate
+
+from afford.models.twohands.common import Attention, mlp
+
+
+class TwoWayBlock(nn.Module):
+    """Self-attention of tokens, tokens to image, perceptron, image to tokens."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.among, self.to_image, self.to_tokens = (Attention(width, heads) for _ in range(3))
+        self.mlp = mlp(width, 2 * width, width)
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(4))
+
+    def forward(self, tokens: Tensor, keep: Tensor, image: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
+        """tokens (b, n, c), keep (b, n) bool, image (b, p, c), place (p, c)."""
+        tokens = self.norms[0](tokens + self.among(tokens, tokens, tokens, keep))
+        tokens = self.norms[1](tokens + self.to_image(tokens, image + place, image))
+        tokens = self.norms[2](tokens + self.mlp(tokens))
+        image = self.norms[3](image + self.to_tokens(image + place, tokens, tokens, keep))
+        return tokens, image
+
+
+class Decoder(nn.Module):
+    """Features and words -> one mask for each hand and hypothesis."""
+
+    def __init__(self, widths: tuple[int, int, int], heads: int, depth: int, hands: int, hypotheses: int) -> None:
+        super().__init__()
+        c4, c8, c16 = widths
+        self.hands, self.hypotheses = hands, hypotheses
+        self.queries = nn.Parameter(torch.randn(hands, 1 + hypotheses, c16))
+        self.blocks = nn.ModuleList(TwoWayBlock(c16, heads) for _ in range(depth))
+        self.down8, self.skip8 = nn.Conv2d(c16, c8, 1), nn.Conv2d(c8, c8, 1)
+        self.down4, self.skip4 = nn.Conv2d(c8, c4, 1), nn.Conv2d(c4, c4, 1)
+        self.norm8, self.norm4 = nn.GroupNorm(8, c8), nn.GroupNorm(8, c4)
+        self.fine = nn.Conv2d(c4, c4, 3, padding=1)
+        self.hyper = nn.ModuleList(mlp(c16, c16, c4 + 1) for _ in range(hands))
+        self.score = mlp(c16, c16, 1)
+
+    def forward(self, features: tuple[Tensor, Tensor, Tensor, Tensor], keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
+        """features: stride 4, stride 8, stride-16 tokens, words; keep (b, n) bool of the words; place (p, c16).
+
+        Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16).
+        """
+        stride4, stride8, image, words = features
+        count = self.hands * (1 + self.hypotheses)
+        tokens = torch.cat([self.queries.flatten(0, 1).expand(len(words), -1, -1), words], dim=1)
+        keep = torch.cat([keep.new_ones(len(keep), count), keep], dim=1)
+        for block in self.blocks:
+            tokens, image = block(tokens, keep, image, place)
+        own = tokens[:, :count].unflatten(1, (self.hands, -1))
+        weight = torch.stack([hyper(own[:, hand, 1:]) for hand, hyper in enumerate(self.hyper)], dim=1)
+        logits = torch.einsum("bskc,bchw->bskhw", weight[..., :-1], self._fine(stride4, stride8, image))
+        score = self.score(own[:, :, 1:] + own[:, :, :1])[..., 0]
+        return logits + weight[..., -1, None, None], score, own
+
+    def _fine(self, stride4: Tensor, stride8: Tensor, image: Tensor) -> Tensor:
+        """(b, c4, H/4, W/4): what the image tokens know, made sharp by the encoder's own fine features."""
+        height, width = stride8.shape[-2] // 2, stride8.shape[-1] // 2
+        x = image.transpose(1, 2).unflatten(2, (height, width))
+        x = torch.relu(self.norm8(_twice(self.down8(x)) + self.skip8(stride8)))
+        x = torch.relu(self.norm4(_twice(self.down4(x)) + self.skip4(stride4)))
+        return torch.relu(self.fine(x))
+
+
+def _twice(x: Tensor) -> Tensor:
+    return interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)
