@@ -12,12 +12,13 @@ VARIANTS = {"small": "afford.models.twohands.small:assemble"}
 """name -> function that assembles the parts; the parts never import each other"""
 
 
-def build(config: ModelConfig, seed: int) -> TwoHands:
+def build(config: ModelConfig, seed: int, *, pretrained: bool = True) -> TwoHands:
     """A new model whose random weights come from `seed` alone; the caller's random state is left as it was.
 
-    Under `torch.device("meta")` it has shapes and no weights. ValueError when config.backbones cannot be read.
+    `pretrained=False` takes only the architecture of config.backbones. Under `torch.device("meta")` a model has shapes and no
+    weights. ValueError when config.backbones cannot be read.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        model: TwoHands = load(VARIANTS, config.variant)(config)
+        model: TwoHands = load(VARIANTS, config.variant)(config, pretrained)
     return model

@@ -37,8 +37,8 @@ class Small(TwoHands):
         return none, none[..., 0].bool()
 
 
-def assemble(config: ModelConfig) -> Small:
-    """A `Small` with weights drawn from torch's current random state."""
+def assemble(config: ModelConfig, _pretrained: bool) -> Small:
+    """A `Small` with weights drawn from torch's current random state; it has no backbones that could be pretrained."""
     width, hands = config.widths[2], config.decoders
     words = Words(config.text_buckets, config.text_words, width) if config.text else None
     encoder = Encoder(config.size_px, config.widths, config.depth, config.heads, config.dropout)

@@ -1,0 +1,86 @@
+"""A model as a folder: config.json, model.safetensors and, for models with backbones, their architectures and tokenizer.
+
+Nothing is ever unpickled, and nothing is loaded that does not fit: every missing, extra or misshaped tensor is named.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from afford.models.twohands.build import build
+from afford.models.twohands.config import ModelConfig
+from afford.models.twohands.model import TwoHands
+
+CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-twohands-1"
+NAMED = 20
+"""differences that an error lists before it only counts them"""
+
+
+def save(model: TwoHands, folder: Path) -> None:
+    """Write a model; the same weights give the same bytes, wherever its backbones came from."""
+    folder.mkdir(parents=True, exist_ok=True)
+    own = dataclasses.replace(model.config, backbones="")
+    described = {"format": FORMAT, **dataclasses.asdict(own)}
+    texts = {CONFIG: json.dumps(described, indent=2, sort_keys=True) + "\n", **model.extra_files()}
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
+
+
+def load(folder: Path) -> TwoHands:
+    """The model that `save` wrote, on the CPU, in evaluation mode. ValueError says which file, field or tensor does not fit."""
+    config = read_config(folder)
+    try:
+        weights = load_file(folder / WEIGHTS)
+    except (OSError, SafetensorError) as error:
+        raise ValueError(f"{folder / WEIGHTS}: expected the weights of a model as safetensors; {error}") from error
+    model = build(config, seed=0, pretrained=False)
+    fill(model, weights, str(folder / WEIGHTS))
+    return model.eval()
+
+
+def read_config(folder: Path) -> ModelConfig:
+    """The config of a saved model, with `backbones` pointing at the architectures beside it."""
+    path = folder / CONFIG
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: expected the config of a trained two-hand model; {error}") from error
+    if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
+        raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\"; write the folder with files.save")
+    try:
+        config = ModelConfig.from_dict(fields)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+    return config if config.variant == "small" else dataclasses.replace(config, backbones=str(folder))
+
+
+def fill(model: nn.Module, weights: Mapping[str, Tensor], where: str) -> None:
+    """Put weights into a model, each into the tensor of its own name; ValueError lists what does not fit, one by one."""
+    own = model.state_dict()
+    wrong = differences({name: tuple(t.shape) for name, t in own.items()}, {name: tuple(t.shape) for name, t in weights.items()})
+    if wrong:
+        more = [f"and {len(wrong) - NAMED} more"] if len(wrong) > NAMED else []
+        raise ValueError("\n  ".join([f"{where}: {len(wrong)} tensors do not fit the model", *wrong[:NAMED], *more]))
+    model.load_state_dict(dict(weights))
+
+
+def differences(expected: Mapping[str, tuple[int, ...]], got: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """One line per tensor that is missing, extra or of another shape, by name."""
+    lines = []
+    for name in sorted(expected.keys() | got.keys()):
+        if name not in got:
+            lines.append(f"missing {name}: expected {expected[name]}")
+        elif name not in expected:
+            lines.append(f"extra {name}: got {got[name]}, the model has no such tensor")
+        elif expected[name] != got[name]:
+            lines.append(f"misshaped {name}: expected {expected[name]}, got {got[name]}")
+    return lines
