@@ -81,11 +81,14 @@ class Store:
     # -- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, value: object, scratch: Path) -> str:
-        """Store the output of a stage; `scratch` is its private folder, out of which files are moved and not copied."""
+        """Store the output of a stage; `scratch` is its private folder, out of which files are moved and not copied. A file may
+        be in several parts of the output."""
+        return self._put(value, scratch, {})
+
+    def _put(self, value: object, scratch: Path, moved: dict[Path, tuple[str, int]]) -> str:
         parts = self.codec.children(value)
         if parts is not None:
-            return self._put_composite(self.codec.kind(value), [(name, self.put(part, scratch)) for name, part in parts])
-        moved: dict[Path, tuple[str, int]] = {}
+            return self._put_composite(self.codec.kind(value), [(name, self._put(part, scratch, moved)) for name, part in parts])
         with self._saved(value) as files:
             entries = tuple(self._take(path, name, scratch, moved) for name, path in files)
         return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), entries))
@@ -147,19 +150,20 @@ class Store:
 
     def _take(self, path: Path, name: str, scratch: Path, moved: dict[Path, tuple[str, int]]) -> Entry:
         """A file becomes a blob: moved when the codec has written it or it lies in the task's own scratch, else copied."""
-        source = path.resolve() if path.is_symlink() else path
-        if source in moved:
+        linked = path.is_symlink()
+        source = original = path.resolve() if linked else path
+        if linked and source in moved:
             blob, size = moved[source]
             return Entry(name, blob, size)
-        original = source
-        if path.is_symlink() and not source.is_relative_to(scratch.resolve()):
+        if linked and not source.is_relative_to(scratch.resolve()):
             held = self._held(source)
             if held is not None:
                 return Entry(name, held, source.stat().st_size)
             path.unlink()
             source = Path(shutil.copyfile(source, path))
         blob, size = file_digest(source), source.stat().st_size
-        moved[original] = blob, size
+        if linked:
+            moved[original] = blob, size
         place = self.path("blobs", blob)
         source.chmod(0o444)
         place.parent.mkdir(exist_ok=True)

@@ -6,16 +6,19 @@ import dataclasses
 import subprocess
 import sys
 import typing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from blake3 import blake3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afford.codecs import CODEC, digest, load, load_folder, save
 from afford.codecs.kinds import BUNDLES, kinds, schema_version
+from runner.store import Store, prepare_store
 from schemas.clip import Annotation, Clip, KeyFrame, Polygon
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
@@ -116,6 +119,19 @@ def test_bundles_split_into_their_fields(tmp_path: Path) -> None:
     assert parts is not None and [name for name, _ in parts] == ["files", "media", "truth"]
     assert CODEC.combine("RenderedClip", parts) == bundle
     assert CODEC.children((bundle,)) == [("P91_01", bundle)]
+
+
+def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None:
+    """It is moved out of the scratch folder for the first, and found again for the second."""
+    scratch = tmp_path / "scratch"
+    part = tree(scratch, "P91_01")
+    file = replace(part.files[0], digest=blake3(b"hello").hexdigest())
+    part = replace(part, files=(file,))
+    store = Store(tmp_path / "store", CODEC)
+    prepare_store(store.root)
+    again = store.load(store.put(RenderedClip(part, part, replace(part, files=())), scratch))
+    assert isinstance(again, RenderedClip) and again.files == again.media
+    assert again.media.files[0].path.read_text() == "hello" and not file.path.exists()
 
 
 def test_a_thousand_polygons_stay_a_few_files(tmp_path: Path) -> None:
