@@ -2,7 +2,7 @@
 
     g = Graph()
     clip   = g.each(g.add(source_read.run, files=g.leaf("video", tree), params=p))
-    frames = g.add(frame_decode.run, files=tree, clip=clip, params=q)
+    frames = g.add(frame_decode.run, media=tree, footage=clip, params=q)
     g.target("dataset", g.add(dataset_pack.run, frames=g.collect(frames), params=r))
 
 Every call returns a handle that type checkers take for the value it will become. A node runs once per path: `each` opens an
@@ -19,7 +19,6 @@ from typing import Any, Literal, ParamSpec, TypeVar, cast
 P = ParamSpec("P")
 T = TypeVar("T")
 U = TypeVar("U")
-Recorder = Callable[[str, Any], Any]
 Sort = Literal["leaf", "stage", "each", "collect", "pick", "gather"]
 
 
@@ -73,15 +72,11 @@ class _Field:
 
 
 class Graph:
-    """A recipe. `recorder(stage name, handle)` is called after every `add`; a handle that it returns (built with the same
-    graph) is kept in `recorded`, so that a target can list the recordings beside what they record."""
+    """A recipe."""
 
-    def __init__(self, recorder: Recorder | None = None) -> None:
+    def __init__(self) -> None:
         self.nodes: list[Node] = []
         self.targets: dict[str, tuple[Any, ...]] = {}
-        self.recorded: list[Any] = []
-        self._recorder = recorder
-        self._recording = False
         self._axes: dict[int, Handle] = {}
 
     def leaf(self, name: str, value: T) -> T:
@@ -112,9 +107,7 @@ class Graph:
         if params is not None and not _is_frozen(params):
             raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
         inputs = tuple((key, self._input(value, f"{name}.{key}").id) for key, value in bound.items())
-        handle = self._new("stage", name, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx)
-        self._record(name, handle)
-        return cast(T, handle)
+        return cast(T, self._new("stage", name, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx))
 
     def each(self, values: tuple[T, ...]) -> T:
         """One element of a list; whatever uses it runs once per element. The same list gives the same axis."""
@@ -196,17 +189,6 @@ class Graph:
                 raise GraphError(f"{where}: input {name!r} is spread over [{spread}], which is not part of [{other}], over "
                                  "which the stage runs; use g.collect on it, or derive both from the same g.each")
         return longest
-
-    def _record(self, name: str, handle: Handle) -> None:
-        if self._recorder is None or self._recording:
-            return
-        self._recording = True
-        try:
-            recorded = self._recorder(name, handle)
-        finally:
-            self._recording = False
-        if recorded is not None:
-            self.recorded.append(recorded)
 
 
 class Named:

@@ -75,20 +75,6 @@ def test_the_same_list_gives_the_same_axis() -> None:
     g.add(shout.run, part=g.each(source), word=g.each(source), params=shout.Params())
 
 
-def test_a_recorder_sees_every_stage_and_may_add_its_own() -> None:
-    """What a recorder adds is kept apart and not recorded again."""
-    seen = []
-
-    def record(name: str, handle: Word) -> object:
-        seen.append(name)
-        return g.named(f"record_{name}").add(join.run, words=g.collect(handle))
-
-    g = Graph(record)
-    g.add(shout.run, part=g.each(words(g)), word=g.leaf("w", Word("a", "x")), params=shout.Params())
-    assert seen == ["shout"]
-    assert [g.node_of(handle).name for handle in g.recorded] == ["record_shout"]
-
-
 def test_several_handles_make_one_tuple() -> None:
     """A tuple of handles is gathered into one input."""
     g = Graph()
