@@ -1,0 +1,13 @@
+"""The learning rate over the steps: linear warm-up, then linear decay to zero (WarmupDecayLR of LISA and 2HandedAfforder)."""
+
+from __future__ import annotations
+
+
+def warmup_decay(step: int, warmup: int, total: int) -> float:
+    """Factor on the learning rate at `step` (0-based) of `total`.
+
+    It rises to 1 at step `warmup - 1` and falls by equal parts to 0, which step `total` would have.
+    """
+    if step < warmup:
+        return (step + 1) / warmup
+    return max(0.0, (total - step) / max(1, total - warmup))

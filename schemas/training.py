@@ -1,0 +1,53 @@
+"""What is trained, and what a training leaves beside its weights: curves over steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.files import FileTree
+from schemas.spec import Schema, array, value
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Recipe(Schema):
+    """One row of an ablation: what it trains where it differs from the parameters of the stage."""
+
+    name: str = value("label, unique among its siblings: <row>-<seed>")
+    row: str = value("row of the table, shared by its seeds")
+    variant: str = value("small, clip or vlm")
+    hypotheses: int = value("regions per hand, 1 is the paper's model")
+    text: bool = value("whether the model is told the task")
+    decoders: int = value("2, or 1: one region for whichever hand, as LISA has it")
+    target: str = value("affordance, or object: the complete object of each hand")
+    seed: int = value("seed of weights, order and augmentation")
+
+
+@dataclass(frozen=True)
+class Curve(Schema):
+    """One scalar over the steps of a training."""
+
+    name: str = value("dotted: train.total, train.lr, val.iou")
+    step: np.ndarray = array("n", "int64", "steps done when it was measured, ascending")
+    value: np.ndarray = array("n", "float64", "what was measured")
+
+
+@dataclass(frozen=True)
+class TrainingLog(Schema):
+    """Everything that a training measured."""
+
+    name: str = value("what was trained")
+    curves: tuple[Curve, ...] = value("by name")
+    best_step: int = value("step whose weights were kept")
+    steps: int = value("steps done, fewer than asked for after an early stop")
+
+
+@dataclass(frozen=True)
+class Trained(Schema):
+    """A model and how it came about; each field is an artifact of its own."""
+
+    files: FileTree = value("model/, card.md, history.parquet, tensorboard/, previews/")
+    log: TrainingLog = value("its curves")
