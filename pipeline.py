@@ -6,7 +6,7 @@ its code, its parameters and the content of its inputs. Run `python pipeline.py 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from runner import Graph
@@ -97,11 +97,16 @@ def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
 
 
-def pack(g: Graph, x: Extracted, p: Settings) -> FileTree:
+def pack(g: Graph, x: Extracted, origin: Origin, p: Settings) -> FileTree:
     """What was extracted from all clips -> one data set."""
     samples = g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
                     complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
-    return g.add(dataset_pack.run, samples=g.collect(samples), params=p.dataset_pack, ctx=g.ctx)
+    return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.dataset_pack, origin), ctx=g.ctx)
+
+
+def licensed(params: dataset_pack.Params, origin: Origin) -> dataset_pack.Params:
+    """Clips that are rendered here are ours to license; of others the stage knows, or the user says."""
+    return replace(params, license="apache-2.0") if origin.specs and not params.license else params
 
 
 def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
@@ -134,7 +139,7 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
     """the data set of a source, with a recording of every clip"""
     x = extract(g, videos(g, origin, p), p)
-    g.target("dataset", pack(g, x, p), record(g, x))
+    g.target("dataset", pack(g, x, origin, p), record(g, x))
 
 
 def recordings(g: Graph, origin: Origin, p: Settings) -> None:

@@ -28,8 +28,9 @@ class Params:
     """name of the data set, on its card"""
     version: str = "1.0.0"
     """version of the data set, in croissant.json"""
-    license: str = "cc-by-nc-4.0"
-    """licence id on the card; what comes from EPIC-KITCHENS or VISOR must stay cc-by-nc-4.0"""
+    license: str = ""
+    """licence id on the card; '' = that of the source: cc-by-nc-4.0 for EPIC-KITCHENS and VISOR (which refuse any other),
+    apache-2.0 for clips rendered here, other for videos of which nobody has said it"""
     split_by: str = "video"
     """what a split keeps together where the source has no split: video or participant"""
     val_fraction: float = 0.1

@@ -18,7 +18,10 @@ import pytest
 from afford.codecs.identity import digest
 from afford.dataset import card, columns, load, masks
 from afford.dataset.classes import emerge
+from afford.dataset.licence import licence_of
 from afford.dataset.split import Rule, assign
+from pipeline import Origin, licensed
+from schemas.scene import SceneSpec
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
 
@@ -250,3 +253,29 @@ def test_the_guide_lists_the_columns_as_they_are():
     guide = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
     assert card.table(columns.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)
+
+
+@pytest.mark.parametrize(("videos", "stated", "licence"), [
+    (["P91_01", "P03_101"], "", "cc-by-nc-4.0"), (["P03_101"], "cc-by-nc-4.0", "cc-by-nc-4.0"), (["tabletop"], "", "other"),
+    (["P91_01"], "", "other"), (["P91_01"], "apache-2.0", "apache-2.0")])  # fmt: skip
+def test_a_licence_is_never_more_than_the_videos_allow(videos, stated, licence):
+    """EPIC's videos are under EPIC's licence; of unknown ones nothing is promised."""
+    assert licence_of(videos, stated) == licence
+
+
+def test_epics_licence_cannot_be_taken_off(tmp_path):
+    """The message names the video."""
+    with pytest.raises(ValueError, match=r"license: expected cc-by-nc-4\.0, because P01_01 is of EPIC-KITCHENS, got 'mit'"):
+        pack(tmp_path, license="mit")
+
+
+def test_rendered_clips_are_ours(tmp_path):
+    """What is rendered here is packed under our licence, unless the user says otherwise; what is read is not."""
+    spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
+    rendered, read = Origin("synthetic", specs=(spec,)), Origin("own")
+    assert licensed(dataset_pack.Params(), rendered).license == "apache-2.0"
+    assert licensed(dataset_pack.Params(license="cc0-1.0"), rendered).license == "cc0-1.0"
+    assert licensed(dataset_pack.Params(), read).license == ""
+    pack(tmp_path, (clip("P91_01", 2),), license="apache-2.0")
+    header = (tmp_path / "dataset" / "README.md").read_text().split("---")[1]
+    assert "license: apache-2.0\n" in header

@@ -6,12 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from afford.dataset.columns import Column
+from afford.dataset.licence import NOTES
 
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
-LICENCE_NOTES = {
-    "cc-by-nc-4.0": "Whatever is derived from EPIC-KITCHENS or VISOR is under CC BY-NC 4.0, as they are: "
-                    "name the authors, no commercial use.",
-}
 
 
 def text(name: str, licence: str, statistics: dict[str, Any], columns: Iterable[Column]) -> str:
@@ -32,7 +29,7 @@ def _body(name: str, licence: str, statistics: dict[str, Any]) -> str:
     totals = statistics["totals"]
     splits = ", ".join(f"{split} {count:,}" for split, count in statistics["splits"].items())
     hands = ", ".join(f"{kind.replace('_', ' ')} {count:,}" for kind, count in statistics["taxonomy"].items())
-    note = LICENCE_NOTES.get(licence, "")
+    note = NOTES.get(licence, "")
     first = next(iter(statistics["splits"]))
     return f"""# {name}
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from afford.codecs.identity import digest
 from afford.dataset import card, classes, columns, croissant, files, plots, rows, shards, sheet
+from afford.dataset.licence import licence_of
 from afford.dataset.split import Rule, assign
 from afford.dataset.tally import Tally, statistics
 from schemas.sample import Samples
@@ -147,6 +148,7 @@ def write_samples(root: Path, clips: Sequence[Samples], made: Plan, per_shard: i
 def describe(root: Path, writing: Writing, name: str, licence: str, version: str) -> None:
     """Everything that stands beside the shards: statistics, plots, contact sheet, card, Croissant, manifest."""
     made = writing.plan
+    licence = licence_of(made.split, licence)
     table = columns.columns(made.verbs, made.nouns)
     numbers = statistics(writing.tally, [head.clip for head in made.heads], made.verbs, made.nouns)
     files.write_json(root / "statistics.json", numbers)
