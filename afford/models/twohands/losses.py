@@ -28,7 +28,7 @@ class LossParams:
     """focal | bce; '' is focal in paper mode and bce in code mode"""
     choice: str = "joint"
     """joint: the pair of both hands' regions is one hypothesis | hand: each hand chooses its own best"""
-    epsilon: float = 0.05
+    epsilon: float = 0.1
     """share of the mask loss that the hypotheses beside the best one take together, so that none dies"""
     grid: str = "output"
     """where masks are compared: output = the logits' own size, with the share of covered pixels as truth | input = the image's"""
