@@ -8,7 +8,11 @@ from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.model import TwoHands
 from afford.registry import load
 
-VARIANTS = {"small": "afford.models.twohands.small:assemble"}
+VARIANTS = {
+    "small": "afford.models.twohands.small:assemble",
+    "clip": "afford.models.twohands.clip:assemble",
+    "vlm": "afford.models.twohands.vlm:assemble",
+}
 """name -> function that assembles the parts; the parts never import each other"""
 
 

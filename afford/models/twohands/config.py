@@ -40,6 +40,8 @@ class ModelConfig:
     """inside the transformers of small; LoRA's own dropout is `lora_dropout`"""
     backbones: str = ""
     """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones"""
+    frozen: bool = True
+    """clip: the backbones' weights stay as they were loaded; False trains them too (from nothing, they must)"""
     lora_rank: int = 8
     lora_alpha: int = 16
     lora_dropout: float = 0.05

@@ -1,0 +1,89 @@
+"""Text to token ids: a tokenizer.json of the `tokenizers` library, or hashed words for models that start from nothing."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Protocol
+from zlib import crc32
+
+from tokenizers import Tokenizer
+
+IMAGE, SEG = "<image>", "[SEG]"
+WORD = re.compile(r"<image>|\[SEG\]|[\w']+|[^\w\s]")
+HASHED = "afford_hashed_words"
+
+
+class Tokens(Protocol):
+    """What the models ask of a tokenizer."""
+
+    size: int
+    """number of ids"""
+
+    def encode(self, text: str) -> list[int]:
+        """Ids of a text, nothing added at its ends; `<image>` and `[SEG]` are one id each."""
+        ...
+
+    def id(self, special: str) -> int:
+        """The id of `<image>` or `[SEG]`."""
+        ...
+
+    def to_json(self) -> str:
+        """The text of its tokenizer.json."""
+        ...
+
+
+class HashedTokens:
+    """Every word has the id that its hash gives; 0 pads, 1 begins, 2 ends, 3 is the image, 4 is [SEG]."""
+
+    FIRST = 5
+    SPECIAL = {IMAGE: 3, SEG: 4}  # noqa: RUF012  # never written to
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+
+    def encode(self, text: str) -> list[int]:
+        return [self.SPECIAL.get(word, self._hash(word)) for word in WORD.findall(text)]
+
+    def id(self, special: str) -> int:
+        return self.SPECIAL[special]
+
+    def to_json(self) -> str:
+        return json.dumps({HASHED: self.size}) + "\n"
+
+    def _hash(self, word: str) -> int:
+        return self.FIRST + crc32(word.lower().encode()) % (self.size - self.FIRST)
+
+
+class FileTokens:
+    """A tokenizer.json; `<image>` and `[SEG]` are added where it does not know them."""
+
+    def __init__(self, text: str) -> None:
+        self.tokenizer = Tokenizer.from_str(text)
+        self.tokenizer.no_padding()
+        self.tokenizer.no_truncation()
+        self.tokenizer.add_special_tokens([token for token in (IMAGE, SEG) if self.tokenizer.token_to_id(token) is None])
+        self.size = max(self.tokenizer.get_vocab(with_added_tokens=True).values()) + 1
+
+    def encode(self, text: str) -> list[int]:
+        ids: list[int] = self.tokenizer.encode(text, add_special_tokens=False).ids
+        return ids
+
+    def id(self, special: str) -> int:
+        found: int = self.tokenizer.token_to_id(special)
+        return found
+
+    def to_json(self) -> str:
+        text: str = self.tokenizer.to_str()
+        return text
+
+
+def read_tokens(path: Path) -> Tokens:
+    """The tokenizer of a file; ValueError when there is none, or it is not one."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        found = json.loads(text)
+        return HashedTokens(int(found[HASHED])) if HASHED in found else FileTokens(text)
+    except Exception as error:  # the library raises bare Exception for a file that is not a tokenizer
+        raise ValueError(f"{path}: expected a tokenizer.json of the tokenizers library; {error}") from error
