@@ -1,0 +1,63 @@
+"""Cases of an affordance benchmark, and what a method scores on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.spec import Schema, array, value
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Case(Schema):
+    """One image with its task and every valid way (mode) to do it. `h w` is the grid on which masks are compared."""
+
+    protocol: str = value("masks (the whole image) or cropped (the objects and a border)")
+    video: str = value("EPIC video id, Ego4D clip, or a rendered scene")
+    frame: str = value("frame number as the folder says it")
+    groups: tuple[str, ...] = value("rows of the report that the case counts in: all, kitchen, shift, epic, ego4d, ...")
+    task: str = value("the narration: 'pour tea from kettle'")
+    verb: str = value("as annotated, '' when it is not")
+    noun: str = value("as annotated, '' when it is not")
+    image: np.ndarray = array("b", "uint8", "encoded bytes of inpainting.png (PNG or JPEG), hands removed, at its own size")
+    modes: np.ndarray = array("m 2 h w", "bool", "true region of the (left, right) hand in each mode", encoding="rle")
+    taxonomy: np.ndarray = array("m", "int8", "Taxonomy of each mode as annotated; -1 when it is not")
+    objects: np.ndarray = array("2 h w", "bool", "complete object of the (left, right) hand", encoding="rle")
+    notes: tuple[str, ...] = value("what is odd about the files: taxonomy disagrees, aff_left resized, ...")
+
+    @property
+    def case_id(self) -> str:
+        """Unique in a benchmark."""
+        return f"{self.protocol}/{self.video}/{self.frame}"
+
+
+@dataclass(frozen=True)
+class Sheet(Schema):
+    """Pictures of the best, the median and the worst cases of one protocol."""
+
+    protocol: str = value("masks or cropped")
+    jpeg: np.ndarray = array("b", "uint8", "JPEG bytes: prediction filled, truth outlined")
+
+
+@dataclass(frozen=True)
+class MethodScores(Schema):
+    """Everything measured of one method: one row per case, so that any group of cases can be averaged and resampled."""
+
+    name: str = value("method: small, whole_object, the name of a folder of predictions")
+    case_id: tuple[str, ...] = value("n cases, by name")
+    protocol: tuple[str, ...] = value("of each case")
+    groups: tuple[tuple[str, ...], ...] = value("of each case")
+    notes: tuple[tuple[str, ...], ...] = value("of each case")
+    measure: tuple[str, ...] = value("c names of the columns of `values`")
+    values: np.ndarray = array("n c", "float64", "strict measures; NaN where one does not apply")
+    level: tuple[float, ...] = value("l thresholds at which the method was cut")
+    compat: np.ndarray = array("n l 4", "float64", "released definitions: IoU, precision, directed and symmetric Hausdorff in px; "
+                               "NaN where the released script skips the case")
+    taxonomy_true: np.ndarray = array("n", "int8", "Taxonomy; of several valid ones the predicted one, else the first")
+    taxonomy_found: np.ndarray = array("n", "int8", "most probable Taxonomy, -1 when the method tells none")
+    reliability: np.ndarray = array("n 3 b", "float64", "per bin of predicted probability: pixels, their summed probability, "
+                                    "their summed truth (share of the modes that hold the pixel)")
+    sheets: tuple[Sheet, ...] = value("one per protocol")

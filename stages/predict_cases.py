@@ -1,0 +1,60 @@
+"""cases + a trained model -> what the model says of each case.
+
+Reads   a benchmark in ActAffordance's layout; a model: config.json and model.safetensors, as model_train writes them
+Writes  predictions.parquet: probabilities of every hypothesis and hand, scores, taxonomy, chosen hands, threshold
+Method  one image and its task at a time. `shuffled` gives every case the task of another one, `removed` an empty task: what the
+        words are worth
+Fails   when a case or the model cannot be read
+Paper   2HandedAfforder, benchmark and ablations
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from schemas.context import Context
+from schemas.files import FileTree
+
+if TYPE_CHECKING:
+    from schemas.prediction import Prediction
+
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "torch", "safetensors", "transformers", "peft", "blake3")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    name: str = "small"
+    """name of the method in the report"""
+    text: Literal["given", "shuffled", "removed"] = "given"
+    """the task the model is told: the case's own, that of another case, or none"""
+    hands: Literal["auto", "left", "right", "both"] = "auto"
+    """auto: the taxonomy head chooses which hands are returned; else these are, always"""
+    seed: int = 0
+    """seed of the shuffling"""
+    device: str = "cpu"
+    """cpu, or cuda for a GPU"""
+
+
+def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Ask the model about every case."""
+    from afford.benchmark import folder, layout, stored, words
+    from afford.benchmark.cases import image, read
+    from afford.dataset.files import empty_folder, tree
+    from afford.models.twohands.predictor import Predictor
+
+    predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
+    listed = layout.cases(cases)
+
+    def rows() -> Iterator[tuple[str, Prediction]]:
+        tasks = words.tasks([read(files).task for files in listed], params.text, params.seed)
+        for n, (files, task) in enumerate(zip(listed, tasks, strict=True)):
+            yield files.where, predictor.predict(image(read(files)), task, params.hands)
+            ctx.progress(n + 1, len(listed))
+
+    out = empty_folder(ctx.scratch / "out")
+    stored.write(out / stored.NAME, rows())
+    return tree(params.name, out)
