@@ -13,7 +13,7 @@ from afford.dataset.load import Item
 from afford.training.order import Order
 
 Box = Callable[[np.ndarray], np.ndarray]
-"""(h, w, ...) of any size -> (H, W, ...), letter-boxed"""
+"""(h, w, 3) image, or (n, h, w) masks, of any size -> the same at the size of the model"""
 
 
 class Arrays(NamedTuple):
@@ -54,7 +54,7 @@ def stack(items: Sequence[Item], image_box: Box, mask_box: Box) -> Arrays:
     """Samples of any size -> arrays at the size of the model."""
     return Arrays(
         image=np.stack([image_box(item.image) for item in items]),
-        masks=np.stack([np.stack([mask_box(plane) for plane in item.masks]) for item in items]),
+        masks=np.stack([mask_box(item.masks) for item in items]),
         task=tuple(item.narration for item in items),
         taxonomy=np.array([item.taxonomy for item in items], np.int64),
     )

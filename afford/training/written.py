@@ -1,0 +1,70 @@
+"""What a training leaves: the folder of model, card, curves and pictures, and the curves as a value."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from afford.codecs.identity import digest
+from afford.dataset.files import empty_folder
+from afford.models.twohands import files
+from afford.training import card
+from afford.training.events import Point
+from afford.training.fit import Fitted, about
+from afford.training.job import Job
+from afford.training.state import State
+from schemas.files import FileTree
+from schemas.training import Curve, TrainingLog
+
+MODEL, CARD, HISTORY = "model", "card.md", "history.parquet"
+
+
+def links(tree: FileTree, folder: Path) -> Path:
+    """The files of a tree under their names, as links, for readers that want a folder."""
+    empty_folder(folder)
+    for file in tree.files:
+        link = folder / file.name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(file.path.absolute())
+    return folder
+
+
+def log(name: str, state: State) -> TrainingLog:
+    """The curves of a training."""
+    names = sorted({point.name for point in state.points})
+    return TrainingLog(name, tuple(_curve(curve, state.points) for curve in names), state.best_step, state.step)
+
+
+def _curve(name: str, points: Iterable[Point]) -> Curve:
+    own = [point for point in points if point.name == name]
+    return Curve(name, np.array([point.step for point in own], np.int64), np.array([point.value for point in own], np.float64))
+
+
+def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted, curves: TrainingLog) -> Path:
+    """The folder of files; everything in it is a function of the data set, the job and the weights."""
+    root = empty_folder(scratch / "out")
+    files.save(fitted.model, root / MODEL)
+    for folder in ("tensorboard", "previews"):
+        if (scratch / folder).exists():
+            shutil.copytree(scratch / folder, root / folder)
+    _history(curves, root / HISTORY)
+    count = sum(parameter.numel() for parameter in fitted.model.parameters())
+    source = card.Source(dataset.name, digest(dataset), card.licence_of(dataset), about(scratch))
+    text = card.text(name, source, job, fitted.model.config.threshold, count, curves)
+    (root / CARD).write_text(text, encoding="utf-8", newline="\n")
+    return root
+
+
+def _history(curves: TrainingLog, path: Path) -> None:
+    """One row per point: step, name, value; by name, then step."""
+    table = pa.table({
+        "step": np.concatenate([curve.step for curve in curves.curves]),
+        "name": [curve.name for curve in curves.curves for _ in curve.step],
+        "value": np.concatenate([curve.value for curve in curves.curves]),
+    })
+    pq.write_table(table, path, compression="zstd")

@@ -1,0 +1,140 @@
+"""a data set -> a trained two-hand affordance model, with its card and its curves.
+
+Reads   FileTree of a data set: what dataset_pack writes, released 2HANDS (h5 + json), or any folder of `datasets` with the
+        columns image, mask_left, mask_right, narration; a Recipe, for a row of the ablation
+Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
+        TrainingLog
+Method  AdamW, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that
+        a training that was killed goes on to the same weights; the weights of the best validation are kept, and the threshold
+        that was best there; several devices by torch.distributed.run
+Fails   when a part of the data set is empty or lacks a column, when the loss is not finite any more
+Paper   2HandedAfforder, training (LISA's optimiser and schedule; batch and learning rate are ours, for a model without
+        pretrained parts)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from schemas.context import Context
+from schemas.files import FileTree
+from schemas.training import Recipe, Trained
+
+LIBRARIES = ("numpy", "torch", "transformers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py", "pycocotools",
+             "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
+THREADS = 2
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    variant: str = "small"
+    """small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
+    hypotheses: int = 3
+    """regions proposed for each hand; 1 is the paper's model"""
+    text: bool = True
+    """whether the model is told the task"""
+    decoders: int = 2
+    """2, or 1: one region for whichever hand, as LISA has it"""
+    target: str = "affordance"
+    """what is learned: affordance, or object (the complete object of each hand)"""
+    seed: int = 0
+    """seed of weights, order and augmentation"""
+    backbones: str = ""
+    """clip, vlm: folder of pretrained parts; tiny random ones without"""
+    height_px: int = 128
+    """height of the model's input"""
+    width_px: int = 224
+    """width of the model's input"""
+    steps: int = 1600
+    """steps of the optimiser, unless validation ends it earlier"""
+    batch: int = 16
+    """samples per micro-batch and device"""
+    accumulate: int = 1
+    """micro-batches per step"""
+    lr: float = 1e-3
+    """learning rate after the warm-up; it falls linearly to 0"""
+    warmup: int = 100
+    """steps of linear warm-up"""
+    weight_decay: float = 0.01
+    """of AdamW"""
+    clip_norm: float = 1.0
+    """largest norm of the gradient, 0 for any"""
+    bf16: bool = False
+    """mixed precision; pays on GPUs"""
+    validate_every: int = 200
+    """steps between two validations"""
+    patience: int = 0
+    """validations without a better one that end the training, 0 for never"""
+    val_samples: int = 256
+    """samples that judge, every second one cropped to its objects"""
+    split_by: str = "given"
+    """given: the data set's own train and val; video, object: a share of them, by hash, that never meets the rest"""
+    val_fraction: float = 0.1
+    """share that judges where it is divided by video or object"""
+    balance: float = 0.5
+    """0: samples as they are; 1: every verb with its taxonomy equally often"""
+    flip_share: float = 0.5
+    """share of samples that are mirrored, with hands and words"""
+    crop_share: float = 0.67
+    """share of samples that are cropped around their objects"""
+    colour_share: float = 0.5
+    """share of samples whose colours are changed"""
+    zoom: float = 1.5
+    """samples are kept at this many times the model's size, so that crops stay sharp"""
+    loss_mode: str = "paper"
+    """paper or code (docs/decisions): what an idle hand costs, and what the taxonomy loss is taken of"""
+    mask_loss: str = ""
+    """focal or bce; '' is what the mode says"""
+    mask_weight: float = 2.0
+    """weight of the mask loss"""
+    dice_weight: float = 0.5
+    """weight of the Dice loss"""
+    device: str = "cpu"
+    """cpu or cuda"""
+    devices: int = 1
+    """processes that train together, each with a device of its own"""
+
+
+def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None) -> Trained:
+    """Train in the scratch folder, where a killed training goes on."""
+    from afford.dataset import files
+    from afford.training import fit, launch, written
+    from afford.training.repeatable import repeatable
+
+    job = _job(params if recipe is None else _with(params, recipe))
+    data = written.links(dataset, ctx.scratch / "data")
+    fit.prepare(job, data, ctx.scratch)
+    if params.devices > 1:
+        launch.launch(job, ctx.scratch, params.devices, ctx.progress)
+    with repeatable(THREADS):
+        fitted = fit.fit(job, ctx.scratch, ctx.progress)
+    name = recipe.name if recipe else params.variant
+    log = written.log(name, fitted.state)
+    root = written.write(ctx.scratch, name, dataset, job, fitted, log)
+    return Trained(files.tree(name, root), log)
+
+
+def _with(params: Params, recipe: Recipe) -> Params:
+    return replace(params, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
+                   target=recipe.target, seed=recipe.seed)
+
+
+def _job(p: Params):  # type: ignore[no-untyped-def]  # Job is a leaf's type, and leafs load inside `run`
+    from afford.dataset.augment import Settings
+    from afford.models.twohands.config import ModelConfig
+    from afford.models.twohands.losses import LossParams
+    from afford.training.divide import Division
+    from afford.training.job import Job
+    from afford.training.task import Plan
+
+    return Job(
+        config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
+                           size_px=(p.height_px, p.width_px)),
+        plan=Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, clip_norm=p.clip_norm,
+                  accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every, patience=p.patience, seed=p.seed,
+                  device=p.device),
+        loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight),
+        division=Division(p.split_by, p.val_fraction, p.seed),
+        augmentation=Settings(p.flip_share, p.crop_share, colour_share=p.colour_share),
+        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
