@@ -14,6 +14,7 @@ from schemas.affordance import Affordances, FrameLabels
 from schemas.clip import Clip
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
+from schemas.sample import Samples
 from schemas.scene import RenderedClip, SceneSpec
 from schemas.video import Frames, Inpainted
 from stages import (
@@ -29,6 +30,7 @@ from stages import (
     mask_densify,
     narration_labelling,
     object_completion,
+    run_record,
     sample_assemble,
     scene_render,
     source_read,
@@ -77,8 +79,9 @@ class Extracted(NamedTuple):
     def recorded(self) -> dict[str, stage_record.Recorded]:
         """What a recording shows, by stage."""
         return {
-            "frame_decode": self.frames, "mask_densify": self.tracks, "hand_inpaint": self.inpainted,
-            "object_completion": self.complete, "affordance_intersect": self.affordances, "narration_labelling": self.labels,
+            "source_read": self.clip, "frame_decode": self.frames, "mask_densify": self.tracks,
+            "hand_inpaint": self.inpainted, "object_completion": self.complete, "affordance_intersect": self.affordances,
+            "narration_labelling": self.labels,
         }  # fmt: skip
 
 
@@ -97,10 +100,14 @@ def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
 
 
-def pack(g: Graph, x: Extracted, origin: Origin, p: Settings) -> FileTree:
-    """What was extracted from all clips -> one data set."""
-    samples = g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
-                    complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
+def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
+    """What was extracted from one clip -> its samples."""
+    return g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
+                 complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
+
+
+def pack(g: Graph, samples: Samples, origin: Origin, p: Settings) -> FileTree:
+    """The samples of all clips -> one data set."""
     return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.dataset_pack, origin), ctx=g.ctx)
 
 
@@ -120,13 +127,18 @@ def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
     return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report, ctx=g.ctx)
 
 
-def record(g: Graph, x: Extracted) -> FileTree:
+def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
     """Every stage of a clip -> its own recording, then one recording of the clip that a viewer opens."""
     parts = tuple(
         g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
-        for stage, value in x.recorded().items()
+        for stage, value in (*x.recorded().items(), ("sample_assemble", samples))
     )
     return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx)
+
+
+def record_run(g: Graph, stage: str, files: FileTree) -> FileTree:
+    """What a run over all clips wrote for people -> its recording."""
+    return g.named(f"record_{stage}").add(run_record.run, files=files, params=run_record.Params(stage), ctx=g.ctx)
 
 
 def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
@@ -139,12 +151,15 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
     """the data set of a source, with a recording of every clip"""
     x = extract(g, videos(g, origin, p), p)
-    g.target("dataset", pack(g, x, origin, p), record(g, x))
+    samples = assemble(g, x, p)
+    packed = pack(g, samples, origin, p)
+    g.target("dataset", packed, record(g, x, samples), record_run(g, "dataset_pack", packed))
 
 
 def recordings(g: Graph, origin: Origin, p: Settings) -> None:
     """a recording of every clip of a source"""
-    g.target("recordings", record(g, extract(g, videos(g, origin, p), p)))
+    x = extract(g, videos(g, origin, p), p)
+    g.target("recordings", record(g, x, assemble(g, x, p)))
 
 
 def scenes(g: Graph, origin: Origin, p: Settings) -> None:
@@ -154,7 +169,8 @@ def scenes(g: Graph, origin: Origin, p: Settings) -> None:
 
 def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
     """scores of every extraction stage against ground truth"""
-    g.target("extraction-report", score(g, videos(g, origin, p), p))
+    report = score(g, videos(g, origin, p), p)
+    g.target("extraction-report", report, record_run(g, "extraction_report", report))
 
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality}

@@ -96,6 +96,9 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage == "clip_record":
                 publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
+            elif stage.startswith("record_"):
+                publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
+                out["recordings"] = str(store / "recordings" / place.name)
             elif stage == "extraction_report":
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "scene_render":

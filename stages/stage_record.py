@@ -4,7 +4,7 @@ Reads   the output of the stage; Frames, for the media time of every frame numbe
 Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas where there is one, media time as log time
 Method  one recorder per stage (afford/recording/of_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
         the content digests of what is recorded stand in its metadata
-Fails   when a frame of the output was not decoded
+Fails   when a frame of the output was not decoded (key frames of the source apart: those are left out)
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.affordance import Affordances, FrameLabels
+from schemas.clip import Clip
 from schemas.context import Context
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
@@ -24,6 +25,7 @@ THREADS = 1
 MEMORY_GIB = 1.0
 
 STAGES = {
+    "source_read": "afford.recording.of_clip:record",
     "frame_decode": "afford.recording.of_frames:record",
     "mask_densify": "afford.recording.of_tracks:record",
     "hand_inpaint": "afford.recording.of_inpainted:record",
@@ -33,7 +35,7 @@ STAGES = {
     "sample_assemble": "afford.recording.of_samples:record",
 }
 
-Recorded = Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
+Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from typing import Any
 from commands.cli import main
 
 KEYS = {"target", "ran", "cached", "failed", "outputs", "metrics", "seconds"}
-RECORDED = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect", "narration_labelling")
-PER_CLIP = (*RECORDED, *(f"record_{stage}" for stage in RECORDED), "source_read", "clip_footage", "sample_assemble",
-            "clip_record")
+RECORDED = ("source_read", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
+            "narration_labelling", "sample_assemble")
+PER_CLIP = (*RECORDED, *(f"record_{stage}" for stage in RECORDED), "clip_footage", "clip_record")
+PER_RUN = ("dataset_pack", "record_dataset_pack")
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from afford.dataset.assemble import encode_jpeg
 from schemas.affordance import Affordances, FrameLabels
-from schemas.clip import Clip, Narration
+from schemas.clip import Annotation, Clip, KeyFrame, Narration, Polygon
 from schemas.masks import CompleteObjects, Entity, Tracks
+from schemas.sample import Sample, Samples
 from schemas.video import Frames, Inpainted
 from stages import clip_record, stage_record
 
@@ -18,6 +20,11 @@ HANDS = (Entity("left hand", "left hand", -1, "hand", "left"), Entity("right han
 LABELS = {"mug": "mug", "mug#2": "mug", "Tasse (groß)": "cup"}
 MUG = tuple(Entity(label, name, 13, "object", "") for label, name in LABELS.items())
 NARRATION = Narration("n1", 1, 4, "nimm die Tasse über den Tisch", "take", 0, "take", "cup", 13, "cup", ("cup",))
+SQUARE = Polygon(np.array([[20, 10], [120, 10], [120, 60]], np.float32))
+KEYS = (KeyFrame(2, 2 * W, 2 * H, (
+    Annotation("a1", "left hand", -1, "left", "a2", "y", (SQUARE,)),
+    Annotation("a2", "mug", 13, "", "", "y", (SQUARE, SQUARE)))), KeyFrame(99, 2 * W, 2 * H, ()))  # fmt: skip
+CLIP = Clip("c1", "c1", "P1", "", ("v.mp4",), "video", 25.0, False, 1, T, KEYS, (NARRATION,), ("frame 3 is odd",))
 
 
 @dataclass
@@ -47,7 +54,11 @@ def outputs(seed: int = 0) -> dict[str, object]:
     replaced = masks[:2].any(axis=0)
     inpainted = Inpainted("c1", frame, rgb, replaced, replaced.astype(np.uint8), np.full((T, H, W), 200, np.uint8))
     index = np.where(contact >= 0, 0, -1).astype(np.int16)
+    samples = tuple(
+        Sample(f"c1_{n}", n, n * 40_000_000, encode_jpeg(rgb[n - 1], 90), masks[:4, n - 1], "mug", "", NARRATION, 0, 0.5, 1.0, 2, 1,
+               np.zeros((4, 3, 2), np.float32), np.zeros(3, np.int64)) for n in (2, 4))  # fmt: skip
     return {
+        "source_read": CLIP,
         "frame_decode": Frames("c1", frame, frame * 40_000_000, rgb),
         "mask_densify": tracks,
         "hand_inpaint": inpainted,
@@ -55,6 +66,7 @@ def outputs(seed: int = 0) -> dict[str, object]:
         "affordance_intersect": Affordances("c1", MUG, frame, masks[:2], index, np.zeros(T, np.int8), np.zeros(T, np.int8),
                                             np.ones(T, np.float32), np.zeros(T, np.uint8)),
         "narration_labelling": FrameLabels("c1", (NARRATION,), frame[:4], np.zeros(4, np.int32), (), ()),
+        "sample_assemble": Samples("c1", "c1", "P1", "", W, H, samples, (("no_contact", 4),)),
     }  # fmt: skip
 
 
@@ -65,5 +77,4 @@ def recorded(folder: Path, seed: int = 0) -> Path:
     for stage, value in made.items():
         (folder / stage).mkdir(parents=True)
         parts.append(stage_record.run(value, frames, stage_record.Params(stage), Ctx(folder / stage)))
-    clip = Clip("c1", "c1", "P1", "", ("v.mp4",), "video", 25.0, False, 1, T, (), (NARRATION,), ())
-    return clip_record.run(clip, tuple(parts), clip_record.Params(), Ctx(folder)).files[0].path
+    return clip_record.run(CLIP, tuple(parts), clip_record.Params(), Ctx(folder)).files[0].path

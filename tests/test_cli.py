@@ -10,10 +10,10 @@ import h5py
 import pytest
 
 from pipeline import TARGETS, Settings
-from tests.command import KEYS, PER_CLIP, Made, call
+from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS
 
-STAGES = {*PER_CLIP, "dataset_pack"}
+STAGES = {*PER_CLIP, *PER_RUN}
 
 
 @pytest.fixture

@@ -12,11 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from tests.command import KEYS, PER_CLIP, RECORDED, Made
+from afford.recording.summary import summarise
+from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made
 from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations
 
 AFTER_AFFORDANCE = {"affordance_intersect": 2, "record_affordance_intersect": 2, "clip_record": 2, "sample_assemble": 2,
-                    "dataset_pack": 1}
+                    "record_sample_assemble": 2, "dataset_pack": 1, "record_dataset_pack": 1}
 
 
 @pytest.fixture
@@ -68,10 +69,19 @@ def times(number: int, stages: Iterable[str]) -> dict[str, int]:
 def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
     """Every stage ran once per clip; the data set holds both videos, and every clip has a recording with valid checksums."""
     assert set(made.first) == KEYS and made.first["target"] == "dataset"
-    assert made.first["ran"] == times(2, PER_CLIP) | {"dataset_pack": 1}
+    assert made.first["ran"] == times(2, PER_CLIP) | times(1, PER_RUN)
     assert made.first["cached"] == made.first["failed"] == {}
     assert Path(made.first["outputs"]["dataset"]).is_dir() and set(rows(made)) == set(VIDEOS)
     assert all(is_whole(recording(made, video)) for video in VIDEOS)
+
+
+def test_what_all_clips_came_to_is_recorded_too(made: Made) -> None:
+    """The data set and the report: numbers, words and pictures, beside the recordings of the clips, and whole."""
+    wanted = {"dataset_pack": ("statistics", "contact_sheet", "log"), "extraction_report": ("metrics", "sheet", "log")}
+    for name, topics in wanted.items():
+        found = summarise(recording(made, name))
+        assert {f"/{name}/{topic}" for topic in topics} <= {topic.topic for topic in found.topics}
+    assert made.ask("inspect", made.store / "recordings", "--strict", source=False).code == 0
 
 
 def test_a_second_run_does_nothing(made: Made) -> None:
@@ -146,7 +156,7 @@ def test_an_edited_outline_decodes_nothing(mine: Made) -> None:
 def test_clips_can_be_chosen(mine: Made) -> None:
     """Only what was asked for runs; the rest of the data set is not thrown away when it is asked for again."""
     ran = mine.run("recordings", "--clip", VIDEOS[1], "--set", "affordance_intersect.dilate_px855=0").json["ran"]
-    assert ran == times(1, ("affordance_intersect", "record_affordance_intersect", "clip_record"))
+    assert ran == times(1, set(AFTER_AFFORDANCE) - set(PER_RUN))
 
 
 def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine: Made) -> None:

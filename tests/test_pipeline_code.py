@@ -21,7 +21,8 @@ ROOMS = ("commands", "stages", "runner", "afford", "schemas")
 BACKEND, HELPER = "afford/backends/propagate/flow.py", "afford/optical_flow.py"
 CONSTANT = r"(?m)^([A-Z_]+ = )(\d+\.\d+)$"
 BELOW_MASKS = {"hand_inpaint", "object_completion", "affordance_intersect", "sample_assemble", "dataset_pack", "clip_record",
-               "record_mask_densify", "record_hand_inpaint", "record_object_completion", "record_affordance_intersect"}
+               "record_mask_densify", "record_hand_inpaint", "record_object_completion", "record_affordance_intersect",
+               "record_sample_assemble", "record_dataset_pack"}
 
 
 @dataclass(frozen=True)

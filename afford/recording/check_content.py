@@ -14,6 +14,7 @@ from mcap.records import Channel, Message
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.recording.content import EPOCH_NS
+from afford.recording.topics import CAMERA
 
 FRAMES = "/frame_decode/image"
 MAGIC = {"jpeg": b"\xff\xd8\xff", "png": b"\x89PNG\r\n\x1a\n"}
@@ -29,7 +30,7 @@ class Seen:
     times: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     """image topic -> log times"""
     sizes: dict[tuple[int, int], str] = field(default_factory=dict)
-    """(height, width) -> a topic that has it"""
+    """(height, width) of what the camera saw -> a topic that has it"""
     problems: list[str] = field(default_factory=list)
 
 
@@ -64,7 +65,8 @@ def _picture(channel: Channel, value: Any, where: str, seen: Seen) -> None:
     if picture is None:
         seen.problems.append(f"{where}: the {value.format} cannot be decoded")
         return
-    seen.sizes.setdefault(picture.shape[:2], channel.topic)
+    if value.frame_id == CAMERA:
+        seen.sizes.setdefault(picture.shape[:2], channel.topic)
     if "255" in channel.metadata.get("classes", "") and not channel.topic.endswith("/confidence"):
         strange = (picture != 0) & (picture != 255)
         if strange.any():

@@ -26,13 +26,14 @@ def _messages(value: FrameLabels, frames: Frames) -> Iterator[Message]:
     times = times_of(value.frame, frames)
     for frame, time_ns, index in zip(value.frame.tolist(), times, value.narration.tolist(), strict=True):
         narration = value.narrations[index]
-        yield stamped(NARRATION, time_ns, _message(narration, frame))
+        yield stamped(NARRATION, time_ns, narration_message(narration, frame))
         if index not in begun:
             yield log(LOG, time_ns, narration.text, narration.narration_id)
         begun.add(index)
 
 
-def _message(n: Narration, frame: int) -> own_types.Narration:
+def narration_message(n: Narration, frame: int) -> own_types.Narration:
+    """A narration, as said of a frame."""
     return own_types.Narration(
         frame=frame, narration_id=n.narration_id, text=n.text, verb=n.verb, noun=n.noun, verb_key=n.verb_key,
         noun_key=n.noun_key, verb_class=n.verb_class, noun_class=n.noun_class, start_frame=n.start_frame,

@@ -19,7 +19,8 @@ SIDES = ("left", "right")
 
 def record(value: Samples, frames: Frames) -> Recording:
     """What the data set gets from this clip: the JPEG itself, both masks, the task."""
-    masks = tuple(image_channel(f"{ROOM}/{side}", side=side) for side in SIDES)
+    masks = tuple(image_channel(f"{ROOM}/{side}", side=side, classes={"0": "background", "255": f"{side} affordance"})
+                  for side in SIDES)  # fmt: skip
     channels = (image_channel(f"{ROOM}/image", rejected=dict(value.rejected)), *masks, channel(f"{ROOM}/state", SampleState),
                 channel(f"{ROOM}/log", Log))  # fmt: skip
     return Recording(channels, _messages(value))

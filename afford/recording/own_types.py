@@ -33,6 +33,8 @@ MESSAGES = {
     "SampleState": {"frame": "int64", "sample_id": "string", "text": "string", "taxonomy_id": "int64", "quality": "double",
                     "inpaint_confidence": "double", "key_distance_frames": "double", "object_left": "string",
                     "object_right": "string"},
+    "Document": {"name": "string", "media_type": "string", "text": "string"},
+    "Scalar": {"step": "int64", "value": "double"},
 }  # fmt: skip
 """message -> field -> type, after the field `timestamp` that every message begins with"""
 
@@ -58,4 +60,5 @@ def own(name: str) -> Any:
 
 FrameState, MaskState, Contact, InpaintState = own("FrameState"), own("MaskState"), own("Contact"), own("InpaintState")
 CompleteState, AffordanceState = own("CompleteState"), own("AffordanceState")
-Narration, SampleState = own("Narration"), own("SampleState")
+Narration, SampleState, Document = own("Narration"), own("SampleState"), own("Document")
+Scalar = own("Scalar")

@@ -9,6 +9,7 @@ from afford.codecs.identity import digest
 from afford.codecs.kinds import kind_of, schema_version
 from afford.recording.content import Recording
 from schemas.clip import Clip
+from schemas.files import FileTree
 from schemas.video import Frames
 
 
@@ -17,6 +18,14 @@ def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames
     kind = kind_of(value)
     record = {"stage": stage, "clip_id": value.clip_id, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(value), "frames": digest(frames)}  # fmt: skip
+    return replace(recording, metadata={**recording.metadata, f"provenance/{stage}": record})
+
+
+def of_files(recording: Recording, stage: str, files: FileTree) -> Recording:
+    """The recording with a metadata record `provenance/<stage>` about the files that it shows."""
+    kind = kind_of(files)
+    record = {"stage": stage, "files": files.name, "schema": kind, "schema_version": schema_version(kind),
+              "artifact": digest(files)}  # fmt: skip
     return replace(recording, metadata={**recording.metadata, f"provenance/{stage}": record})
 
 

@@ -17,7 +17,9 @@ from schemas.masks import Entity
 from schemas.video import Frames
 
 CAMERA = "camera"
-"""frame_id of every image: optical centre of the camera, x right, y down, z forward"""
+"""frame_id of every image of a clip: optical centre of the camera, x right, y down, z forward"""
+PAPER = "paper"
+"""frame_id of plots and sheets, which no camera has seen"""
 SECOND_NS = 10**9
 
 
@@ -39,14 +41,14 @@ def stamped(topic: str, time_ns: int, message: Any) -> Message:
     return Message(time_ns, topic, message.SerializeToString(deterministic=True))
 
 
-def image(topic: str, time_ns: int, data: bytes, kind: str = "png") -> Message:
+def image(topic: str, time_ns: int, data: bytes, kind: str = "png", frame_id: str = CAMERA) -> Message:
     """A compressed image: `kind` is png or jpeg."""
-    return stamped(topic, time_ns, CompressedImage(frame_id=CAMERA, data=data, format=kind))
+    return stamped(topic, time_ns, CompressedImage(frame_id=frame_id, data=data, format=kind))
 
 
-def log(topic: str, time_ns: int, text: str, name: str) -> Message:
-    """A line of text that every viewer shows."""
-    return stamped(topic, time_ns, Log(level=Log.Level.Value("INFO"), message=text, name=name))
+def log(topic: str, time_ns: int, text: str, name: str, level: str = "INFO") -> Message:
+    """A line of text that every viewer shows; `level` as in foxglove.Log."""
+    return stamped(topic, time_ns, Log(level=Log.Level.Value(level), message=text, name=name))
 
 
 def times_of(frame: np.ndarray, frames: Frames) -> list[int]:
