@@ -19,6 +19,8 @@ from schemas.scene import RenderedClip, SceneSpec
 from schemas.video import Frames, Inpainted
 from stages import (
     affordance_intersect,
+    benchmark_plan,
+    benchmark_set,
     clip_footage,
     clip_record,
     dataset_pack,
@@ -35,6 +37,9 @@ from stages import (
     scene_render,
     source_read,
     stage_record,
+    still_render,
+    still_sample,
+    train_plan,
 )
 
 
@@ -55,6 +60,11 @@ class Settings:
     key_thin: key_thin.Params = key_thin.Params()
     extraction_score: extraction_score.Params = extraction_score.Params()
     extraction_report: extraction_report.Params = extraction_report.Params()
+    train_plan: train_plan.Params = train_plan.Params()
+    still_render: still_render.Params = still_render.Params()
+    still_sample: still_sample.Params = still_sample.Params()
+    benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
+    benchmark_set: benchmark_set.Params = benchmark_set.Params()
 
 
 class Origin(NamedTuple):
@@ -173,7 +183,35 @@ def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
     g.target("extraction-report", report, record_run(g, "extraction_report", report))
 
 
-TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality}
+def stills_to_train(g: Graph, p: Settings) -> FileTree:
+    """Rendered stills -> the data set that models are trained on."""
+    spec    = g.each(g.add(train_plan.run,                                                           params=p.train_plan))
+    stills  = g.add(still_render.run,       spec=spec,       params=p.still_render, ctx=g.ctx)
+    samples = g.add(still_sample.run,       stills=stills,                                           params=p.still_sample)
+    params  = replace(p.dataset_pack, name="afford-stills", license="apache-2.0")
+    return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx)
+
+
+def stills_to_measure(g: Graph, p: Settings) -> FileTree:
+    """Rendered stills of things and rooms that training never sees -> the synthetic benchmark, masks at 855 px width."""
+    spec    = g.each(g.add(benchmark_plan.run,                                                       params=p.benchmark_plan))
+    params  = replace(p.still_render, mask_scale=855 / p.still_render.width_px)
+    stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx)
+    return g.add(benchmark_set.run,         stills=g.collect(stills),                                params=p.benchmark_set, ctx=g.ctx)
+
+
+def train_set(g: Graph, origin: Origin, p: Settings) -> None:
+    """rendered stills with exact labels, packed for training"""
+    g.target("train-set", stills_to_train(g, p))
+
+
+def benchmark_stills(g: Graph, origin: Origin, p: Settings) -> None:
+    """rendered stills of held-out things and rooms, in ActAffordance's folders"""
+    g.target("benchmark-set", stills_to_measure(g, p))
+
+
+TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
+           "train-set": train_set, "benchmark-set": benchmark_stills}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

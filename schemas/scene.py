@@ -29,7 +29,7 @@ class StillSpec(Schema):
     setting: str = value("kitchen, workshop or desk")
     seed: int = value("seed of everything random in it")
     split: str = value("train, val or test")
-    asks: str = value("known: things and verbs that training shows; new: what it never shows")
+    asks: str = value("known: things and verbs that training shows; new: what it never shows; any: both")
     layouts: int = value("how often the things are laid out anew")
     views: int = value("pictures of each layout")
     tasks: int = value("most tasks asked of one picture")

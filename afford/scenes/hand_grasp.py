@@ -58,15 +58,15 @@ def opening(kind: str) -> np.ndarray:
     return np.array(OPENING[kind])
 
 
-def close_on(kind: str, distance: Distance) -> np.ndarray:
-    """(20,) joint angles: from the opening of `kind`, every joint bends until a link beyond it touches the object.
+def close_on(kind: str, distance: Distance, steps: int = STEPS) -> np.ndarray:
+    """(20,) joint angles: from the opening of `kind`, every joint bends until a link beyond it touches the object, in `steps`.
 
     A joint stops when it would press a link deeper than the flesh gives way; joints beyond it go on, so fingers wrap.
     """
     angles, goal = np.array(OPENING[kind]), np.array(CLOSED[kind])
-    stride = (goal - angles) / STEPS
+    stride = (goal - angles) / steps
     before = link_depths(angles, distance)
-    for _ in range(STEPS):
+    for _ in range(steps):
         for joint in range(4):
             trial = angles.copy()
             trial[joint::4] = np.minimum(trial[joint::4] + stride[joint::4], HIGH[joint::4])

@@ -37,6 +37,13 @@ def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
     return Room((*shell, *_clutter(rng, style.standing, clutter), *_scatter(rng, style.lying)), _light(rng, _brightness(top)))
 
 
+def bare(setting: str, rng: np.random.Generator) -> Room:
+    """The same kind of room with nothing standing or lying in it but mats."""
+    style = SETTINGS[setting]
+    top = style.top(rng)
+    return Room((*_table(rng, top), *_wall(rng, style.wall(rng)), *_mats(rng, style)), _light(rng, _brightness(top)))
+
+
 Maker = Callable[[np.random.Generator], Material]
 
 
