@@ -42,7 +42,7 @@ class Params:
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
     from afford.benchmark import folder, layout, stored, words
-    from afford.benchmark.cases import image, read
+    from afford.benchmark.cases import picture, task
     from afford.dataset.files import empty_folder, tree
     from afford.models.twohands.predictor import Predictor
 
@@ -50,9 +50,9 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
     listed = layout.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
-        tasks = words.tasks([read(files).task for files in listed], params.text, params.seed)
-        for n, (files, task) in enumerate(zip(listed, tasks, strict=True)):
-            yield files.where, predictor.predict(image(read(files)), task, params.hands)
+        told = words.tasks([task(files) for files in listed], params.text, params.seed)
+        for n, (files, said) in enumerate(zip(listed, told, strict=True)):
+            yield files.where, predictor.predict(picture(files), said, params.hands)
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")

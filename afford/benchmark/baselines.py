@@ -46,7 +46,7 @@ def _centre(case: Case) -> Prediction:
 
 
 def _regions(case: Case, masks: np.ndarray) -> Prediction | None:
-    hands = masks.any(axis=(1, 2))
+    hands = np.array([mask.any() for mask in masks])
     return said(case.task, masks, hands) if hands.any() else None
 
 

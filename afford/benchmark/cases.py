@@ -35,22 +35,35 @@ def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
     regions, taxonomy = _drawn(files, annotation, outlines) if outlines else _modes(files, annotation)
     size = _size(files, regions)
     modes = np.stack([[_fit(mask, size, name, notes) for mask, name in pair] for pair in regions])
-    if not modes.any(axis=(2, 3)).any(axis=1).all():
+    if not all(mode.any() for mode in modes):
         raise SourceError(files.where, "aff_left.png or aff_right.png with a region in every mode", "none", "remove the case")
     notes += [note for mode, said in zip(modes, taxonomy, strict=True) if (note := _disagreement(mode, said))]
     objects = np.stack([_fit(_mask(files, f"obj_{side}.png"), size, f"obj_{side}.png", notes) for side in SIDES])
     words = {key: str(annotation.get(key) or "") for key in ("verb", "noun")}
     data = np.frombuffer(files.files[IMAGE].path.read_bytes(), np.uint8)
-    task = entry(annotation, "narration", str, f"{files.where}/{ANNOTATION}")
-    return Case(files.protocol, files.video, files.frame, _groups(files, annotation), task, words["verb"], words["noun"], data,
-                modes, np.array(taxonomy, np.int8), objects, tuple(notes))
+    return Case(files.protocol, files.video, files.frame, _groups(files, annotation), task(files), words["verb"], words["noun"],
+                data, modes, np.array(taxonomy, np.int8), objects, tuple(notes))
+
+
+def task(files: CaseFiles) -> str:
+    """The narration alone."""
+    return str(entry(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
+
+
+def picture(files: CaseFiles) -> np.ndarray:
+    """(h, w, 3) uint8 RGB: the image alone, at its own size."""
+    return _decode(np.frombuffer(files.files[IMAGE].path.read_bytes(), np.uint8), files.where)
 
 
 def image(case: Case) -> np.ndarray:
-    """(h, w, 3) uint8 RGB at the image's own size."""
-    decoded = cv2.imdecode(case.image, cv2.IMREAD_COLOR_RGB)
+    """(h, w, 3) uint8 RGB: the image of a case that was read, at its own size."""
+    return _decode(case.image, case.case_id)
+
+
+def _decode(data: np.ndarray, where: str) -> np.ndarray:
+    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
     if decoded is None:
-        raise SourceError(f"{case.case_id}/{IMAGE}", "a PNG or JPEG", "bytes that are none", "get the file again")
+        raise SourceError(f"{where}/{IMAGE}", "a PNG or JPEG", "bytes that are none", "get the file again")
     return np.asarray(decoded)
 
 

@@ -59,7 +59,7 @@ class Mean:
 def class_mean(dataset: Path | None) -> Baseline:
     """Averages of the training split. ValueError without a data set."""
     if dataset is None:
-        raise ValueError("class_mean: expected a data set with a train split, got none; give the data set that the model learns from")
+        raise ValueError("class_mean: expected a data set with a train split, got none; give the one that the model learns from")
     means: dict[Key, Mean] = defaultdict(Mean)
     for row in load.rows(dataset, "train", COLUMNS):
         verb, noun = row["verb"].lower(), row["noun"].lower()

@@ -82,4 +82,5 @@ def summary(scores: np.ndarray, level: tuple[float, ...]) -> Summary | None:
         return None
     means = np.nansum(scores, axis=0) / counted[:, None]
     best = int(np.argmax(means[:, 1]))
-    return Summary(*(float(value) for value in means[best]), float(means[:, 1].mean()), level[best], int(counted[best]))
+    iou, precision, directed, symmetric = (float(value) for value in means[best])
+    return Summary(iou, precision, directed, symmetric, float(means[:, 1].mean()), level[best], int(counted[best]))

@@ -19,7 +19,7 @@ def write(scores: tuple[MethodScores, ...], folder: Path, resamples: int, seed: 
     scored on the same cases."""
     check(scores)
     found = summary.rows(scores, resamples, seed)
-    files.write_json(folder / "metrics.json", summary.metrics(found))
+    files.write_json(folder / "metrics.json", {"cases": len(scores[0].case_id)} | summary.metrics(found))
     files.write_json(folder / "cases.json", {one.name: per_case(one) for one in scores})
     (folder / "report.md").write_text(markdown(scores, found), encoding="utf-8")
     places = dict.fromkeys((row.protocol, row.group) for row in found)

@@ -108,7 +108,8 @@ def _best_precision(found: np.ndarray, all_modes: np.ndarray) -> float:
 
 def _per_hand(top: np.ndarray, mode: np.ndarray) -> dict[str, float]:
     """Overlaps of each hand that the mode takes; `hand_iou` is over hands that are taken or returned, 0 for one too many."""
-    out, ious = {}, []
+    out: dict[str, float] = {}
+    ious: list[float] = []
     for hand, found, truth in zip(HANDS, top, mode, strict=True):
         needed = bool(truth.any())
         scores = measures.overlap(found, truth) if needed else measures.Overlap(NAN, NAN, NAN, NAN)
@@ -120,17 +121,21 @@ def _per_hand(top: np.ndarray, mode: np.ndarray) -> dict[str, float]:
 
 def _hands(said: Answer, all_modes: np.ndarray, mode: np.ndarray) -> dict[str, float]:
     """Which hands were returned against which the task takes."""
-    returned = said.top.any(axis=(1, 2))
-    takes = all_modes.any(axis=(2, 3))
+    returned, needed = _some(said.top), _some(mode)
+    takes = np.stack([_some(one) for one in all_modes])
     idle = ~takes.any(axis=0)
-    needed = mode.any(axis=(1, 2))
-    without = None if said.unselected is None else said.unselected.any(axis=(1, 2))
+    without = None if said.unselected is None else _some(said.unselected)
     return {
         "hands_accuracy": float((takes == returned).all(axis=1).any()),
         "spurious": float(returned[idle].any()) if idle.any() else NAN,
         "spurious_unselected": float(without[idle].any()) if idle.any() and without is not None else NAN,
         "missed": float(np.mean(~returned[needed])),
     }
+
+
+def _some(pair: np.ndarray) -> np.ndarray:
+    """(2,) bool: which hands have a region."""
+    return np.array([mask.any() for mask in pair])
 
 
 def _compat(case: Case, said: Answer) -> np.ndarray:
@@ -142,7 +147,9 @@ def _compat(case: Case, said: Answer) -> np.ndarray:
 def _reliability(case: Case, said: Answer, floor: float) -> np.ndarray:
     if said.marginal is None:
         return np.zeros((3, calibration.BINS))
-    return calibration.reliability(said.marginal, case.modes.mean(axis=0, dtype=np.float32), floor)
+    held = case.modes.sum(axis=0, dtype=np.uint8)
+    return np.sum([calibration.reliability(p, hand, len(case.modes), floor) for p, hand in zip(said.marginal, held, strict=True)],
+                  axis=0)
 
 
 def _add_open(rows: list[Row]) -> None:

@@ -76,13 +76,15 @@ def _errors(one: MethodScores, chosen: np.ndarray) -> dict[str, float]:
     out = {"ece": calibration.expected_error(one.reliability[chosen].sum(axis=0))}
     right, sure = (one.values[chosen, one.measure.index(name)] for name in ("taxonomy_accuracy", "taxonomy_confidence"))
     known = np.isfinite(right)
-    out["taxonomy_ece"] = calibration.expected_error(calibration.reliability(sure[known], right[known], 0.0))
+    sums = np.stack([np.ones(known.sum()), sure[known], right[known]])
+    out["taxonomy_ece"] = calibration.expected_error(calibration.binned(sure[known], sums))
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
 def metrics(found: Iterable[Row]) -> dict[str, float]:
     """Everything as one flat dict."""
-    return dict(sorted(pair for one in found for pair in _flat(one)))
+    flat = {name: value for one in found for name, value in _flat(one)}
+    return dict(sorted(flat.items()))
 
 
 def _flat(one: Row) -> Iterator[tuple[str, float]]:
