@@ -19,6 +19,8 @@ from schemas.scene import RenderedClip, SceneSpec
 from schemas.video import Frames, Inpainted
 from stages import (
     affordance_intersect,
+    baseline_cases,
+    benchmark,
     benchmark_plan,
     benchmark_set,
     clip_footage,
@@ -32,9 +34,11 @@ from stages import (
     mask_densify,
     narration_labelling,
     object_completion,
+    predict_cases,
     run_record,
     sample_assemble,
     scene_render,
+    score_cases,
     source_read,
     stage_record,
     still_render,
@@ -65,6 +69,10 @@ class Settings:
     still_sample: still_sample.Params = still_sample.Params()
     benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
     benchmark_set: benchmark_set.Params = benchmark_set.Params()
+    predict_cases: predict_cases.Params = predict_cases.Params()
+    baseline_cases: baseline_cases.Params = baseline_cases.Params()
+    score_cases: score_cases.Params = score_cases.Params()
+    benchmark: benchmark.Params = benchmark.Params()
 
 
 class Origin(NamedTuple):
@@ -73,6 +81,8 @@ class Origin(NamedTuple):
     name: str
     specs: tuple[SceneSpec, ...] = ()
     videos: tuple[RenderedClip, ...] = ()
+    cases: FileTree | None = None
+    predictions: tuple[FileTree, ...] = ()
 
 
 class Extracted(NamedTuple):
@@ -197,7 +207,27 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
     spec    = g.each(g.add(benchmark_plan.run,                                                       params=p.benchmark_plan))
     params  = replace(p.still_render, mask_scale=855 / p.still_render.width_px)
     stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx)
-    return g.add(benchmark_set.run,         stills=g.collect(stills),                                params=p.benchmark_set, ctx=g.ctx)
+    return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.benchmark_set, ctx=g.ctx)
+
+
+def compare(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, others: tuple[FileTree, ...], p: Settings) -> FileTree:
+    """A trained model, the same without its words, every baseline and the predictions of others on the same cases -> the report."""
+    none = g.leaf("no_dataset", FileTree("none", ()))
+    mine = p.predict_cases.name
+    said = {text: g.named(f"predict_{text}").add(predict_cases.run, cases=cases, model=model, ctx=g.ctx,
+                                                 params=replace(p.predict_cases, text=text, name=name))
+            for text, name in (("given", mine), ("shuffled", f"{mine}_text_shuffled"), ("removed", f"{mine}_text_removed"))}
+    learned = {"class_mean": dataset} | {"extraction": g.leaf("extracted", t) for t in others if t.find("manifest.json")}
+    said |= {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=data, ctx=g.ctx,
+                                                   params=replace(p.baseline_cases, backend=name))
+             for name, data in ({"whole_object": none, "object_box": none, "centre": none} | learned).items()}
+    scores = {name: g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.score_cases)
+              for name, tree in said.items()}
+    scores["swapped"] = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said["given"],
+                                                     params=replace(p.score_cases, swap=True))
+    masks = g.each(g.leaf("predictions", tuple(tree for tree in others if not tree.find("manifest.json"))))
+    rest = g.collect(g.named("score_others").add(score_cases.run, cases=cases, predictions=masks, params=p.score_cases))
+    return g.add(benchmark.run, scores=tuple(scores.values()), others=rest, params=replace(p.benchmark, predictions=()), ctx=g.ctx)
 
 
 def train_set(g: Graph, origin: Origin, p: Settings) -> None:

@@ -12,9 +12,16 @@ from pipeline import Origin, Settings
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
+OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark"}
+"""Targets that render rooms of their own, whatever the source, and the names of what they make."""
+
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> tuple[Origin, Source | None]:
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
+    if target in OWN_ROOMS:
+        if source is not None:
+            raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
+        return Origin(OWN_ROOMS[target]), None
     if source is None:
         return _synthetic(target, settings), None
     if not source.exists():

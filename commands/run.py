@@ -91,8 +91,10 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
     for stage, made in report.outputs.items():
         for shard, digest in made:
             clip = shard.rpartition("/")[2]
-            if stage == "dataset_pack":
+            if stage in ("dataset_pack", "train_pack"):
                 out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
+            elif stage == "benchmark_set":
+                out["benchmark"] = str(publish(runner, digest, store / "benchmarks" / place.name))
             elif stage == "clip_record":
                 publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)

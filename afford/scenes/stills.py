@@ -59,7 +59,10 @@ def stills(spec: StillSpec, quality: Quality, progress: Callable[[int, int], Non
     return Stills(spec.video_id, person, spec.split, spec.setting, width, height, tuple(images), tuple(found))
 
 
-def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: Reach, wanted: list[Act]) -> Iterator[tuple[Act, tuple[Mode, ...]]]:
+Asked = tuple[Act, tuple[Mode, ...]]
+
+
+def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: Reach, wanted: list[Act]) -> Iterator[Asked]:
     """Up to `spec.tasks` tasks of one picture, one per verb and things, two-handed ones and single things by turns."""
     seen = _in_sight(layout, shot)
     for act in _by_turns([act for act in wanted if all(thing.number in seen for thing in act.things)], world.rng, world.spec.tasks):
