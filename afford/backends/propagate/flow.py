@@ -24,7 +24,7 @@ BLUR = (5, 5)
 DOUBT = 30.0
 """mean colour difference (sum over Lab) from which a pixel counts as not explained by flow"""
 OUT_OF_VIEW = 10.0
-"""by how much background is likelier where neither key frame has seen the place"""
+"""by how much that is likelier which stood at the border of the key frame, where neither key frame has seen the place"""
 HANDED_ON = 8.0
 """cost of trusting a solved neighbour rather than a key frame; without it, what has left the image lives on"""
 SHARPNESS = 4.0
@@ -187,7 +187,8 @@ def _solve(target: np.ndarray, views: list[View], count: int, params: Any) -> So
     guess, doubt, unseen = _guess(target, views, params.band_px)
     where = np.argwhere(doubt)
     cost = np.full((len(where), count + 1), UNMATCHED, np.float32)
-    cost[unseen[doubt], BACKGROUND] -= OUT_OF_VIEW
+    new = np.flatnonzero(unseen[doubt])
+    cost[new, _at_border(views)[doubt][new]] -= OUT_OF_VIEW
     for view in views:
         match(target, view.colours, view.labels, view.flow, where, params.search_px, np.float32(view.doubt), cost)
     belief = _belief(guess, where, cost)
@@ -222,6 +223,14 @@ def _look_up(inner: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray, np.
     difference = cv2.absdiff(shown, inner).sum(axis=2, dtype=np.float32)
     difference[outside] = 100
     return _carried(view.labels, view.flow), cv2.blur(np.minimum(difference, 100), BLUR), outside
+
+
+def _at_border(views: list[View]) -> np.ndarray:
+    """Labels (h, w) int16 of the nearest key frame; what lies outside it is taken to go on as it is at its border."""
+    view = max(views, key=lambda one: one.nearness)
+    height, width = view.labels.shape
+    at = (identity_map(height, width) + view.flow).clip(0, (width - 1, height - 1))
+    return np.maximum(cv2.remap(view.labels, at.astype(np.float32), None, cv2.INTER_NEAREST), BACKGROUND)
 
 
 def _outlines(labels: np.ndarray, band_px: int) -> np.ndarray:
