@@ -6,7 +6,19 @@ from pathlib import Path
 
 import torch
 from diffusers import DDIMScheduler, UNet2DModel
-from transformers import Sam2VideoConfig, Sam2VideoModel
+from tokenizers import Tokenizer, models, pre_tokenizers, trainers
+from transformers import (
+    CLIPConfig,
+    CLIPModel,
+    CLIPVisionConfig,
+    LlamaConfig,
+    LlavaConfig,
+    LlavaForConditionalGeneration,
+    Sam2VideoConfig,
+    Sam2VideoModel,
+    SamConfig,
+    SamModel,
+)
 
 
 def save_sam2_video(folder: Path) -> Path:
@@ -44,3 +56,41 @@ def save_vidm(folder: Path) -> Path:
     unet.save_pretrained(folder / "unet")
     DDIMScheduler(num_train_timesteps=1000).save_pretrained(folder / "scheduler")
     return folder
+
+
+def save_backbones(folder: Path, patch: int = 16, seed: int = 0) -> Path:
+    """`vlm/` (LLaVA of CLIP and Llama), `clip/` and `sam/` at 64 x 64, random from a seed, with a byte-level tokenizer that was
+    trained on five words."""
+    torch.manual_seed(seed)
+    shape = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
+    vision = CLIPVisionConfig(**shape, image_size=64, patch_size=patch, projection_dim=32)
+    tokenizer = bytes_tokenizer()
+    words = {"vocab_size": tokenizer.get_vocab_size(), "pad_token_id": 0, "bos_token_id": 1, "eos_token_id": 2}
+    text = LlamaConfig(**shape, **words, num_key_value_heads=2)
+    image = tokenizer.token_to_id("<image>")
+    llava = LlavaConfig(vision_config=vision, text_config=text, image_token_index=image)
+    LlavaForConditionalGeneration(llava).save_pretrained(folder / "vlm")
+    read = {**shape, **words, "max_position_embeddings": 40}
+    CLIPModel(CLIPConfig(text_config=read, vision_config=vision.to_dict(), projection_dim=32)).save_pretrained(folder / "clip")
+    sam = SamConfig(
+        vision_config={"hidden_size": 32, "output_channels": 32, "num_hidden_layers": 2, "num_attention_heads": 2,
+                       "image_size": 64, "global_attn_indexes": [1], "window_size": 2, "num_pos_feats": 16, "mlp_ratio": 2.0,
+                       "initializer_range": 0.02},
+        prompt_encoder_config={"hidden_size": 32, "image_size": 64},
+        mask_decoder_config={"hidden_size": 32, "mlp_dim": 64, "num_attention_heads": 2, "iou_head_hidden_dim": 32},
+    )  # fmt: skip
+    SamModel(sam).save_pretrained(folder / "sam")
+    for name in ("vlm", "clip"):
+        (folder / name / "tokenizer.json").write_text(tokenizer.to_str())
+    return folder
+
+
+def bytes_tokenizer() -> Tokenizer:
+    """Byte-level BPE with <pad>, <s>, </s> and <image>, and without [SEG]."""
+    tokenizer = Tokenizer(models.BPE())
+    tokenizer.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    special = ["<pad>", "<s>", "</s>", "<image>"]
+    alphabet = pre_tokenizers.ByteLevel.alphabet()
+    trainer = trainers.BpeTrainer(vocab_size=300, special_tokens=special, initial_alphabet=alphabet, show_progress=False)
+    tokenizer.train_from_iterator(["pour tea from the kettle"], trainer)
+    return tokenizer

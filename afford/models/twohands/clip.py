@@ -29,13 +29,15 @@ class Clip(TwoHands):
         if self.frozen:
             for part in (clip, regions.image_encoder):
                 freeze(part)
+        clip.logit_scale.requires_grad_(False)  # contrastive training alone uses it
         freeze(regions.prompt_encoder)
 
     def forward(self, batch: Batch) -> Output:
         with torch.set_grad_enabled(torch.is_grad_enabled() and not self.frozen):
             features = self._see(batch.image), self._read(batch.task, batch.image.device)
         prompt = torch.stack([project(feature) for project, feature in zip(self.project, features, strict=True)], dim=1)
-        return Output(*self.regions(normalised(batch.image), prompt))
+        logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
+        return Output(logits, score, taxonomy)
 
     def extra_files(self) -> dict[str, str]:
         return {"clip/config.json": self.clip.config.to_json_string(), "clip/tokenizer.json": self.tokens.to_json(),

@@ -17,10 +17,12 @@ ANSWERS = (
 )
 INFERENCE = "Where would you interact with the object to perform action {task}"
 """the question that is always asked outside training, in substance the published one"""
-CONVERSATION = "USER: <image>\n{question} ASSISTANT:"
+CONVERSATION = "USER: {image}\n{question} ASSISTANT:"
 """what stands before the answer"""
+FRAMED = "<im_start><image><im_end>"
+"""the image, for tokenizers that have the marks around it, as the released models do"""
 
 
-def question(task: str, template: str = INFERENCE) -> str:
-    """The text before the answer, `<image>` included."""
-    return CONVERSATION.format(question=template.format(task=task))
+def question(task: str, template: str = INFERENCE, image: str = "<image>") -> str:
+    """The text before the answer, the image included."""
+    return CONVERSATION.format(image=image, question=template.format(task=task))

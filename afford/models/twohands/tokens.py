@@ -29,6 +29,10 @@ class Tokens(Protocol):
         """The id of `<image>` or `[SEG]`."""
         ...
 
+    def knows(self, token: str) -> bool:
+        """Whether a token is one id of its own."""
+        ...
+
     def to_json(self) -> str:
         """The text of its tokenizer.json."""
         ...
@@ -48,6 +52,9 @@ class HashedTokens:
 
     def id(self, special: str) -> int:
         return self.SPECIAL[special]
+
+    def knows(self, token: str) -> bool:
+        return token in self.SPECIAL
 
     def to_json(self) -> str:
         return json.dumps({HASHED: self.size}) + "\n"
@@ -71,8 +78,10 @@ class FileTokens:
         return ids
 
     def id(self, special: str) -> int:
-        found: int = self.tokenizer.token_to_id(special)
-        return found
+        return int(self.tokenizer.token_to_id(special))  # __init__ made sure that it is there
+
+    def knows(self, token: str) -> bool:
+        return self.tokenizer.token_to_id(token) is not None
 
     def to_json(self) -> str:
         text: str = self.tokenizer.to_str()

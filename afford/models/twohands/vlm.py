@@ -20,7 +20,7 @@ from afford.models.twohands.batch import Batch, Output
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.dialogue import IGNORE, Dialogue, dialogue, seg_positions
 from afford.models.twohands.model import TwoHands, for_tower, normalised
-from afford.models.twohands.prompts import ANSWERS, QUESTIONS, question
+from afford.models.twohands.prompts import ANSWERS, FRAMED, QUESTIONS, question
 from afford.models.twohands.sam import Regions, check_size, tiny_sam
 from afford.models.twohands.tokens import IMAGE, SEG, HashedTokens, Tokens
 
@@ -51,7 +51,8 @@ class Vlm(TwoHands):
         where = seg_positions(talk.ids, self.tokens.id(SEG), self.config.seg_state)
         prompt = self.project(hidden[torch.arange(len(hidden), device=hidden.device), where])[:, None]
         loss = self._text_loss(hidden, talk.labels) if self.training else None
-        return Output(*self.regions(normalised(batch.image), prompt), loss)
+        logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
+        return Output(logits, score, taxonomy, loss)
 
     def extra_files(self) -> dict[str, str]:
         return self.files
@@ -60,10 +61,11 @@ class Vlm(TwoHands):
         """The conversation about each image. In training, questions and answers are drawn from torch's random state; outside it,
         the model is asked the one question and given the first answer, whose [SEG] it has learned to fill."""
         tasks = [task if self.config.text else "" for task in batch.task]
+        image = FRAMED if self.tokens.knows("<im_start>") else IMAGE
         if self.training:
-            pairs = [(question(task, _draw(QUESTIONS)), _draw(ANSWERS)) for task in tasks]
+            pairs = [(question(task, _draw(QUESTIONS), image), _draw(ANSWERS)) for task in tasks]
         else:
-            pairs = [(question(task), ANSWERS[0]) for task in tasks]
+            pairs = [(question(task, image=image), ANSWERS[0]) for task in tasks]
         text = self.vlm.config.text_config
         pad = text.pad_token_id if text.pad_token_id is not None else text.eos_token_id
         talk = dialogue(self.tokens, pairs, image_tokens(self.vlm.config), text.bos_token_id, text.eos_token_id, pad)
