@@ -210,24 +210,37 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
     return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.benchmark_set, ctx=g.ctx)
 
 
-def compare(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, others: tuple[FileTree, ...], p: Settings) -> FileTree:
-    """A trained model, the same without its words, every baseline and the predictions of others on the same cases -> the report."""
+def ask(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
+    """What a trained model says of the cases, told the task, the task of another case, or none."""
+    mine = p.predict_cases
+    texts = (mine, replace(mine, name=f"{mine.name}_text_shuffled", text="shuffled"),
+             replace(mine, name=f"{mine.name}_text_removed", text="removed"))
+    return {told.name: g.named(f"predict_{told.text}").add(predict_cases.run, cases=cases, model=model, params=told, ctx=g.ctx)
+            for told in texts}  # fmt: skip
+
+
+def rule(g: Graph, cases: FileTree, dataset: FileTree, extracted: FileTree | None, p: Settings) -> dict[str, FileTree]:
+    """What the baselines say of the cases; `extracted` is a data set of the benchmark's own videos, where there is one."""
     none = g.leaf("no_dataset", FileTree("none", ()))
-    mine = p.predict_cases.name
-    said = {text: g.named(f"predict_{text}").add(predict_cases.run, cases=cases, model=model, ctx=g.ctx,
-                                                 params=replace(p.predict_cases, text=text, name=name))
-            for text, name in (("given", mine), ("shuffled", f"{mine}_text_shuffled"), ("removed", f"{mine}_text_removed"))}
-    learned = {"class_mean": dataset} | {"extraction": g.leaf("extracted", t) for t in others if t.find("manifest.json")}
-    said |= {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=data, ctx=g.ctx,
-                                                   params=replace(p.baseline_cases, backend=name))
-             for name, data in ({"whole_object": none, "object_box": none, "centre": none} | learned).items()}
-    scores = {name: g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.score_cases)
-              for name, tree in said.items()}
-    scores["swapped"] = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said["given"],
-                                                     params=replace(p.score_cases, swap=True))
-    masks = g.each(g.leaf("predictions", tuple(tree for tree in others if not tree.find("manifest.json"))))
-    rest = g.collect(g.named("score_others").add(score_cases.run, cases=cases, predictions=masks, params=p.score_cases))
-    return g.add(benchmark.run, scores=tuple(scores.values()), others=rest, params=replace(p.benchmark, predictions=()), ctx=g.ctx)
+    seen = {"whole_object": none, "object_box": none, "centre": none, "class_mean": dataset}
+    seen |= {"extraction": g.leaf("extracted", extracted)} if extracted else {}
+    return {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=data, ctx=g.ctx,
+                                                  params=replace(p.baseline_cases, backend=name))
+            for name, data in seen.items()}  # fmt: skip
+
+
+def compare(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, origin: Origin, p: Settings) -> FileTree:
+    """A trained model, the baselines and the predictions of others on the same cases -> the report."""
+    extracted = next((tree for tree in origin.predictions if tree.find("manifest.json")), None)
+    masks = g.leaf("predictions", tuple(tree for tree in origin.predictions if tree is not extracted))
+    said = ask(g, cases, model, p) | rule(g, cases, dataset, extracted, p)
+    scores = [g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.score_cases)
+              for name, tree in said.items()]  # fmt: skip
+    swapped = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said[p.predict_cases.name],
+                                           params=replace(p.score_cases, swap=True))  # fmt: skip
+    others = g.named("score_others").add(score_cases.run, cases=cases, predictions=g.each(masks), params=p.score_cases)
+    return g.add(benchmark.run, scores=(*scores, swapped), others=g.collect(others),
+                 params=replace(p.benchmark, predictions=()), ctx=g.ctx)  # fmt: skip
 
 
 def train_set(g: Graph, origin: Origin, p: Settings) -> None:
