@@ -59,8 +59,8 @@ def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tens
     else:
         count = active.new_tensor(len(active))
     named = {"mask": (mask * share).sum() / (count + 1e-8), "dice": (overlap * share).sum() / (count + 1e-8),
-             "score": score_loss(output.score, best, active),
-             "taxonomy": taxonomy_loss(output.taxonomy, target.taxonomy, params.mode)}  # fmt: skip
+             "score": score_loss(output.score.float(), best, active),
+             "taxonomy": taxonomy_loss(output.taxonomy.float(), target.taxonomy, params.mode)}  # fmt: skip
     if output.text_loss is not None:
         named["text"] = output.text_loss
     weighted = [getattr(params, f"{name}_weight") * value for name, value in named.items()]
@@ -69,7 +69,7 @@ def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tens
 
 def mask_costs(logits: Tensor, masks: Tensor, active: Tensor, params: LossParams) -> tuple[Tensor, Tensor]:
     """Focal loss or BCE, and Dice, of every hypothesis: twice (b, 2, k). Code mode multiplies an idle hand's logits by 0."""
-    logits, truth = on_one_grid(logits, masks, params.grid)
+    logits, truth = on_one_grid(logits.float(), masks, params.grid)
     if params.mode == "code":
         logits = logits * active[..., None, None, None]
     overlap = dice(logits, truth, params.dice_scale, params.dice_eps)

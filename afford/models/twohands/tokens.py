@@ -71,14 +71,16 @@ class FileTokens:
         self.tokenizer.no_padding()
         self.tokenizer.no_truncation()
         self.tokenizer.add_special_tokens([token for token in (IMAGE, SEG) if self.tokenizer.token_to_id(token) is None])
-        self.size = max(self.tokenizer.get_vocab(with_added_tokens=True).values()) + 1
+        vocabulary = self.tokenizer.get_vocab(with_added_tokens=True)
+        self.size = max(vocabulary.values()) + 1
+        self.special = {token: vocabulary[token] for token in (IMAGE, SEG)}
 
     def encode(self, text: str) -> list[int]:
         ids: list[int] = self.tokenizer.encode(text, add_special_tokens=False).ids
         return ids
 
     def id(self, special: str) -> int:
-        return int(self.tokenizer.token_to_id(special))  # __init__ made sure that it is there
+        return self.special[special]
 
     def knows(self, token: str) -> bool:
         return self.tokenizer.token_to_id(token) is not None
