@@ -13,7 +13,7 @@ from afford.scenes import materials
 from afford.scenes.motion import about, pose
 
 THICKNESS_M = 0.0012
-CONTRAST = 0.8
+CONTRAST = 0.6
 """of a pattern, relative to new"""
 Weave = Callable[[np.random.Generator], Material]
 KINDS: dict[str, tuple[Weave, ...]] = {
