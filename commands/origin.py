@@ -22,6 +22,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
         if source is not None:
             raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
         return Origin(OWN_ROOMS[target]), None
+    if target == "benchmark":
+        return _benchmark(source, settings, digest), None
     if source is None:
         return _synthetic(target, settings), None
     if not source.exists():
@@ -31,6 +33,20 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     except ValueError as error:
         raise UsageError(f"--source {source}: {error}") from error
     return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos)), found
+
+
+def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """Cases in ActAffordance's layout, ours where no source is given, and folders with the predictions of other methods."""
+    from afford.benchmark.layout import cases, tree
+
+    try:
+        given = tree(source, digest) if source else None
+        if given:
+            cases(given)
+        others = tuple(tree(Path(name), digest) for name in settings.benchmark.predictions)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
 
 
 def _synthetic(target: str, settings: Settings) -> Origin:

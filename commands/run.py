@@ -23,6 +23,8 @@ from commands.settings import settings
 from pipeline import TARGETS, Origin, build
 from runner import Failure, LostError, Runner, RunReport
 
+MANY = 200
+"""metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
 
 
@@ -101,7 +103,7 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage.startswith("record_"):
                 publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
-            elif stage == "extraction_report":
+            elif stage in ("extraction_report", "benchmark"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "scene_render":
                 parts = dict(runner.children(digest) or ())
@@ -119,16 +121,27 @@ def _refused(report: RunReport, source: Source | None) -> None:
 
 
 def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
-    """What the report measured, and the CPU time of the extraction stages per frame (codecs included, recordings not)."""
+    """What the report measured, and the CPU time that was spent on a frame or an image."""
     if "report" not in outputs:
         return {}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
+    return metrics | (_per_image if "benchmark" in report.outputs else _per_frame)(report, metrics)
+
+
+def _per_image(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
+    """CPU time of the model's own prediction of a case: reading, network, full-size probabilities and writing."""
+    spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name == "predict_given")
+    return {"ms_per_image": 1000 * spent / metrics["cases"]}
+
+
+def _per_frame(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
+    """CPU time of the extraction stages per frame (codecs included, recordings not)."""
+    out: dict[str, float] = {}
     scored = {shard for name, shard in report.cpu_s if name == "extraction_score"}
     for stage in EXTRACTION:
         spent = sum(cpu for (name, shard), cpu in report.cpu_s.items() if name == stage and shard in scored)
-        metrics[f"cpu_s_per_frame.{stage}"] = spent / metrics["clips.frames"]
-    metrics["cpu_s_per_frame"] = sum(metrics[f"cpu_s_per_frame.{stage}"] for stage in EXTRACTION)
-    return metrics
+        out[f"cpu_s_per_frame.{stage}"] = spent / metrics["clips.frames"]
+    return out | {"cpu_s_per_frame": sum(out.values())}
 
 
 def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
@@ -147,7 +160,8 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
-    for name in sorted(summary.metrics):
+    few = len(summary.metrics) <= MANY
+    for name in sorted(name for name in summary.metrics if few or name.count(".") <= 1):
         console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
     console.print(f"{summary.seconds:.1f} s")
 
