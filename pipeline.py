@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from afford.training.recipes import recipes
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels
 from schemas.clip import Clip
@@ -16,8 +17,10 @@ from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.sample import Samples
 from schemas.scene import RenderedClip, SceneSpec
+from schemas.training import Trained
 from schemas.video import Frames, Inpainted
 from stages import (
+    ablation_report,
     affordance_intersect,
     baseline_cases,
     benchmark,
@@ -32,6 +35,7 @@ from stages import (
     hand_inpaint,
     key_thin,
     mask_densify,
+    model_train,
     narration_labelling,
     object_completion,
     predict_cases,
@@ -44,6 +48,7 @@ from stages import (
     still_render,
     still_sample,
     train_plan,
+    training_record,
 )
 
 
@@ -69,10 +74,12 @@ class Settings:
     still_sample: still_sample.Params = still_sample.Params()
     benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
     benchmark_set: benchmark_set.Params = benchmark_set.Params()
+    model_train: model_train.Params = model_train.Params()
     predict_cases: predict_cases.Params = predict_cases.Params()
     baseline_cases: baseline_cases.Params = baseline_cases.Params()
     score_cases: score_cases.Params = score_cases.Params()
     benchmark: benchmark.Params = benchmark.Params()
+    ablation_report: ablation_report.Params = ablation_report.Params()
 
 
 class Origin(NamedTuple):
@@ -83,6 +90,7 @@ class Origin(NamedTuple):
     videos: tuple[RenderedClip, ...] = ()
     cases: FileTree | None = None
     predictions: tuple[FileTree, ...] = ()
+    dataset: FileTree | None = None
 
 
 class Extracted(NamedTuple):
@@ -210,6 +218,20 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
     return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.benchmark_set, ctx=g.ctx)
 
 
+def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
+    """What a model learns from: the data set or the videos that the user gives, else rendered stills."""
+    if origin.dataset:
+        return g.leaf("dataset", origin.dataset)
+    if origin.videos:
+        return pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)
+    return stills_to_train(g, p)
+
+
+def learn(g: Graph, dataset: FileTree, p: Settings) -> Trained:
+    """A data set -> a trained two-hand model, with its curves."""
+    return g.add(model_train.run,           dataset=dataset,                          params=p.model_train, ctx=g.ctx)
+
+
 def ask(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
     """What a trained model says of the cases, told the task, the task of another case, or none."""
     mine = p.predict_cases
@@ -253,8 +275,40 @@ def benchmark_stills(g: Graph, origin: Origin, p: Settings) -> None:
     g.target("benchmark-set", stills_to_measure(g, p))
 
 
+def train(g: Graph, origin: Origin, p: Settings) -> None:
+    """a two-hand affordance model, from rendered stills or from --source: a data set, or videos"""
+    trained = learn(g, lessons(g, origin, p), p)
+    files, log = g.pick(trained, lambda t: t.files), g.pick(trained, lambda t: t.log)
+    params = training_record.Params()
+    g.target("train", files, g.named("record_model_train").add(training_record.run, log=log, files=files, params=params, ctx=g.ctx))
+
+
+def measure(g: Graph, origin: Origin, p: Settings) -> None:
+    """the trained model, baselines and predictions of others on held-out stills, or on the cases of --source"""
+    dataset = stills_to_train(g, p)
+    cases   = g.leaf("cases", origin.cases) if origin.cases else stills_to_measure(g, p)
+    model   = g.pick(learn(g, dataset, p), lambda t: t.files)
+    report  = compare(g, cases, dataset, model, origin, p)
+    g.target("benchmark", report, record_run(g, "benchmark", report))
+
+
+def ablate(g: Graph, origin: Origin, p: Settings) -> None:
+    """what each part of the model is worth: rows of trainings over several seeds, on held-out stills"""
+    mine    = p.ablation_report
+    params  = replace(p.model_train, steps=mine.steps) if mine.steps else p.model_train
+    planned = g.leaf("recipes", recipes(mine.rows, mine.seeds))
+    cases   = stills_to_measure(g, p)
+    trained = g.add(model_train.run,        dataset=stills_to_train(g, p), recipe=g.each(planned), params=params, ctx=g.ctx)
+    said    = g.add(predict_cases.run,      cases=cases,     model=g.pick(trained, lambda t: t.files),
+                    params=replace(p.predict_cases, name=""), ctx=g.ctx)  # fmt: skip
+    scores  = g.add(score_cases.run,        cases=cases,     predictions=said,        params=p.score_cases)
+    report  = g.add(ablation_report.run,    recipes=planned, scores=g.collect(scores), params=mine, ctx=g.ctx)
+    g.target("ablation", report, record_run(g, "ablation_report", report))
+
+
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
-           "train-set": train_set, "benchmark-set": benchmark_stills}
+           "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
+           "ablation": ablate}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

@@ -12,7 +12,7 @@ from pipeline import Origin, Settings
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
-OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark"}
+OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
 
 
@@ -24,6 +24,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
         return Origin(OWN_ROOMS[target]), None
     if target == "benchmark":
         return _benchmark(source, settings, digest), None
+    if target == "train" and (source is None or _is_dataset(source)):
+        return _lessons(source, settings, digest), None
     if source is None:
         return _synthetic(target, settings), None
     if not source.exists():
@@ -47,6 +49,26 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
     except ValueError as error:
         raise UsageError(str(error)) from error
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
+
+
+def _is_dataset(source: Path) -> bool:
+    """Whether a folder holds samples that a model can be trained on as they are."""
+    from afford.training.sources import splits
+
+    try:
+        return bool(splits(source))
+    except ValueError:
+        return False
+
+
+def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """A data set to train on; stills that are rendered for it where no source is given."""
+    from afford.benchmark.layout import tree
+
+    if source is None:
+        return Origin(settings.model_train.variant)
+    given = tree(source, digest)
+    return Origin(given.name, dataset=given)
 
 
 def _synthetic(target: str, settings: Settings) -> Origin:

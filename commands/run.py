@@ -103,7 +103,9 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage.startswith("record_"):
                 publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
-            elif stage in ("extraction_report", "benchmark"):
+            elif stage == "model_train.files":
+                out["model"] = str(publish(runner, digest, store / "models" / place.name))
+            elif stage in ("extraction_report", "benchmark", "ablation_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "scene_render":
                 parts = dict(runner.children(digest) or ())
@@ -125,7 +127,9 @@ def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
     if "report" not in outputs:
         return {}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
-    return metrics | (_per_image if "benchmark" in report.outputs else _per_frame)(report, metrics)
+    more = {"benchmark": _per_image, "extraction_report": _per_frame}
+    spent = [more[stage](report, metrics) for stage in report.outputs if stage in more]
+    return metrics | (spent[0] if spent else {})
 
 
 def _per_image(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:

@@ -38,6 +38,8 @@ class Params:
     """2, or 1: one region for whichever hand, as LISA has it"""
     target: str = "affordance"
     """what is learned: affordance, or object (the complete object of each hand)"""
+    object_share: float = 0.3
+    """share of the steps, at the beginning, in which the complete object is learned: where to look at all"""
     seed: int = 0
     """seed of weights, order and augmentation"""
     backbones: str = ""
@@ -121,12 +123,12 @@ def _with(params: Params, recipe: Recipe) -> Params:
 
 
 def _job(p: Params):  # type: ignore[no-untyped-def]  # Job is a leaf's type, and leafs load inside `run`
-    from afford.dataset.augment import Settings
     from afford.models.twohands.config import ModelConfig
     from afford.models.twohands.losses import LossParams
     from afford.training.divide import Division
     from afford.training.job import Job
     from afford.training.task import Plan
+    from afford.training.views import Views
 
     return Job(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
@@ -136,5 +138,6 @@ def _job(p: Params):  # type: ignore[no-untyped-def]  # Job is a leaf's type, an
                   device=p.device),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight),
         division=Division(p.split_by, p.val_fraction, p.seed),
-        augmentation=Settings(p.flip_share, p.crop_share, colour_share=p.colour_share),
-        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
+        views=Views(p.flip_share, p.crop_share, colour_share=p.colour_share),
+        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target,
+        object_share=p.object_share, seed=p.seed)  # fmt: skip

@@ -28,7 +28,7 @@ MEMORY_GIB = 2.0
 @dataclass(frozen=True)
 class Params:
     name: str = "small"
-    """name of the method in the report"""
+    """name of the method in the report; '' is the model's own"""
     text: Literal["given", "shuffled", "removed"] = "given"
     """the task the model is told: the case's own, that of another case, or none"""
     hands: Literal["auto", "left", "right", "both"] = "auto"
@@ -57,4 +57,4 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
 
     out = empty_folder(ctx.scratch / "out")
     stored.write(out / stored.NAME, rows())
-    return tree(params.name, out)
+    return tree(params.name or model.name, out)

@@ -6,18 +6,19 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import datasets
 import numpy as np
 import pytest
 from PIL import Image
 
 from afford.dataset import export_2hands
-from afford.dataset.augment import Settings
 from afford.dataset.load import Dataset, Item
 from afford.training import cache, divide, sources
 from afford.training.batches import Batches
 from afford.training.order import Order
 from afford.training.scores import THRESHOLDS, scores
+from afford.training.views import Views, cropped, view
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
 
@@ -141,7 +142,7 @@ def test_batches_are_a_function_of_their_number(packed: Path) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
     samples = list(sources.items(packed, "train"))
     order = Order([item.taxonomy for item in samples], 0.5, 3)
-    batches = Batches(samples, order, Settings(), shrunk, shrunk_masks, 4, 3)
+    batches = Batches(samples, order, Views(), shrunk, shrunk_masks, 4, 3)
     first = batches(7)
     batches(2)
     again = batches(7)
@@ -153,11 +154,29 @@ def test_batches_are_a_function_of_their_number(packed: Path) -> None:
 
 
 def shrunk(image: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(image[: SIZE[0], : SIZE[1]])
+    return cv2.resize(image, SIZE[::-1], interpolation=cv2.INTER_NEAREST)
 
 
 def shrunk_masks(masks: np.ndarray) -> np.ndarray:
-    return masks[:, : SIZE[0], : SIZE[1]]
+    return np.stack([shrunk(mask.view(np.uint8)).view(bool) for mask in masks])
+
+
+def test_views_are_seeded_and_keep_picture_and_masks_together(packed: Path) -> None:
+    """The same position gives the same view; a mirrored view swaps sides and words; a crop holds the objects whole."""
+    samples = list(sources.items(packed, "train"))
+    for n, item in enumerate(samples):
+        painted = replace(item, image=np.where(item.masks[2:].any(0)[..., None], np.uint8(255), np.uint8(0)).repeat(3, 2))
+        seen = view(painted, Views(colour_share=0), 1, n)
+        assert np.array_equal(seen.image, view(painted, Views(colour_share=0), 1, n).image)
+        assert np.array_equal(seen.image[..., 0] > 0, seen.masks[2:].any(0))
+        assert sorted(seen.masks.sum((1, 2))) == sorted(item.masks.sum((1, 2)))
+    mirrored = view(samples[0], Views(1, 0, colour_share=0), 1, 0)
+    assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
+    assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
+    box = cropped(samples[0], Views(margin=0)).masks[2:].any(0)
+    assert box[0].any() and box[-1].any() and box[:, 0].any() and box[:, -1].any()
+    nothing = replace(samples[0], masks=np.zeros_like(samples[0].masks))
+    assert cropped(nothing, Views()).image.shape == nothing.image.shape
 
 
 def test_scores_are_the_definitions() -> None:

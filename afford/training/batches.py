@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.dataset.augment import Settings, augment
 from afford.dataset.load import Item
 from afford.training.order import Order
+from afford.training.views import Views, view
 
 Box = Callable[[np.ndarray], np.ndarray]
 """(h, w, 3) image, or (n, h, w) masks, of any size -> the same at the size of the model"""
@@ -34,7 +34,7 @@ class Batches:
 
     samples: Sequence[Item]
     order: Order
-    settings: Settings
+    views: Views
     image_box: Box
     mask_box: Box
     size: int
@@ -46,8 +46,8 @@ class Batches:
         return stack(drawn, self.image_box, self.mask_box)
 
     def _sample(self, position: int) -> Item:
-        epoch, index = self.order.sample(position)
-        return augment(self.samples[index], self.settings, self.seed, epoch, position)
+        _, index = self.order.sample(position)
+        return view(self.samples[index], self.views, self.seed, position)
 
 
 def stack(items: Sequence[Item], image_box: Box, mask_box: Box) -> Arrays:

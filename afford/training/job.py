@@ -7,11 +7,11 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from afford.dataset.augment import Settings
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.losses import LossParams
 from afford.training.divide import Division
 from afford.training.task import Plan
+from afford.training.views import Views
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Job:
     plan: Plan
     loss: LossParams
     division: Division
-    augmentation: Settings
+    views: Views
     batch: int
     """samples per micro-batch and process"""
     balance: float
@@ -33,6 +33,8 @@ class Job:
     """samples are kept at this many times the size of the model, so that crops stay sharp"""
     target: str
     """affordance or object"""
+    object_share: float
+    """share of the steps, at the beginning, in which the complete object is learned whatever the target: where to look at all"""
     seed: int
 
     def to_json(self) -> str:
@@ -44,7 +46,7 @@ class Job:
         """The job again."""
         parts: dict[str, Any] = json.loads(text)
         kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Division,
-                                  "augmentation": Settings}
+                                  "views": Views}
         return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in parts.items()})
 
 

@@ -1,0 +1,79 @@
+"""Scores of trained rows -> means and spreads over seeds, as numbers and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from afford.dataset.files import write_json
+from schemas.benchmark import MethodScores
+from schemas.training import Recipe
+
+MEASURES = ("iou", "precision", "map", "best_mode_iou", "taxonomy_accuracy")
+PROTOCOL, GROUP = "cropped", "kitchen"
+
+Values = dict[str, list[dict[str, float]]]
+"""row -> measures of each finished seed"""
+
+
+def write(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores]) -> None:
+    """metrics.json, ablation.json and ablation.md."""
+    done = {one.name: measures(one) for one in scores}
+    strange = sorted(done.keys() - {recipe.name for recipe in recipes})
+    if strange or not done:
+        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {strange or 'none'}")
+    rows = {row: [done[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in done]
+            for row in dict.fromkeys(recipe.row for recipe in recipes)}  # fmt: skip
+    planned = {row: sum(recipe.row == row for recipe in recipes) for row in rows}
+    write_json(root / "metrics.json", metrics(rows, planned))
+    write_json(root / "ablation.json", done)
+    (root / "ablation.md").write_text(table(rows, planned), encoding="utf-8")
+
+
+def measures(one: MethodScores) -> dict[str, float]:
+    """Means over the cropped cases of kitchens; over all cropped cases where none is a kitchen's. Cases to which a measure does
+    not apply are left out."""
+    cropped = np.array([protocol == PROTOCOL for protocol in one.protocol])
+    kitchen = cropped & np.array([GROUP in groups for groups in one.groups])
+    values = one.values[kitchen if kitchen.any() else cropped]
+    found = {name: values[:, one.measure.index(name)] for name in MEASURES}
+    return {name: float(column[~np.isnan(column)].mean()) for name, column in found.items() if not np.isnan(column).all()}
+
+
+def metrics(rows: Values, planned: dict[str, int]) -> dict[str, float]:
+    """<row>.<measure> and <row>.<measure>.sd over finished seeds, <row>.seeds, <row>.unfinished."""
+    out: dict[str, float] = {}
+    for row, seeds in rows.items():
+        out |= {f"{row}.seeds": float(len(seeds)), f"{row}.unfinished": float(planned[row] - len(seeds))}
+        for name in sorted({name for seed in seeds for name in seed}):
+            mean, sd = spread(seeds, name)
+            out |= {f"{row}.{name}": mean, f"{row}.{name}.sd": sd}
+    return out
+
+
+def spread(seeds: list[dict[str, float]], name: str) -> tuple[float, float]:
+    """Mean and sample standard deviation over the seeds; 0 for a single one."""
+    values = [seed[name] for seed in seeds if name in seed]
+    return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+
+
+def table(rows: Values, planned: dict[str, int]) -> str:
+    """Markdown, a line per row."""
+    head = "# Ablation\n\nMean and standard deviation over seeds; strict measures of cropped kitchens (docs/benchmark.md).\n\n"
+    lines = [f"| row | {' | '.join(MEASURES)} | seeds |", f"|---|{'--:|' * (len(MEASURES) + 1)}"]
+    return head + "\n".join([*lines, *(_line(row, seeds, planned[row]) for row, seeds in rows.items())]) + "\n"
+
+
+def _line(row: str, seeds: list[dict[str, float]], planned: int) -> str:
+    cells = [_cell(seeds, name) for name in MEASURES]
+    done = str(planned) if len(seeds) == planned else f"{len(seeds)} of {planned}, not finished"
+    return f"| {row} | {' | '.join(cells)} | {done} |"
+
+
+def _cell(seeds: list[dict[str, float]], name: str) -> str:
+    if not any(name in seed for seed in seeds):
+        return "-"
+    mean, sd = spread(seeds, name)
+    return f"{mean:.3f} ± {sd:.3f}" if len(seeds) > 1 else f"{mean:.3f}"
