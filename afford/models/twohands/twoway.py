@@ -58,9 +58,8 @@ class Decoder(nn.Module):
             tokens, image = block(tokens, keep, image, place)
         own = tokens[:, :count].unflatten(1, (self.hands, -1))
         weight = torch.stack([hyper(own[:, hand, 1:]) for hand, hyper in enumerate(self.hyper)], dim=1)
-        logits = torch.einsum("bskc,bchw->bskhw", weight[..., :-1], self._fine(stride4, stride8, image))
         score = self.score(own[:, :, 1:] + own[:, :, :1])[..., 0]
-        return logits + weight[..., -1, None, None], score, own
+        return weighed(weight, self._fine(stride4, stride8, image)), score, own
 
     def _fine(self, stride4: Tensor, stride8: Tensor, image: Tensor) -> Tensor:
         """(b, c4, H/4, W/4): what the image tokens know, made sharp by the encoder's own fine features."""
@@ -69,6 +68,17 @@ class Decoder(nn.Module):
         x = torch.relu(self.norm8(_twice(self.down8(x)) + self.skip8(stride8)))
         x = torch.relu(self.norm4(_twice(self.down4(x)) + self.skip4(stride4)))
         return torch.relu(self.fine(x))
+
+
+def weighed(weight: Tensor, fine: Tensor) -> Tensor:
+    """Hypernetwork weights (b, s, k, c + 1), the last of them a bias, times features (b, c, h, w): logits (b, s, k, h, w).
+
+    Pixel by pixel, the order in which the features lie in memory (channels last), so that gradients keep it.
+    """
+    pixels = fine.permute(0, 2, 3, 1).flatten(1, 2)
+    flat = weight.flatten(1, 2)
+    logits = torch.baddbmm(flat[:, None, :, -1], pixels, flat[..., :-1].transpose(1, 2)).transpose(1, 2)
+    return logits.unflatten(1, weight.shape[1:3]).unflatten(3, fine.shape[2:])
 
 
 def _twice(x: Tensor) -> Tensor:
