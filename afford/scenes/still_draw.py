@@ -10,7 +10,6 @@ import numpy as np
 from afford.render.draw import draw_ids, render
 from afford.render.model import Camera, Instance
 from afford.render.raster import edges, fill, project
-from afford.render.textures import Textures
 from afford.scenes.camera import intrinsics, look_at
 from afford.scenes.cast import CENTRE
 from afford.scenes.record import grain

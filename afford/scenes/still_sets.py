@@ -16,9 +16,10 @@ NEW_PAIRS = (("shake", "jar"), ("pour", "carton"), ("stir", "pan"), ("move", "pl
 """A verb with a kind: training shows the verb with other things, and the thing with other verbs."""
 POOLS = {
     "kitchen": KNOWN,
-    "workshop": ("hammer", "screwdriver", "drill", "wrench", "saw", "toolbox", "glue", "wood", "paint", "can", "box", "jar", "bottle"),
+    "workshop": ("hammer", "screwdriver", "drill", "wrench", "saw", "toolbox", "glue", "wood", "paint", "can", "box", "jar",
+                 "bottle"),
     "desk": ("stapler", "scissors", "tape", "book", "laptop", "cup", "phone", "mug", "bottle", "box", "can", "plate"),
-}
+}  # fmt: skip
 BENCHMARK = (("P95", "kitchen", "known", 12), ("P96", "kitchen", "new", 6), ("workshop", "workshop", "any", 4),
              ("desk", "desk", "any", 4))  # fmt: skip
 """(participant, setting, what is asked, share of the rooms): kitchens have ids that begin with P, as EPIC's have."""

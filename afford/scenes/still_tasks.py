@@ -17,9 +17,11 @@ HOLD: dict[str, tuple[str, ...]] = {
 """Parts by which a thing is taken up; kinds that are not named: any part."""
 WIDE: dict[str, tuple[str, ...]] = {
     "bowl": ("edge",), "plate": ("edge",), "board": ("edge",), "box": ("side",), "toolbox": ("body",), "laptop": ("side",),
-    "book": ("side",), "wood": ("body",), "pan": ("pan rim", "handle"),
+    "book": ("side",), "wood": ("body",), "pan": ("handle",),
 }  # fmt: skip
 """Kinds that two hands carry where there is room on both sides, and where they take them."""
+OTHER_END = {"pan": ("pan rim",)}
+"""Where the second hand takes a thing that the first one has by its handle."""
 TAKE = (("pick-up", "pick up {}"), ("take", "take {}"), ("take", "take the {}"), ("grab", "grab {}"))
 PUT = (("put-down", "put down {}"), ("put", "put {} away"), ("place", "place {}"))
 MOVE = (("move", "move {}"), ("move", "move {} aside"))
@@ -110,7 +112,7 @@ def _alone(thing: Placed, name: str) -> Iterator[Act]:
     wide = WIDE.get(kind)
     for verb, text in (*MOVE, *LIFT):
         if wide:
-            yield Act(verb, text.format(name), (thing,), wide, wide, must=False, alone=hold)
+            yield Act(verb, text.format(name), (thing,), wide, OTHER_END.get(kind, wide), must=False, alone=hold)
         else:
             yield Act(verb, text.format(name), (thing,), hold)
 

@@ -25,6 +25,8 @@ PAN_RIM = "pan rim"
 TURNS = {"round": 36, "square": 4}
 CROSSING = 4.0
 """Comfort lost per metre that a palm reaches beyond the middle of the body to the other hand's side."""
+BEYOND = 5.0
+"""Comfort lost per metre that a palm reaches past the middle of a thing to its far side."""
 LEAST = 0.45
 """A hand goes nowhere less comfortable than this."""
 CLEAR_M = 0.022
@@ -82,8 +84,7 @@ class Reach:
         for grip in thing.model.grips_of(side):
             if not names or grip.name in names:
                 for turn, turned in enumerate(_turned(thing.model, grip)):
-                    palm = thing.T_world_obj @ turned.T_obj_palm
-                    yield Way(thing, turned, turn, comfort(palm, side) - CROSSING * max(0.0, _outside(palm, side)))
+                    yield Way(thing, turned, turn, _comfort(thing.T_world_obj @ turned.T_obj_palm, thing, side))
 
     def _free(self, way: Way) -> bool:
         """Whether palm, knuckles and forearm stay clear of other things and of the thing's own handle."""
@@ -94,9 +95,11 @@ class Reach:
         return _clear_of_handle(way, points[: len(ROOTS) + 1])
 
 
-def _outside(palm: Pose, side: str) -> float:
-    """How far a palm is on the other hand's side, metres."""
-    return float(-palm[0, 3] if side == "right" else palm[0, 3])
+def _comfort(palm: Pose, thing: Placed, side: str) -> float:
+    """How naturally an arm reaches a palm pose (about -2..1): also not to the other hand's side, and not behind the thing."""
+    across = float(-palm[0, 3] if side == "right" else palm[0, 3])
+    beyond = float(palm[1, 3] - thing.T_world_obj[1, 3])
+    return comfort(palm, side) - CROSSING * max(0.0, across) - BEYOND * max(0.0, beyond)
 
 
 def _turned(model: ObjectModel, grip: Grip) -> Iterator[Grip]:

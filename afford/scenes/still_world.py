@@ -108,8 +108,7 @@ def _tinted(instance: Instance, rng: np.random.Generator) -> Instance:
 
 
 def _with_tint(instance: Instance, factor: np.ndarray) -> Instance:
-    tint = np.asarray(instance.material.tint) * factor
-    return replace(instance, material=replace(instance.material, tint=tuple(float(value) for value in tint)))
+    return replace(instance, material=replace(instance.material, tint=_triple(np.asarray(instance.material.tint) * factor)))
 
 
 def _relit(light: Light, rng: np.random.Generator) -> Light:
@@ -117,4 +116,9 @@ def _relit(light: Light, rng: np.random.Generator) -> Light:
     x, y, z = light.direction
     turned = about((0, 0, 1), rng.uniform(-0.5, 0.5)) @ np.array([x * rng.choice([-1.0, 1.0]), y, z])
     power = rng.uniform(0.85, 1.15)
-    return replace(light, direction=tuple(float(v) for v in turned), colour=tuple(float(c * power) for c in light.colour))
+    return replace(light, direction=_triple(turned), colour=_triple(np.asarray(light.colour) * power))
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    a, b, c = values.tolist()
+    return a, b, c

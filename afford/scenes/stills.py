@@ -63,7 +63,7 @@ Asked = tuple[Act, tuple[Mode, ...]]
 
 
 def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: Reach, wanted: list[Act]) -> Iterator[Asked]:
-    """Up to `spec.tasks` tasks of one picture, one per verb and things, two-handed ones and single things by turns."""
+    """Up to `spec.tasks` tasks of one picture, one per verb and things, with their modes; what cannot be done is left out."""
     seen = _in_sight(layout, shot)
     for act in _by_turns([act for act in wanted if all(thing.number in seen for thing in act.things)], world.rng, world.spec.tasks):
         modes = _modes(world, shot, plans(act, reach), seen)
@@ -72,23 +72,23 @@ def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: Reach, wanted: 
 
 
 def _by_turns(wanted: list[Act], rng: np.random.Generator, most: int) -> list[Act]:
-    """At most `most` acts in random order, no verb with the same things twice, every group of verbs with the same chance."""
-    groups: dict[tuple[str, int], list[Act]] = {}
+    """At most `most` acts, no verb with the same things twice: those that may take two hands and those that take one by turns,
+    and among these every verb with the same chance."""
+    groups: dict[bool, dict[tuple[str, int], list[Act]]] = {True: {}, False: {}}
     for k in rng.permutation(len(wanted)):
-        groups.setdefault((wanted[k].verb, len(wanted[k].things)), []).append(wanted[k])
-    chosen: list[Act] = []
-    used: set[tuple[object, ...]] = set()
-    names = list(groups)
-    while names and len(chosen) < most:
+        act = wanted[k]
+        groups[act.support is not None].setdefault((act.verb, len(act.things)), []).append(act)
+    chosen: dict[tuple[object, ...], Act] = {}
+    two = bool(rng.random() < 0.5)
+    while len(chosen) < most and any(groups.values()):
+        two = not two if groups[not two] else two
+        names = list(groups[two])
         name = names[int(rng.integers(len(names)))]
-        act = groups[name].pop()
-        if not groups[name]:
-            names.remove(name)
-        key = (act.verb, *(thing.number for thing in act.things))
-        if key not in used:
-            used.add(key)
-            chosen.append(act)
-    return chosen
+        act = groups[two][name].pop()
+        if not groups[two][name]:
+            del groups[two][name]
+        chosen.setdefault((act.verb, *(thing.number for thing in act.things)), act)
+    return list(chosen.values())
 
 
 def _in_sight(layout: Layout, shot: Shot) -> dict[int, np.ndarray]:
@@ -132,7 +132,7 @@ def _shows(plan: Plan, masks: np.ndarray) -> bool:
 
 
 def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    return np.count_nonzero(a[:2] & b[:2]) / max(np.count_nonzero(a[:2] | b[:2]), 1)
+    return float((a[:2] & b[:2]).sum() / max(int((a[:2] | b[:2]).sum()), 1))
 
 
 def _mode(plan: Plan, masks: np.ndarray, weight: float) -> Mode:
