@@ -20,7 +20,7 @@ from schemas.files import FileTree
 if TYPE_CHECKING:
     from afford.benchmark.answers import Answer
 
-LIBRARIES = ("numpy", "opencv-python-headless", "scipy", "pyarrow", "pillow")
+LIBRARIES = ("numpy", "opencv-python-headless", "scipy", "pyarrow", "pillow", "scikit-image")
 THREADS = 1
 MEMORY_GIB = 1.0
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from runner import RunReport
 from tests.command import Made
 from tests.tiny_source import write_source
 
@@ -22,6 +23,15 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     source, store = write_source(folder / "tiny", truth=True), folder / "store"
     printed = [_pipeline(target, source, store) for target in ("dataset", "extraction-report")]
     return Made(source, store, json.loads(printed[0].splitlines()[-1]))
+
+
+@pytest.fixture(scope="session")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunReport]:
+    """A store in which a tiny model, the baselines and another method were compared, and what the run said."""
+    from tests import made_comparison
+
+    folder = tmp_path_factory.mktemp("compared")
+    return folder / "store", made_comparison.run(folder / "inputs", folder / "store")
 
 
 def _pipeline(target: str, source: Path, store: Path) -> str:

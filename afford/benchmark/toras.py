@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from skimage.draw import polygon
 
 from afford.benchmark.layout import CaseFiles
 from afford.readers.errors import SourceError
@@ -100,12 +101,14 @@ def _segmentation(entity: Any, where: str) -> list[Annotation]:
 def draw(annotations: list[Annotation]) -> np.ndarray:
     """(855, 855) bool. Outlines of one annotation cancel where they overlap; annotations are joined."""
     canvas = np.zeros((CANVAS_PX, CANVAS_PX), bool)
+    side = CANVAS_PX * FINE
     for outlines in annotations:
-        if outlines:
-            fine = np.zeros((CANVAS_PX * FINE, CANVAS_PX * FINE), np.uint8)
-            corners = [np.clip(np.rint(outline * FINE - 0.5), -(2**14), 2**14).astype(np.int32) for outline in outlines]
-            cv2.fillPoly(fine, corners, 1)
-            canvas |= fine.reshape(CANVAS_PX, FINE, CANVAS_PX, FINE).max(axis=(1, 3)).view(bool)
+        fine = np.zeros((side, side), bool)
+        for outline in outlines:
+            x, y = (outline * FINE - 0.5).T
+            rows, columns = polygon(y, x, (side, side))
+            fine[rows, columns] ^= True
+        canvas |= fine.reshape(CANVAS_PX, FINE, CANVAS_PX, FINE).any(axis=(1, 3))
     return cv2.resize(canvas.view(np.uint8), (FULL_PX, FULL_PX), interpolation=cv2.INTER_NEAREST).view(bool)
 
 
