@@ -23,13 +23,13 @@ MEMORY_GIB = 0.2
 class Params:
     seed: int = 20262
     """seed of the benchmark"""
-    rooms: int = 26
-    """rooms altogether; about 12 stills each"""
-    layouts: int = 4
+    rooms: int = 32
+    """rooms altogether; about 13 stills each"""
+    layouts: int = 5
     """how often the things of a room are laid out anew"""
     views: int = 1
     """pictures of each layout"""
-    tasks: int = 5
+    tasks: int = 6
     """most tasks asked of one picture"""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from afford.scenes.asset import Grip, ObjectModel
 from afford.scenes.cast import comfort
-from afford.scenes.grips import edge
+from afford.scenes.grips import edge, mirrored
 from afford.scenes.hand_bones import ROOTS, WRIST
 from afford.scenes.motion import Pose, about, pose
 from afford.scenes.still_layout import Placed, height_at, heights
@@ -56,11 +56,17 @@ class Way:
         return self.thing.T_world_obj @ self.grip.T_obj_palm
 
 
-def with_rim(model: ObjectModel) -> ObjectModel:
-    """A pan can also be held by the far sides of its rim."""
-    if model.kind != "pan" or model.opening is None:
-        return model
-    return replace(model, grips=(*model.grips, *edge(PAN_RIM, (float(model.size[0]) / 2, 0.0, model.opening[2]), 0.01)))
+def with_more_grips(model: ObjectModel) -> ObjectModel:
+    """A pan can also be held by the sides of its rim; a mug's handle is taken from outside with the left hand too."""
+    if model.kind == "pan" and model.opening is not None:
+        return replace(model, grips=(*model.grips, *edge(PAN_RIM, (float(model.size[0]) / 2, 0.0, model.opening[2]), 0.01)))
+    if model.kind == "mug":
+        right = next(grip for grip in model.grips_of("right") if grip.name == "handle")
+        other = mirrored(right)
+        left = replace(other, T_obj_palm=pose((0, 0, 0), about((0, 0, 1), np.pi)) @ other.T_obj_palm)
+        rest = (grip for grip in model.grips if grip.name != "handle")
+        return replace(model, grips=(*rest, right, left))
+    return model
 
 
 class Reach:

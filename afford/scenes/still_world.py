@@ -20,7 +20,7 @@ from afford.scenes.mats import mats
 from afford.scenes.motion import about, pose
 from afford.scenes.still_layout import Placed, lay_out
 from afford.scenes.still_sets import NEW, kinds
-from afford.scenes.still_ways import Way, with_rim
+from afford.scenes.still_ways import Way, with_more_grips
 from afford.scenes.world import elbow
 from schemas.scene import StillSpec
 
@@ -48,7 +48,7 @@ class StillWorld:
 
     def __init__(self, spec: StillSpec) -> None:
         self.spec, self.rng = spec, np.random.default_rng(spec.seed)
-        self.models = [with_rim(objects.build(kind, self.rng)) for kind in self._pool()]
+        self.models = [with_more_grips(objects.build(kind, self.rng)) for kind in self._pool()]
         room = rooms.bare(spec.setting, self.rng)
         self.room = replace(room, instances=(*room.instances, *mats(spec.setting, self.rng, CENTRE)))
         look = person(self.rng)
