@@ -158,23 +158,25 @@ def _request(target: str, source: Path | None, clip: list[str] | None, set_: lis
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 done, 1 something failed, 2 the call does not fit, 130 stopped by the user."""
-    from runner import StoreError, UnknownNameError, UnknownShardError
-
     try:
         return int(app(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that app returns
-    except (UsageError, UnknownNameError, UnknownShardError) as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
-    except StoreError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 1
     except KeyboardInterrupt:
         sys.stderr.write("stopped; what was finished is kept, run again to go on\n")
         return 130
     except Exception as error:
-        if not hasattr(error, "exit_code"):  # click's own usage errors carry one
-            raise
-        show = getattr(error, "show", None)
-        if show:
-            show()
-        return int(error.exit_code)
+        return _exit_code(error)
+
+
+def _exit_code(error: Exception) -> int:
+    """Say what went wrong in one sentence; what nobody foresaw is raised again. Nobody waits for the runner's errors before."""
+    from runner import StoreError, UnknownNameError, UnknownShardError
+
+    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, StoreError)):
+        sys.stderr.write(f"error: {error}\n")
+        return 1 if isinstance(error, StoreError) else 2
+    if not hasattr(error, "exit_code"):  # click's own usage errors carry one
+        raise error
+    show = getattr(error, "show", None)
+    if show:
+        show()
+    return int(error.exit_code)

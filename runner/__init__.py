@@ -16,13 +16,28 @@ next), runner (the verbs above), reasons (why), upkeep (verify, gc, lineage).
 
 from __future__ import annotations
 
-from runner.codec import Codec
-from runner.graph import Graph, GraphError, Handle
-from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
-from runner.runner import Runner, UnknownNameError
-from runner.source import SourceError
-from runner.store import LostError, StoreError
-from runner.walk import UnknownShardError
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from runner.codec import Codec
+    from runner.graph import Graph, GraphError, Handle
+    from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
+    from runner.runner import Runner, UnknownNameError
+    from runner.source import SourceError
+    from runner.store import LostError, StoreError
+    from runner.walk import UnknownShardError
 
 __all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "Observer", "Reason", "RunReport", "Runner",
            "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]
+HOMES = {"codec": ("Codec",), "graph": ("Graph", "GraphError", "Handle"), "source": ("SourceError",),
+         "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"), "runner": ("Runner", "UnknownNameError"),
+         "store": ("LostError", "StoreError"), "walk": ("UnknownShardError",)}  # fmt: skip
+"""module -> its names; each is imported when first asked for, so that the map can be read without the engine"""
+
+
+def __getattr__(name: str) -> Any:
+    home = next((module for module, names in HOMES.items() if name in names), None)
+    if home is None:
+        raise AttributeError(f"module 'runner' has no attribute {name!r}")
+    return getattr(import_module(f"runner.{home}"), name)

@@ -9,7 +9,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline import TARGETS, Settings
+from pipeline import TARGETS, Origin, Settings, build
+from schemas.scene import SceneSpec
 from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS
 
@@ -38,7 +39,7 @@ def mine(made: Made, tmp_path: Path) -> Made:
         (("run", "dataset", "--force", "mask_densfy"), "mask_densify"),
         (("run", "dataset", "--clip", "P96_1"), "P96_01"),
         (("run", "dataset", "--jobs", "-1"), "expected 0"),
-        (("run", "dataset", "--jobs", "many"), "valid integer"),
+        (("run", "dataset", "--jobs", "many"), "not a valid int"),
         (("run", "dataset", "--dri-run"), "--dry-run"),
         (("status", "datset"), "did you mean 'dataset'"),
         (("explain", "mask_densfy"), "did you mean 'mask_densify'"),
@@ -121,8 +122,10 @@ def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
 def test_graph_shows_every_stage_and_its_inputs(target: str, tmp_path: Path) -> None:
     """As text, and drawn."""
     text = call("graph", target)
-    assert text.code == 0 and (target == "scenes" or "hand_inpaint" in text.out)
-    assert all(" <- " in line for line in text.out.splitlines())
+    built = build(target, Origin("synthetic", specs=(SceneSpec("P91_01", "carry", "kitchen", seed=3),)), Settings())
+    lines = {line.split()[0]: line for line in text.out.splitlines()}
+    assert text.code == 0 and lines.keys() == {node.name for node in built.stages()}
+    assert all((" <- " in lines[node.name]) == bool(node.inputs) for node in built.stages())
     drawn = call("graph", target, "--out", tmp_path / "graph.svg")
     assert drawn.code == 0 and "<svg" in (tmp_path / "graph.svg").read_text()
 
