@@ -30,7 +30,7 @@ class ModelConfig:
     """attention heads everywhere in small"""
     text: bool = True
     """False: the model does not read the task (ablation no_text)"""
-    text_buckets: int = 8192
+    text_buckets: int = 4096
     """rows of the table that pieces of words are hashed into"""
     text_words: int = 16
     """words read of a task; the rest is cut off"""
