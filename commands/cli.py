@@ -115,6 +115,7 @@ def inspect(
     sheet: Annotated[Path | None, typer.Option(help="draw a contact sheet to this .png")] = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="open the Rerun viewer")] = False,
     save: Annotated[Path | None, typer.Option(help="write an .rrd for the Rerun viewer, layout included")] = None,
+    layout: Annotated[Path | None, typer.Option(help="write a layout for Foxglove, .json")] = None,
     diff: Annotated[bool, typer.Option("--diff", help="name what differs between two recordings")] = False,
     sort: Annotated[str, typer.Option(help="order of many: name, messages, seconds, bytes or problem")] = "name",
     store: Store = None,
@@ -124,7 +125,7 @@ def inspect(
     from commands.inspect import Options
     from commands.inspect import inspect as look
 
-    raise typer.Exit(look(paths, Options(json, strict, sheet, rerun, save, diff, sort, store)))
+    raise typer.Exit(look(paths, Options(json, strict, sheet, rerun, save, layout, diff, sort, store)))
 
 
 @app.command()

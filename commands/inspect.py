@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Sequence
@@ -28,6 +29,7 @@ class Options:
     sheet: Path | None = None
     rerun: bool = False
     save: Path | None = None
+    layout: Path | None = None
     diff: bool = False
     sort: str = "name"
     store: Path | None = None
@@ -55,6 +57,7 @@ def inspect(paths: Sequence[str], options: Options) -> int:
     _tell(verdicts, options)
     if all(not verdict.summary.problem for verdict in verdicts):
         _views(files, options)
+        _lay_out(verdicts[0].summary, options.layout)
     return int(any(verdict.problems for verdict in verdicts))
 
 
@@ -71,8 +74,8 @@ def _recordings(paths: Sequence[str]) -> list[Path]:
 
 
 def _one_only(files: list[Path], options: Options) -> None:
-    if len(files) > 1 and (options.rerun or options.save):
-        raise UsageError(f"--rerun and --save: expected one recording, got {len(files)}; name one of them")
+    if len(files) > 1 and (options.rerun or options.save or options.layout):
+        raise UsageError(f"--rerun, --save and --layout: expected one recording, got {len(files)}; name one of them")
 
 
 def _verdict(path: Path, strict: bool) -> Verdict:
@@ -115,6 +118,15 @@ def _views(files: list[Path], options: Options) -> None:
         from afford.recording import viewer
 
         viewer.show(files[0])
+
+
+def _lay_out(found: Summary, out: Path | None) -> None:
+    if out:
+        from afford.recording.layout import layout
+
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(json.dumps(layout(found), indent=1) + "\n", encoding="utf-8")
+        _made(out)
 
 
 def _made(path: Path) -> None:

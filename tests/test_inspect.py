@@ -10,7 +10,9 @@ from pathlib import Path
 import cv2
 import pytest
 
-from afford.recording.summary import summarise
+from afford.recording.layout import CURVES, layout
+from afford.recording.own_types import MESSAGES
+from afford.recording.summary import Summary, summarise
 from commands.cli import main
 from tests.made_recordings import T, recorded
 
@@ -85,7 +87,8 @@ def test_wrong_calls_exit_2(recording: Path, tmp_path: Path, capsys: pytest.Capt
     two = [str(recording), str(recording)]
     calls = [
         [str(tmp_path / "none.mcap"), str(recording)], [str(tmp_path / "empty")], ["--diff", str(recording)],
-        [*two, "--save", str(tmp_path / "x.rrd")], [*two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
+        [*two, "--save", str(tmp_path / "x.rrd")],
+        [*two, "--layout", str(tmp_path / "x.json")], [*two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
     ]  # fmt: skip
     for arguments in calls:
         assert main(["inspect", *arguments]) == 2, arguments
@@ -120,3 +123,28 @@ def test_a_viewer_file_is_written(recording: Path, tmp_path: Path) -> None:
     paths = {str(chunk.entity_path) for chunk in RrdReader(out).stream()}
     assert {"/frame/image", "/frame/masks", "/clean/image", "/objects/masks", "/affordance/masks", "/task", "/log"} <= paths
     assert "/plots/confidence/left_hand" in paths and "/plots/sample/quality" in paths
+
+
+def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) -> None:
+    """--layout: every panel is placed once, every topic is there, curves are numbers of their messages; the frame has outlines."""
+    out = tmp_path / "layout.json"
+    assert main(["inspect", str(recording), "--layout", str(out)]) == 0
+    made, topics = json.loads(out.read_text()), {topic.topic for topic in summarise(recording).topics}
+    assert sorted(placed(made["layout"])) == sorted(made["configById"])
+    frame = made["configById"]["Image!frame_decode_image"]["imageMode"]
+    assert frame == {"imageTopic": "/frame_decode/image", "annotations": {"/source_read/outlines": {"visible": True}}}
+    assert {panel["imageMode"]["imageTopic"] for name, panel in made["configById"].items() if name.startswith("Image!")} <= topics
+    curves = [path["value"].rsplit(".", 1) for path in made["configById"]["Plot!curves"]["paths"]]
+    assert {topic for topic, _ in curves} <= topics and ["/affordance/state", "quality"] in curves
+    assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, number in CURVES.items())
+
+
+def placed(tree: str | dict) -> list[str]:
+    """The panels of a layout."""
+    return [tree] if isinstance(tree, str) else [*placed(tree["first"]), *placed(tree["second"])]
+
+
+def test_nothing_to_lay_out_is_said() -> None:
+    """One sentence with what the recording has."""
+    with pytest.raises(ValueError, match="expected pictures, curves or words to lay out, got no topic"):
+        layout(Summary("x.mcap", 0, ""))

@@ -1,0 +1,83 @@
+"""A Foxglove layout for one recording: its pictures, curves and words, out of the topics that it has.
+
+A layout is JSON that Foxglove imports (Layouts, Import from file). Only topics with messages get a panel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from afford.recording.summary import Summary
+
+FRAME, OUTLINES = "/frame_decode/image", "/source_read/outlines"
+OVERLAID = ("/mask_densify/overlay", "/hand_inpaint/image", "/object_completion/overlay", "/affordance/overlay",
+            "/sample_assemble/image")  # fmt: skip
+"""pictures of a clip that are shown beside the frame; its frame carries the annotators' outlines"""
+NARRATION = "/narration"
+IMAGE, LOG, ON_PAPER = "foxglove.CompressedImage", "foxglove.Log", "affordance.v1.Document"
+CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState": "confidence",
+          "affordance.v1.AffordanceState": "quality"}  # fmt: skip
+"""message -> the number of it that is plotted"""
+PICTURES_SHARE = 66.0
+Panels = dict[str, dict[str, Any]]
+Tree = str | dict[str, Any]
+
+
+def layout(found: Summary) -> dict[str, Any]:
+    """The layout as JSON values; ValueError when the recording holds nothing that a panel shows."""
+    topics = {topic.topic: topic.schema for topic in found.topics if topic.messages}
+    pictures, beside = _pictures(topics), _plot(topics) | _words(topics)
+    if not pictures and not beside:
+        raise ValueError(f"{found.path}: expected pictures, curves or words to lay out, got {', '.join(topics) or 'no topic'}")
+    parts = [_grid(list(pictures))] * bool(pictures) + [_stack(list(beside), "column")] * bool(beside)
+    tree = _split(parts[0], parts[1], "row", PICTURES_SHARE) if len(parts) == 2 else parts[0]
+    return {"configById": pictures | beside, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1}, "layout": tree}
+
+
+def _pictures(topics: Mapping[str, str]) -> Panels:
+    """The views of a clip; every picture of a recording that is not of a clip."""
+    images = [topic for topic, schema in topics.items() if schema == IMAGE]
+    shown = [topic for topic in (FRAME, *OVERLAID) if topic in images] or images
+    return {f"Image!{_id(topic)}": {"foxglovePanelTitle": topic, "imageMode": _image(topic, topics)} for topic in shown}
+
+
+def _image(topic: str, topics: Mapping[str, str]) -> dict[str, Any]:
+    drawn = {OUTLINES: {"visible": True}} if topic == FRAME and OUTLINES in topics else {}
+    return {"imageTopic": topic, "annotations": drawn}
+
+
+def _plot(topics: Mapping[str, str]) -> Panels:
+    paths = [{"value": f"{topic}.{CURVES[schema]}", "enabled": True, "timestampMethod": "receiveTime", "label": topic}
+             for topic, schema in topics.items() if schema in CURVES]  # fmt: skip
+    return {"Plot!curves": {"foxglovePanelTitle": "confidence and quality", "paths": paths, "minYValue": 0, "maxYValue": 1,
+                            "isSynced": True, "showLegend": True}} if paths else {}  # fmt: skip
+
+
+def _words(topics: Mapping[str, str]) -> Panels:
+    """Narrations and documents as they are, all logs in one."""
+    raw = [topic for topic, schema in topics.items() if schema == ON_PAPER or topic == NARRATION]
+    panels = {f"RawMessages!{_id(topic)}": {"foxglovePanelTitle": topic, "topicPath": topic} for topic in raw}
+    return panels | ({"RosOut!log": {"minLogLevel": 1, "searchTerms": []}} if LOG in topics.values() else {})
+
+
+def _grid(names: Sequence[str]) -> Tree:
+    """Two rows."""
+    half = (len(names) + 1) // 2
+    rows = [_stack(part, "row") for part in (names[:half], names[half:]) if part]
+    return _split(rows[0], rows[1], "column", 50.0) if len(rows) == 2 else rows[0]
+
+
+def _stack(names: Sequence[str], direction: str) -> Tree:
+    """All beside or above each other, with equal shares."""
+    if len(names) == 1:
+        return names[0]
+    return _split(names[0], _stack(names[1:], direction), direction, 100 / len(names))
+
+
+def _split(first: Tree, second: Tree, direction: str, share: float) -> Tree:
+    return {"first": first, "second": second, "direction": direction, "splitPercentage": share}
+
+
+def _id(topic: str) -> str:
+    return topic.strip("/").replace("/", "_")
