@@ -20,8 +20,8 @@ from schemas.context import Context
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
 
-LIBRARIES = ("numpy", "torch", "transformers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py", "pycocotools",
-             "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
+LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py",
+             "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
 MEMORY_GIB = 2.0
 
@@ -82,7 +82,7 @@ class Params:
     """share of samples that are cropped around their objects"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
-    zoom: float = 1.5
+    zoom: float = 2.0
     """samples are kept at this many times the model's size, so that crops stay sharp"""
     loss_mode: str = "paper"
     """paper or code (docs/decisions): what an idle hand costs, and what the taxonomy loss is taken of"""
