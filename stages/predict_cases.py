@@ -20,7 +20,8 @@ from schemas.files import FileTree
 if TYPE_CHECKING:
     from schemas.prediction import Prediction
 
-LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "torch", "safetensors", "transformers", "peft", "blake3")
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "torch", "safetensors", "transformers", "tokenizers",
+             "peft", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 2.0
 

@@ -216,5 +216,6 @@ def test_methods_of_one_name_or_of_other_cases_cannot_be_compared(bench: FileTre
     write_case(tmp_path / "other", "cropped/P01_01/0000001", "take mug", "left", {"aff_left": LEFT})
     other = as_tree(tmp_path / "other")
     alone = baseline_cases.run(other, NONE, baseline_cases.Params("object_box"), Scratch(tmp_path / "c"))
+    elsewhere = score_cases.run(other, alone, score_cases.Params())
     with pytest.raises(ValueError, match="score both on the same benchmark"):
-        benchmark.run((scores,), (score_cases.run(other, alone, score_cases.Params()),), benchmark.Params(), Scratch(tmp_path / "d"))
+        benchmark.run((scores,), (elsewhere,), benchmark.Params(), Scratch(tmp_path / "d"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 from afford.readers.errors import SourceError
@@ -9,7 +10,7 @@ from schemas.files import FileTree
 
 
 def unfold(files: FileTree, marker: str, folder: Path) -> Path:
-    """Link the files beside the one whose name ends in `marker` ('config.json') into `folder`, which is made anew, with those
+    """Copy the files beside the one whose name ends in `marker` ('config.json') into `folder`, with those
     below them. SourceError when there is no such file, or several."""
     found = [ref.name for ref in files.files if ref.name.rpartition("/")[2] == marker]
     heads = sorted({name.removesuffix(marker) for name in found}, key=len)
@@ -17,8 +18,7 @@ def unfold(files: FileTree, marker: str, folder: Path) -> Path:
         raise SourceError(files.name, f"one folder with a {marker}", ", ".join(found) or "none", "give the output of its stage")
     for ref in files.files:
         if ref.name.startswith(heads[0]):
-            link = folder / ref.name.removeprefix(heads[0])
-            link.parent.mkdir(parents=True, exist_ok=True)
-            link.unlink(missing_ok=True)
-            link.symlink_to(ref.path.absolute())
+            copy = folder / ref.name.removeprefix(heads[0])
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ref.path, copy)
     return folder
