@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -16,27 +17,38 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
+from afford.training.recipes import recipes
 from afford.worker import use_kernel_cache
 from pipeline import Origin, Settings, build
-from runner import Runner
+from runner import Graph, Runner, RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.store import Store, prepare_store
 from runner.traces import Trace, Traces
 from schemas.scene import SceneSpec
+from stages import ablation_report, dataset_pack, model_train
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
+from tests.made_samples import Scratch, clip
 from tests.purity_probe import blobs
+from tests.test_ablation_report import scores
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
 SPEC = SceneSpec("P91_01", "carry", "kitchen", seed=3, frames=3, key_gap=2)
+TRAINING = model_train.Params(steps=2, batch=2, warmup=1, validate_every=2, val_samples=2, height_px=32, width_px=48)
 OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
     "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
-BUILT_ON_DATETIME = ["pandas", "pyarrow.parquet"]  # and on its layout in C: they load before there is another one
+EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data"]}
+"""what loads before the watch begins: built on datetime and its layout in C; asks for a temporary folder (dill)"""
+ELSEWHERE = {"scene_render": "rendered",
+             **dict.fromkeys(("predict_cases", "baseline_cases", "score_cases", "benchmark"), "benchmarked"),
+             **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
+             **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
+"""stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
 
 
@@ -50,11 +62,55 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return store
 
 
+@pytest.fixture(scope="module")
+def stills(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a few small stills were rendered, drawn from and written as a benchmark."""
+    store = tmp_path_factory.mktemp("stills")
+    use_kernel_cache(ROOT, store)
+    few = {"rooms": 1, "layouts": 1, "views": 1, "tasks": 3}
+    small = Settings(train_plan=replace(Settings.train_plan, val_rooms=0, **few),
+                     benchmark_plan=replace(Settings.benchmark_plan, **few),
+                     still_render=replace(Settings.still_render, width_px=228, height_px=128, supersample=1))
+    for target in ("train-set", "benchmark-set"):
+        graph = build(target, Origin("tiny"), small)
+        report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, target)
+        assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def benchmarked(compared: tuple[Path, RunReport]) -> Path:
+    """A store in which methods were compared."""
+    store, report = compared
+    assert report.ok, report.failures
+    (store / ".cache" / "matplotlib").mkdir(parents=True, exist_ok=True)
+    listing = [sys.executable, "-c", "import matplotlib.font_manager"]
+    subprocess.run(listing, env=os.environ | {"MPLCONFIGDIR": str(store / ".cache" / "matplotlib")}, check=True)
+    return store
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a model was trained on a few shapes, and an ablation was tabled."""
+    store = tmp_path_factory.mktemp("trained")
+    clips = (clip("P01_01", 4, split="train"), clip("P01_02", 2, split="val"))
+    data = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path_factory.mktemp("packed")))
+    table = Graph()
+    planned, scored = table.leaf("recipes", recipes(("full",), 1)), table.leaf("scores", (scores("full-0", 0.5),))
+    params = ablation_report.Params()
+    table.target("table", table.add(ablation_report.run, recipes=planned, scores=scored, params=params, ctx=table.ctx))
+    training = build("train", Origin("tiny", dataset=data), Settings(model_train=TRAINING))
+    for target, graph in (("train", training), ("table", table)):
+        report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, target)
+        assert report.ok, report.failures
+    return store
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_is_pure(stage: str, made: Made, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
     bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing."""
-    store = request.getfixturevalue("rendered") if stage == "scene_render" else made.store
+    store = request.getfixturevalue(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     traces = one_of_each(Traces(store).all(), f"stages.{stage}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
     answers = replay(list(map(task, traces)), sources(traces), store, tmp_path)
@@ -93,7 +149,7 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     elsewhere.mkdir()
     (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
     job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
-           "first": BUILT_ON_DATETIME if any(task["arrow"] for task in tasks) else []}
+           "first": [name for word, names in EARLY.items() if any(task[word] for task in tasks) for name in names]}
     (folder / "job.json").write_text(json.dumps(job))
     command = [sys.executable, str(ROOT / "tests" / "purity_probe.py"), str(folder / "job.json")]
     kernels = use_kernel_cache(ROOT, store)
@@ -111,7 +167,7 @@ def task(trace: Trace) -> dict[str, Any]:
     module, _, name = trace.function.partition(":")
     wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
     return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,
-            "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries}
+            "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries, "torch": "torch" in trace.libraries}
 
 
 def sources(traces: list[Trace]) -> list[str]:
