@@ -8,18 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from transformers import SamModel
+from transformers import CLIPTextConfig, LlavaForConditionalGeneration, SamModel
 
 from afford.models.twohands.batch import Batch, Output, Target
 from afford.models.twohands.build import build
+from afford.models.twohands.clip import text_ends
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.dialogue import IGNORE, dialogue, seg_positions
 from afford.models.twohands.files import load, save
 from afford.models.twohands.losses import LossParams, losses
 from afford.models.twohands.predictor import Predictor
 from afford.models.twohands.sam import Regions
-from afford.models.twohands.tokens import HashedTokens, read_tokens
-from tests.tiny_models import save_backbones
+from afford.models.twohands.tokens import FileTokens, HashedTokens, read_tokens
+from tests.tiny_models import bytes_tokenizer, save_backbones
 
 TRAINED = ("lora_A", "lora_B", "vlm.lm_head.", ".embed_tokens.", "project.", "regions.decoders.", "regions.taxonomy.")
 
@@ -139,6 +140,16 @@ def test_tiny_ones_need_no_folder_and_padding_changes_nothing(variant: str) -> N
     assert not torch.allclose(other.logits, alone.logits, rtol=1e-3, atol=1e-9)
 
 
+def test_clip_texts_begin_and_end_as_its_tokenizer_says() -> None:
+    """The marks of CLIP's tokenizer where it has them, whatever an old config says; else the config's."""
+    tokenizer = bytes_tokenizer()
+    old = CLIPTextConfig(bos_token_id=0, eos_token_id=2)
+    assert text_ends(FileTokens(tokenizer.to_str()), old) == (0, 2)
+    tokenizer.add_special_tokens(["<|startoftext|>", "<|endoftext|>"])
+    size = tokenizer.get_vocab_size()
+    assert text_ends(FileTokens(tokenizer.to_str()), old) == (size - 2, size - 1)
+
+
 def test_regions_start_as_segment_anything_itself(backbones: Path) -> None:
     """Before training, each hand's masks are what SamModel gives for the same image and prompt."""
     sam = SamModel.from_pretrained(backbones / "sam").eval()
@@ -152,6 +163,17 @@ def test_regions_start_as_segment_anything_itself(backbones: Path) -> None:
         for hand in (0, 1):
             assert torch.allclose(logits[:, hand], masks[:, 0], atol=1e-6)
             assert torch.allclose(ours[:, hand], score[:, 0], atol=1e-6)
+
+
+def test_half_precision_backbones_are_trained_in_single(tmp_path: Path) -> None:
+    """Weights saved as float16 load as float32, train a step, save and load."""
+    folder = save_backbones(tmp_path)
+    LlavaForConditionalGeneration.from_pretrained(folder / "vlm").half().save_pretrained(folder / "vlm")
+    model = build(config(folder), 0)
+    assert {parameter.dtype for parameter in model.parameters()} == {torch.float32}
+    step(model)
+    save(model, tmp_path / "model")
+    assert torch.equal(load(tmp_path / "model")(batch()).logits, model.eval()(batch()).logits)
 
 
 def test_backbones_that_cannot_be_read_are_refused(tmp_path: Path, backbones: Path) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import nn
 
 from afford.models.twohands.tokens import HashedTokens, Tokens, read_tokens
@@ -19,16 +20,18 @@ TINY_VOCABULARY = 2048
 
 def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pretrained: bool) -> Any:
     """A model of a `transformers` class `kind`: with its weights from folder/name when `pretrained`, else its architecture with
-    random weights; of the config that `tiny()` gives when `folder` is ''. ValueError says what could not be read."""
+    random weights; of the config that `tiny()` gives when `folder` is ''. Weights become float32, whatever they were saved as.
+    ValueError says what could not be read."""
     if not folder:
         return kind(tiny())
     place = Path(folder) / name
     if not (place / "config.json").is_file():
         raise ValueError(f"{place}: expected config.json of a {kind.__name__}; set `backbones` to a folder that holds {name}/")
     if not pretrained:
-        return kind(kind.config_class.from_pretrained(place))
+        return kind(kind.config_class.from_pretrained(place)).float()
     try:
-        model, report = kind.from_pretrained(place, output_loading_info=True, local_files_only=True, use_safetensors=True)
+        model, report = kind.from_pretrained(
+            place, output_loading_info=True, local_files_only=True, use_safetensors=True, dtype=torch.float32)  # fmt: skip
     except OSError as error:
         raise ValueError(f"{place}: expected the weights of a {kind.__name__}; {str(error).splitlines()[0]}") from error
     wrong = sorted(report["missing_keys"]) + sorted(str(key) for key in report["mismatched_keys"])

@@ -52,11 +52,18 @@ class Clip(TwoHands):
         """(b, projection_dim): the embedding of each task, cut to what CLIP reads."""
         text = self.clip.config.text_config
         rows = [self.tokens.encode(task if self.config.text else "")[: text.max_position_embeddings - 2] for task in tasks]
-        longest, begin, end = max(map(len, rows)) + 2, text.bos_token_id, text.eos_token_id
+        begin, end = text_ends(self.tokens, text)
+        longest = max(map(len, rows)) + 2
         ids = torch.tensor([[begin, *row] + [end] * (longest - 1 - len(row)) for row in rows], device=device)
         lengths = torch.tensor([len(row) + 2 for row in rows], device=device)
         keep = (torch.arange(longest, device=device) < lengths[:, None]).long()
         return self.clip.text_projection(self.clip.text_model(ids, attention_mask=keep).pooler_output)
+
+
+def text_ends(tokens: Tokens, config: Any) -> tuple[int, int]:
+    """Ids that begin and end a text. The tokenizer is asked first: old configs of CLIP give 0 and 2, which it never meant."""
+    begin, end = tokens.find("<|startoftext|>"), tokens.find("<|endoftext|>")
+    return config.bos_token_id if begin is None else begin, config.eos_token_id if end is None else end
 
 
 def tiny_clip(size_px: int, width: int, depth: int, heads: int) -> CLIPConfig:

@@ -29,8 +29,8 @@ class Tokens(Protocol):
         """The id of `<image>` or `[SEG]`."""
         ...
 
-    def knows(self, token: str) -> bool:
-        """Whether a token is one id of its own."""
+    def find(self, token: str) -> int | None:
+        """The id of a token, None when it is none of its own."""
         ...
 
     def to_json(self) -> str:
@@ -53,8 +53,8 @@ class HashedTokens:
     def id(self, special: str) -> int:
         return self.SPECIAL[special]
 
-    def knows(self, token: str) -> bool:
-        return token in self.SPECIAL
+    def find(self, token: str) -> int | None:
+        return self.SPECIAL.get(token)
 
     def to_json(self) -> str:
         return json.dumps({HASHED: self.size}) + "\n"
@@ -82,8 +82,9 @@ class FileTokens:
     def id(self, special: str) -> int:
         return self.special[special]
 
-    def knows(self, token: str) -> bool:
-        return self.tokenizer.token_to_id(token) is not None
+    def find(self, token: str) -> int | None:
+        found: int | None = self.tokenizer.token_to_id(token)
+        return found
 
     def to_json(self) -> str:
         text: str = self.tokenizer.to_str()

@@ -61,7 +61,7 @@ class Vlm(TwoHands):
         """The conversation about each image. In training, questions and answers are drawn from torch's random state; outside it,
         the model is asked the one question and given the first answer, whose [SEG] it has learned to fill."""
         tasks = [task if self.config.text else "" for task in batch.task]
-        image = FRAMED if self.tokens.knows("<im_start>") else IMAGE
+        image = IMAGE if self.tokens.find("<im_start>") is None else FRAMED
         if self.training:
             pairs = [(question(task, _draw(QUESTIONS), image), _draw(ANSWERS)) for task in tasks]
         else:
