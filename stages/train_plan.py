@@ -22,9 +22,9 @@ MEMORY_GIB = 0.2
 class Params:
     seed: int = 1
     """seed of the training stills; each room draws its own from it"""
-    rooms: int = 56
+    rooms: int = 48
     """training rooms, each with things of its own; about 60 samples each"""
-    val_rooms: int = 6
+    val_rooms: int = 5
     """rooms of the validation split"""
     layouts: int = 6
     """how often the things of a room are laid out anew"""
