@@ -53,10 +53,10 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
 
 def _is_dataset(source: Path) -> bool:
     """Whether a folder holds samples that a model can be trained on as they are."""
-    from afford.training.sources import splits
+    from afford.training.sources import below, splits
 
     try:
-        return bool(splits(source))
+        return bool(splits(below(source)))
     except ValueError:
         return False
 

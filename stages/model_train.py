@@ -105,11 +105,10 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
     from afford.training.repeatable import repeatable
 
     job = _job(params if recipe is None else _with(params, recipe))
-    data = written.links(dataset, ctx.scratch / "data")
-    fit.prepare(job, data, ctx.scratch)
+    fit.prepare(job, {file.name: file.path for file in dataset.files}, ctx.scratch)
     if params.devices > 1:
         launch.launch(job, ctx.scratch, params.devices, ctx.progress)
-    with repeatable(THREADS):
+    with repeatable(THREADS, params.device):
         fitted = fit.fit(job, ctx.scratch, ctx.progress)
     name = recipe.name if recipe else params.variant
     log = written.log(name, fitted.state)

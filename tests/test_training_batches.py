@@ -26,29 +26,35 @@ SIZE = (48, 64)
 
 
 @pytest.fixture(scope="module")
-def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("packed")
     clips = [clip(f"P01_{n:02d}", 12, split="val" if n == 3 else "train") for n in range(1, 4)]
     dataset_pack.run(tuple(clips), dataset_pack.Params(sheet_samples=1), Scratch(folder))
     return folder / "dataset"
 
 
-def test_our_own_data_set(packed: Path) -> None:
+@pytest.fixture(scope="module")
+def packed(folder: Path) -> sources.Files:
+    return sources.below(folder)
+
+
+def test_our_own_data_set(packed: sources.Files, folder: Path) -> None:
     """The same items as `afford.dataset.load` gives, but for the motion."""
-    found, wanted = list(sources.items(packed, "train")), list(Dataset(packed, "train"))
+    found, wanted = list(sources.items(packed, "train")), list(Dataset(folder, "train"))
     assert len(found) == len(wanted) == 24 and sources.splits(packed) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
         assert np.array_equal(a.image, b.image) and np.array_equal(a.masks, b.masks)
         assert (a.sample_id, a.narration, a.taxonomy, a.video, a.verb) == (b.sample_id, b.narration, b.taxonomy, b.video, b.verb)
 
 
-def test_the_released_form(packed: Path, tmp_path: Path) -> None:
+def test_the_released_form(packed: sources.Files, folder: Path, tmp_path: Path) -> None:
     """h5 and json of 2HANDS: the words, the taxonomy, the outer contours."""
-    export_2hands.export(packed, tmp_path)
-    found, wanted = list(sources.items(tmp_path, "train")), list(sources.items(packed, "train"))
-    assert sources.splits(tmp_path) == ["train", "val"]
+    export_2hands.export(folder, tmp_path)
+    made = sources.below(tmp_path)
+    found, wanted = list(sources.items(made, "train")), list(sources.items(packed, "train"))
+    assert sources.splits(made) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
-        assert (a.narration, a.taxonomy, a.verb, a.noun) == (b.narration, b.taxonomy, b.verb, b.noun)
+        assert (a.narration, a.taxonomy, a.verb, a.noun, a.video) == (b.narration, b.taxonomy, b.verb, b.noun, b.video)
         assert np.array_equal(a.image, b.image) and not (b.masks & ~a.masks).any()
 
 
@@ -66,19 +72,19 @@ def test_any_folder_of_datasets(form: str, tmp_path: Path) -> None:
         datasets.DatasetDict({"train": made, "validation": made}).save_to_disk(str(tmp_path))
     else:
         made.to_parquet(tmp_path / "train.parquet")
-    found = list(sources.items(tmp_path, "train"))
+    found = list(sources.items(sources.below(tmp_path), "train"))
     assert [(item.narration, item.taxonomy) for item in found] == [("open jar", 0), ("lift pot", 2)]
     assert found[0].masks.sum((1, 2)).tolist() == [16, 0, 0, 0] and found[0].image[0, 0, 0] > 190
-    assert sources.splits(tmp_path) == (["train", "val"] if form == "disk" else ["train"])
+    assert sources.splits(sources.below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     """No files, a missing column, a mask of another size, a picture that is none."""
     with pytest.raises(ValueError, match=r"expected \*.parquet or \*.arrow files"):
-        sources.splits(tmp_path)
+        sources.splits(sources.below(tmp_path))
     datasets.Dataset.from_dict({"image": ["x"], "narration": ["y"]}).to_parquet(tmp_path / "train.parquet")
     with pytest.raises(ValueError, match=r"train.parquet: expected the columns .* found no mask_left, mask_right"):
-        list(sources.items(tmp_path, "train"))
+        list(sources.items(sources.below(tmp_path), "train"))
     good = {"bytes": b"no picture", "path": ""}
     with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 bytes that are none"):
         sources.item({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
@@ -86,7 +92,7 @@ def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
         sources.item({"sample_id": "P1", "narration": "open jar", "image": {"bytes": None, "path": "a.jpg"}})
 
 
-def test_parts_never_meet(packed: Path) -> None:
+def test_parts_never_meet(packed: sources.Files) -> None:
     """Divided by video or by object, no group is in both parts, nothing is lost, and the hash decides for each group alone."""
     everything = {item.sample_id for split in ("train", "val") for item in sources.items(packed, split)}
     for by, label in (("video", "video"), ("object", "noun")):
@@ -98,11 +104,11 @@ def test_parts_never_meet(packed: Path) -> None:
         divide.Division("luck")
 
 
-def parts(folder: Path, division: divide.Division) -> tuple[list[Item], list[Item]]:
-    return list(divide.part(folder, division, "train")), list(divide.part(folder, division, "val"))
+def parts(files: sources.Files, division: divide.Division) -> tuple[list[Item], list[Item]]:
+    return list(divide.part(files, division, "train")), list(divide.part(files, division, "val"))
 
 
-def test_the_cache_is_the_samples(packed: Path, tmp_path: Path) -> None:
+def test_the_cache_is_the_samples(packed: sources.Files, tmp_path: Path) -> None:
     """Nothing is lost at full size; a complete cache is not written again; larger samples are made smaller at the same aspect."""
     wanted = list(sources.items(packed, "train"))
     cache.write(iter(wanted), tmp_path / "c", (64, 96))
@@ -138,7 +144,7 @@ def test_balance_makes_classes_equal() -> None:
     assert share[1.0] == pytest.approx(0.5, abs=0.01)
 
 
-def test_batches_are_a_function_of_their_number(packed: Path) -> None:
+def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
     samples = list(sources.items(packed, "train"))
     order = Order([item.taxonomy for item in samples], 0.5, 3)
@@ -161,7 +167,7 @@ def shrunk_masks(masks: np.ndarray) -> np.ndarray:
     return np.stack([shrunk(mask.view(np.uint8)).view(bool) for mask in masks])
 
 
-def test_views_are_seeded_and_keep_picture_and_masks_together(packed: Path) -> None:
+def test_views_are_seeded_and_keep_picture_and_masks_together(packed: sources.Files) -> None:
     """The same position gives the same view; a mirrored view swaps sides and words; a crop holds the objects whole."""
     samples = list(sources.items(packed, "train"))
     for n, item in enumerate(samples):

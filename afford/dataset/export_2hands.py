@@ -89,12 +89,21 @@ def fill(outlines: list[list[list[int]]], height: int, width: int) -> np.ndarray
 
 def read(folder: Path) -> Iterator[dict[str, Any]]:
     """Samples of one split's folder, in order: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
-    order = sorted((folder / "h5").glob("*.h5"), key=lambda path: int(path.name.split("-")[0]))
-    for path in order:
-        outlines = json.loads((folder / "jsons" / f"{path.stem}.json").read_text(encoding="utf-8"))
-        with h5py.File(path) as file:
-            for n in range(len(file["data/inpainted"])):
-                yield _sample(file["data"], n, outlines[str(n)])
+    for path in sorted((folder / "h5").glob("*.h5"), key=lambda path: first_row(path.name)):
+        yield from read_video(path, folder / "jsons" / f"{path.stem}.json")
+
+
+def first_row(name: str) -> int:
+    """Running index of the first sample of `<start>-<end>_<video>.h5`."""
+    return int(name.split("-")[0])
+
+
+def read_video(h5_path: Path, json_path: Path) -> Iterator[dict[str, Any]]:
+    """Samples of one video, in order."""
+    outlines = json.loads(json_path.read_text(encoding="utf-8"))
+    with h5py.File(h5_path) as file:
+        for n in range(len(file["data/inpainted"])):
+            yield _sample(file["data"], n, outlines[str(n)])
 
 
 def _sample(data: Any, n: int, outlines: dict[str, Any]) -> dict[str, Any]:

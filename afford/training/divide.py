@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from blake3 import blake3
 
@@ -31,16 +30,16 @@ class Division:
             raise ValueError(f"val_fraction: expected more than 0 and less than 1, got {self.val_fraction}")
 
 
-def part(folder: Path, division: Division, name: str) -> Iterator[Item]:
+def part(files: sources.Files, division: Division, name: str) -> Iterator[Item]:
     """The samples of one part, `train` or `val`, in the order of the files. The split `test` is never touched."""
-    found = sources.splits(folder)
+    found = sources.splits(files)
     if division.by == GIVEN:
         if name not in found:
             raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; divide it here with split_by=video")
-        yield from sources.items(folder, name)
+        yield from sources.items(files, name)
         return
     for split in (split for split in found if split != "test"):
-        for item in sources.items(folder, split):
+        for item in sources.items(files, split):
             if judges(group(item, division.by), division) == (name == "val"):
                 yield item
 

@@ -18,6 +18,7 @@ from afford.training.job import Job
 from afford.training.loop import train
 from afford.training.order import Order
 from afford.training.ranks import ALONE, Ranks
+from afford.training.sources import Files
 from afford.training.state import State
 from afford.training.task import Progress
 from afford.training.views import cropped
@@ -31,7 +32,7 @@ class Fitted:
     state: State
 
 
-def prepare(job: Job, data: Path, scratch: Path) -> None:
+def prepare(job: Job, data: Files, scratch: Path) -> None:
     """Decode the samples of both parts once. ValueError when one of them has none."""
     largest = tuple(round(side * job.zoom) for side in job.config.size_px)
     for name in ("train", "val"):

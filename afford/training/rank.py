@@ -17,7 +17,7 @@ from afford.training.repeatable import repeatable
 def main(job_file: Path, scratch: Path) -> None:
     """Train with the others until the checkpoint in `scratch` is complete."""
     job = Job.from_json(job_file.read_text())
-    with repeatable(1), launched(job.plan.device) as ranks:
+    with repeatable(1, job.plan.device), launched(job.plan.device) as ranks:
 
         def progress(done: int, total: int) -> None:
             if ranks.first:

@@ -10,17 +10,20 @@ import torch
 
 
 @contextmanager
-def repeatable(threads: int) -> Iterator[None]:
-    """So many threads, and only algorithms that give the same result twice; afterwards as before.
+def repeatable(threads: int, device: str) -> Iterator[None]:
+    """So many threads, and on a CUDA device only algorithms that give the same result twice; afterwards as before. (On a CPU what a
+    model does here gives the same result with the same number of threads.)
 
-    On a CUDA device this must come before the first matrix product, because cuBLAS reads its workspace setting once.
+    It must come before the first matrix product on the device, because cuBLAS reads its workspace setting once.
     """
     before = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
-    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     torch.set_num_threads(threads)
-    torch.use_deterministic_algorithms(True)
+    if device == "cuda":
+        os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+        torch.use_deterministic_algorithms(True)
     try:
         yield
     finally:
         torch.set_num_threads(before[0])
-        torch.use_deterministic_algorithms(before[1])
+        if device == "cuda":
+            torch.use_deterministic_algorithms(before[1])

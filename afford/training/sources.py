@@ -6,8 +6,8 @@ Every form is read into the same `Item`. What a folder does not say is '', and t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import cv2
@@ -15,10 +15,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from afford.dataset import export_2hands
 from afford.dataset.columns import MASKS
+from afford.dataset.export_2hands import first_row, read_video
 from afford.dataset.load import Item
 
+Files = Mapping[str, Path]
+"""the files of a data set: name below its folder, with forward slashes -> where it is"""
 NEEDED = ("image", "mask_left", "mask_right", "narration")
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -26,60 +28,69 @@ SPLITS = {"train": "train", "validation": "val", "valid": "val", "val": "val", "
 NO_MOTION = np.full((4, 0, 2), np.nan, np.float32)
 
 
-def tables(folder: Path) -> dict[str, list[Path]]:
-    """Split -> its Parquet or Arrow files, by name. A file whose name and folder say no split belongs to `train`."""
-    found: dict[str, list[Path]] = {}
-    for path in sorted(path for kind in ("*.parquet", "*.arrow") for path in folder.rglob(kind)):
-        found.setdefault(_split(path.relative_to(folder)), []).append(path)
+def below(folder: Path) -> Files:
+    """The files of a folder."""
+    return {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def tables(files: Files) -> dict[str, list[str]]:
+    """Split -> names of its Parquet or Arrow files. A file whose name and folders say no split belongs to `train`."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(name for name in files if name.endswith((".parquet", ".arrow"))):
+        found.setdefault(_split(PurePosixPath(name)), []).append(name)
     return found
 
 
-def _split(path: Path) -> str:
-    words = re.split(r"[-_.]", path.name)[:1] + list(path.parts[:-1])
+def _split(name: PurePosixPath) -> str:
+    words = re.split(r"[-_.]", name.name)[:1] + list(name.parts[:-1])
     return next((SPLITS[word] for word in words if word in SPLITS), "train")
 
 
-def released(folder: Path) -> dict[str, Path]:
-    """Split -> its folder in the released form of 2HANDS."""
-    return {SPLITS.get(path.parent.name, path.parent.name): path.parent for path in sorted(folder.rglob("h5")) if path.is_dir()}
+def released(files: Files) -> dict[str, list[str]]:
+    """Split -> names of its videos in the released form of 2HANDS, `<split>/h5/<start>-<end>_<video>.h5`, in order."""
+    found: dict[str, list[str]] = {}
+    for name in map(PurePosixPath, files):
+        if name.suffix == ".h5" and name.parent.name == "h5":
+            split = name.parent.parent.name
+            found.setdefault(SPLITS.get(split, split), []).append(str(name))
+    return {split: sorted(names, key=lambda name: first_row(PurePosixPath(name).name)) for split, names in found.items()}
 
 
-def splits(folder: Path) -> list[str]:
-    """The splits of a folder. ValueError when there is nothing to read."""
-    found = sorted(tables(folder).keys() | released(folder).keys())
+def splits(files: Files) -> list[str]:
+    """The splits of a data set. ValueError when there is nothing to read."""
+    found = sorted(tables(files).keys() | released(files).keys())
     if not found:
         raise ValueError("data set: expected *.parquet or *.arrow files, or <split>/h5/*.h5 with <split>/jsons/*.json, found none; "
                          "give the folder that `dataset_pack` or `save_to_disk` wrote")
     return found
 
 
-def items(folder: Path, split: str) -> Iterator[Item]:
+def items(files: Files, split: str) -> Iterator[Item]:
     """All samples of one split, in the order of the files."""
-    if split in released(folder):
-        for n, row in enumerate(export_2hands.read(released(folder)[split])):
-            yield _of_released(row, n)
-    for path in tables(folder).get(split, ()):
-        for batch in _batches(path):
+    for name in released(files).get(split, ()):
+        yield from _of_released(files, PurePosixPath(name))
+    for name in tables(files).get(split, ()):
+        for batch in _batches(PurePosixPath(name), files[name]):
             yield from map(item, batch.to_pylist())
 
 
-def _batches(path: Path) -> Iterable[pa.RecordBatch]:
+def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
     """The columns that are wanted, some rows at a time. ValueError names those that are missing."""
-    if path.suffix == ".parquet":
+    if name.suffix == ".parquet":
         with pq.ParquetFile(path) as file:
-            yield from file.iter_batches(64, columns=_wanted(path, file.schema_arrow), use_threads=False)
+            yield from file.iter_batches(64, columns=_wanted(name, file.schema_arrow), use_threads=False)
         return
     with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:
-        wanted = _wanted(path, stream.schema)
+        wanted = _wanted(name, stream.schema)
         yield from (batch.select(wanted) for batch in stream)
 
 
-def _wanted(path: Path, schema: pa.Schema) -> list[str]:
-    missing = [name for name in NEEDED if name not in schema.names]
+def _wanted(name: PurePosixPath, schema: pa.Schema) -> list[str]:
+    missing = [column for column in NEEDED if column not in schema.names]
     if missing:
-        raise ValueError(f"{path.name}: expected the columns {', '.join(NEEDED)}, found no {', '.join(missing)}; rename the "
+        raise ValueError(f"{name}: expected the columns {', '.join(NEEDED)}, found no {', '.join(missing)}; rename the "
                          "columns of the data set")
-    return [name for name in dict.fromkeys((*NEEDED, *MASKS, *WORDS, *NUMBERS)) if name in schema.names]
+    return [column for column in dict.fromkeys((*NEEDED, *MASKS, *WORDS, *NUMBERS)) if column in schema.names]
 
 
 def item(row: dict[str, Any]) -> Item:
@@ -120,8 +131,14 @@ def _decode(picture: Any, name: str, column: str, kind: int) -> np.ndarray:
     return np.asarray(found)
 
 
-def _of_released(row: dict[str, Any], n: int) -> Item:
-    return Item(sample_id=f"{n:06d}", video="", frame=n, image=np.ascontiguousarray(row["image"]), masks=row["masks"],
-                narration=row["narration"], verb=row["verb"], noun=row["noun"], verb_class=-1, noun_class=-1,
-                object_left=row["obj_id_left"], object_right=row["obj_id_right"], taxonomy=int(np.argmax(row["taxonomy"])),
-                quality=1.0, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64))
+def _of_released(files: Files, name: PurePosixPath) -> Iterator[Item]:
+    """The samples of one video; its id and the running number of each sample stand in the name of the file."""
+    outlines = str(name.parent.parent / "jsons" / f"{name.stem}.json")
+    if outlines not in files:
+        raise ValueError(f"{name}: expected its outlines in {outlines}, found no such file; copy both folders, h5 and jsons")
+    video = name.stem.partition("_")[2]
+    for n, row in enumerate(read_video(files[str(name)], files[outlines]), first_row(name.name)):
+        yield Item(sample_id=f"{video}_{n:06d}", video=video, frame=n, image=np.ascontiguousarray(row["image"]), masks=row["masks"],
+                   narration=row["narration"], verb=row["verb"], noun=row["noun"], verb_class=-1, noun_class=-1,
+                   object_left=row["obj_id_left"], object_right=row["obj_id_right"], taxonomy=int(np.argmax(row["taxonomy"])),
+                   quality=1.0, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64))

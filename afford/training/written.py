@@ -24,16 +24,6 @@ from schemas.training import Curve, TrainingLog
 MODEL, CARD, HISTORY = "model", "card.md", "history.parquet"
 
 
-def links(tree: FileTree, folder: Path) -> Path:
-    """The files of a tree under their names, as links, for readers that want a folder."""
-    empty_folder(folder)
-    for file in tree.files:
-        link = folder / file.name
-        link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(file.path.absolute())
-    return folder
-
-
 def log(name: str, state: State) -> TrainingLog:
     """The curves of a training."""
     names = sorted({point.name for point in state.points})
