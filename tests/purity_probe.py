@@ -160,6 +160,10 @@ def blobs(store: Any, digest: str) -> list[list[str]]:
 
 def freeze(value: Any) -> list[Path]:
     """Make the arrays of a value read-only; the files that it refers to."""
+    from afford.codecs.shelf import Shelf
+
+    if isinstance(value, Shelf):
+        return list(value.files)
     if isinstance(value, tuple):
         return [path for item in value for path in freeze(item)]
     if dataclasses.is_dataclass(value):

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from afford.codecs import CODEC, digest, load, load_folder, save
 from afford.codecs.kinds import BUNDLES, kinds, schema_version
+from afford.codecs.shelf import Shelf
 from runner.store import Store, prepare_store
 from schemas.clip import Annotation, Clip, KeyFrame, Polygon
 from schemas.files import FileRef, FileTree
@@ -132,6 +133,23 @@ def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None
     again = store.load(store.put(RenderedClip(part, part, replace(part, files=())), scratch))
     assert isinstance(again, RenderedClip) and again.files == again.media
     assert again.media.files[0].path.read_text() == "hello" and not file.path.exists()
+
+
+def test_a_long_list_stays_on_disk_until_it_is_walked(tmp_path: Path) -> None:
+    """It is as long, holds what it held in the same order, may be walked again, and is saved again with the same digest."""
+    value = example(kinds()["Samples"], 1)
+    (tmp_path / "a").mkdir()
+    save(value, tmp_path / "a")
+    again = load_folder(tmp_path / "a")
+    assert isinstance(again.samples, Shelf) and len(again.samples) == len(value.samples) == 2
+    for _ in range(2):
+        assert [digest(sample) for sample in again.samples] == [digest(sample) for sample in value.samples]
+    assert digest(again.samples[-1]) == digest(again.samples[::-1][0]) == digest(value.samples[1])
+    with pytest.raises(IndexError):
+        again.samples[2]
+    (tmp_path / "b").mkdir()
+    save(again, tmp_path / "b")
+    assert digest(load_folder(tmp_path / "b")) == digest(value)
 
 
 def test_a_thousand_polygons_stay_a_few_files(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from blake3 import blake3
 
+from afford.codecs.shelf import Shelf
+
 
 def digest(value: object) -> str:
     """Hex digest of a schema, tuple, array, str, int, float, bool or None; TypeError for anything else."""
@@ -31,7 +33,7 @@ def _feed(hasher: blake3, value: object) -> None:
         for field in fields:
             _tag(hasher, "field", field.name.encode())
             _feed(hasher, getattr(value, field.name))
-    elif isinstance(value, tuple):
+    elif isinstance(value, (tuple, Shelf)):
         _tag(hasher, "tuple", str(len(value)).encode())
         for item in value:
             _feed(hasher, item)

@@ -15,6 +15,9 @@ MODULES = (affordance, benchmark, clip, files, masks, prediction, report, sample
 BUNDLES = ("RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
+SHELVES = {"Samples": "samples"}
+"""schema -> its field that is a long list of large elements, which loading leaves on disk (`codecs/shelf.py`)"""
+
 
 @functools.cache
 def kinds() -> dict[str, type[Schema]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -70,12 +71,19 @@ class Writer:
 
 
 class Reader:
-    """Finds the arrays of one value again; what it returns is read-only."""
+    """Finds the arrays of one value again, each pool read when it is first needed; what it returns is read-only."""
 
     def __init__(self, files: Mapping[str, Path]) -> None:
         self._files = files
-        self._raw = load_file(files[ARRAYS]) if ARRAYS in files else {}
-        self._counts = json.loads(ZstdDecompressor().decompress(files[MASKS].read_bytes())) if MASKS in files else []
+
+    @cached_property
+    def _raw(self) -> dict[str, np.ndarray]:
+        return load_file(self._files[ARRAYS])
+
+    @cached_property
+    def _counts(self) -> list[str]:
+        counts: list[str] = json.loads(ZstdDecompressor().decompress(self._files[MASKS].read_bytes()))
+        return counts
 
     def get(self, reference: Mapping[str, Any]) -> np.ndarray:
         """The array of a reference."""

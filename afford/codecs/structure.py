@@ -1,6 +1,7 @@
 """A schema value as files: value.json for its tree, pooled arrays beside it; a FileTree as its files.
 
-Loading checks what building a schema checks. Nothing is ever unpickled.
+Loading checks what building a schema checks; a list of `SHELVES` is read, and checked, when it is walked.
+Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -8,14 +9,16 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from afford.codecs.kinds import kinds
+from afford.codecs.kinds import SHELVES, kinds
 from afford.codecs.pools import Reader, Writer
+from afford.codecs.shelf import Shelf
 from schemas.files import FileRef, FileTree
 
 VALUE, FILES = "value.json", "files"
@@ -37,7 +40,18 @@ def load(kind: str, files: Mapping[str, Path]) -> Any:
     tree = json.loads(files[VALUE].read_text(encoding="ascii"))
     if not isinstance(tree, dict) or tree.get("of") != kind:
         raise ValueError(f"{VALUE}: expected a {kind}, got {tree.get('of') if isinstance(tree, dict) else type(tree).__name__}")
-    return _value(tree, Reader(files), files)
+    reader, left = Reader(files), SHELVES.get(kind, "")
+    if not left:
+        return _value(tree, reader, files)
+    shelf = Shelf(len(tree["fields"].pop(left)), partial(_walk, left, dict(files)), tuple(files.values()))
+    return kinds()[kind](**{name: _value(part, reader, files) for name, part in tree["fields"].items()}, **{left: shelf})
+
+
+def _walk(field: str, files: Mapping[str, Path]) -> Iterator[Any]:
+    """The elements of a list that was left on disk."""
+    reader = Reader(files)
+    for item in json.loads(files[VALUE].read_text(encoding="ascii"))["fields"][field]:
+        yield _value(item, reader, files)
 
 
 def load_folder(folder: Path) -> Any:
@@ -61,7 +75,7 @@ def _tree(value: object, writer: Writer, path: str, meta: Mapping[str, Any]) -> 
         fields = [field for field in dataclasses.fields(value) if field.type != "Path"]
         parts = {f.name: _tree(getattr(value, f.name), writer, f"{path}.{f.name}".lstrip("."), f.metadata) for f in fields}
         return {"of": type(value).__name__, "fields": parts}
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, Shelf)):
         return [_tree(item, writer, f"{path}.{i}", meta) for i, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
         return {"float": repr(value)}
