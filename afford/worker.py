@@ -10,7 +10,7 @@ from pathlib import Path
 def prepare(seed: int, threads: int) -> None:
     """Fix the thread count and the global random states of every numeric library that is loaded, or will be."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ.setdefault(name, str(threads))
+        os.environ[name] = str(threads)
     import cv2
     import numpy as np
 
