@@ -206,7 +206,7 @@ def stills_to_train(g: Graph, p: Settings) -> FileTree:
     spec    = g.each(g.add(train_plan.run,                                                           params=p.train_plan))
     stills  = g.add(still_render.run,       spec=spec,       params=p.still_render, ctx=g.ctx)
     samples = g.add(still_sample.run,       stills=stills,                                           params=p.still_sample)
-    params  = replace(p.dataset_pack, name="afford-stills", license="apache-2.0")
+    params  = replace(p.dataset_pack, name="afford-stills", license="apache-2.0", made="rendered")
     return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx)
 
 

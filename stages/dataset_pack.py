@@ -31,6 +31,8 @@ class Params:
     license: str = ""
     """licence id on the card; '' = that of the source: cc-by-nc-4.0 for EPIC-KITCHENS and VISOR (which refuse any other),
     apache-2.0 for clips rendered here, other for videos of which nobody has said it"""
+    made: str = "extracted"
+    """how the samples came to be, for the card: extracted from video, or rendered"""
     split_by: str = "video"
     """what a split keeps together where the source has no split: video or participant"""
     val_fraction: float = 0.1
@@ -54,5 +56,5 @@ def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
     rule = Rule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
     plan = pack.plan(samples, rule)
     writing = pack.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
-    pack.describe(root, writing, params.name, params.license, params.version)
+    pack.describe(root, writing, params.name, params.license, params.version, params.made)
     return files.tree(params.name, root)

@@ -8,12 +8,25 @@ from typing import Any
 from afford.dataset.columns import Column
 from afford.dataset.licence import NOTES
 
+MADE = {
+    "extracted": """\
+Extracted by afford after the method of 2HandedAfforder (affordance = complete object AND same-side hand, on frames whose hands
+were removed). `quality`, `key_distance` and `inpaint_confidence` say how far a sample can be trusted; `provenance` leads back
+to everything it came from. Masks come from an automatic extraction, not from annotators: look before you rely on them.""",
+    "rendered": """\
+Rendered by afford: things on a table, seen without hands, with exact labels (affordance = complete object AND visible hand of the
+same side). Hands are posed by geometry and by how comfortably an arm reaches; of several valid ways each sample shows one, so
+the same picture and text may come with different masks. There is one point of motion, the sample's own.""",
+}
+"""How the samples came to be, as the card says it."""
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
-def text(name: str, licence: str, statistics: dict[str, Any], columns: Iterable[Column]) -> str:
-    """The whole card."""
-    return "\n".join([_header(name, licence, statistics), _body(name, licence, statistics), table(columns), ""])
+def text(name: str, licence: str, statistics: dict[str, Any], columns: Iterable[Column], made: str) -> str:
+    """The whole card. ValueError when `made` is none of `MADE`."""
+    if made not in MADE:
+        raise ValueError(f"dataset_pack.made: expected one of {', '.join(MADE)}, got {made!r}")
+    return "\n".join([_header(name, licence, statistics), _body(name, licence, statistics, MADE[made]), table(columns), ""])
 
 
 def _header(name: str, licence: str, statistics: dict[str, Any]) -> str:
@@ -25,7 +38,7 @@ def _header(name: str, licence: str, statistics: dict[str, Any]) -> str:
             f"configs:\n- config_name: default\n  data_files:\n{data_files}\n---\n")
 
 
-def _body(name: str, licence: str, statistics: dict[str, Any]) -> str:
+def _body(name: str, licence: str, statistics: dict[str, Any], made: str) -> str:
     totals = statistics["totals"]
     splits = ", ".join(f"{split} {count:,}" for split, count in statistics["splits"].items())
     hands = ", ".join(f"{kind.replace('_', ' ')} {count:,}" for kind, count in statistics["taxonomy"].items())
@@ -61,9 +74,7 @@ Numbers and distributions: `statistics.json`, `plots/`. Digests of all files: `m
 
 ## How it was made
 
-Extracted by afford after the method of 2HandedAfforder (affordance = complete object AND same-side hand, on frames whose hands
-were removed). `quality`, `key_distance` and `inpaint_confidence` say how far a sample can be trusted; `provenance` leads back
-to everything it came from. Masks come from an automatic extraction, not from annotators: look before you rely on them.
+{made}
 
 ## Columns
 """

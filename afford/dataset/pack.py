@@ -1,6 +1,7 @@
 """Samples of all clips -> the folder of a data set. Two passes: one over the words, one that writes rows as they come.
 
-Clips are taken by index, one at a time and never kept, so that a sequence that loads them when asked stays out of memory.
+Clips are taken by index and their samples walked one at a time and never kept: what the store hands over stays on disk until
+then, so that a data set of any size is written in little memory.
 """
 
 from __future__ import annotations
@@ -81,11 +82,10 @@ def _once(heads: Iterable[Head]) -> Iterator[Head]:
 
 
 def _head(index: int, clip: Samples) -> Head:
-    said = [sample.narration for sample in clip.samples]
-    return Head(index, replace(clip, samples=()), tuple(sample.sample_id for sample in clip.samples),
-                tuple(sample.frame for sample in clip.samples),
-                frozenset((one.verb_key, one.verb_class) for one in said),
-                frozenset((one.noun_key, one.noun_class) for one in said))
+    found = [(sample.sample_id, sample.frame, sample.narration) for sample in clip.samples]
+    return Head(index, replace(clip, samples=()), tuple(name for name, _, _ in found), tuple(frame for _, frame, _ in found),
+                frozenset((said.verb_key, said.verb_class) for _, _, said in found),
+                frozenset((said.noun_key, said.noun_class) for _, _, said in found))
 
 
 def _why_none(heads: Iterable[Head]) -> str:
@@ -145,7 +145,7 @@ def write_samples(root: Path, clips: Sequence[Samples], made: Plan, per_shard: i
     return writing
 
 
-def describe(root: Path, writing: Writing, name: str, licence: str, version: str) -> None:
+def describe(root: Path, writing: Writing, name: str, licence: str, version: str, how: str) -> None:
     """Everything that stands beside the shards: statistics, plots, contact sheet, card, Croissant, manifest."""
     made = writing.plan
     licence = licence_of(made.split, licence)
@@ -154,7 +154,7 @@ def describe(root: Path, writing: Writing, name: str, licence: str, version: str
     files.write_json(root / "statistics.json", numbers)
     plots.write(root, writing.tally, numbers)
     sheet.write(root / "contact_sheet.png", writing.kept)
-    (root / "README.md").write_text(card.text(name, licence, numbers, table), encoding="utf-8", newline="\n")
+    (root / "README.md").write_text(card.text(name, licence, numbers, table, how), encoding="utf-8", newline="\n")
     parquet = [file for file in files.names(root) if file.endswith(".parquet")]
     files.write_json(root / "croissant.json", croissant.describe(name, licence, version, table, root, parquet))
     files.write_manifest(root)
