@@ -87,7 +87,7 @@ def _follow_one_way(
     for t in order:
         poses[t] = poses[last]
         if np.count_nonzero(visible[t]) >= MIN_PIXELS:
-            starts = [poses[last], _carried(poses[last], grey[last], grey[t], visible[last], visible[t])]
+            starts = [poses[last], carried(poses[last], grey[last], grey[t], visible[last], visible[t])]
             if before != last:
                 starts.append(2 * poses[last] - poses[before])
             poses[t], fit[t] = _place(canvas, starts, grey[t], visible[t], known[t])
@@ -96,8 +96,11 @@ def _follow_one_way(
         before, last = last, t
 
 
-def _carried(pose: np.ndarray, before: np.ndarray, after: np.ndarray, visible: np.ndarray, visible_after: np.ndarray) -> np.ndarray:
-    """The pose moved along with corners that the object shows in both frames; the pose itself when they are too few."""
+def carried(pose: np.ndarray, before: np.ndarray, after: np.ndarray, visible: np.ndarray, visible_after: np.ndarray) -> np.ndarray:
+    """The pose (2, 3) moved along with corners that a mask shows in both frames; the pose itself when they are too few.
+
+    before, after: (h, w) uint8 grey images. visible, visible_after: (h, w) bool, the mask in each.
+    """
     corners = cv2.goodFeaturesToTrack(before, 40, 0.01, 3, mask=visible.view(np.uint8) * 255)
     if corners is None or len(corners) < 4:
         return pose

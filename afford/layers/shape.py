@@ -7,40 +7,64 @@ import numpy as np
 
 from afford.layers.follow import Path
 from afford.layers.gather import gather_votes
+from afford.layers.regions import dilate
 
-RECALL_FRAMES = 12.0
+RECALL_FRAMES = 48.0
 MIN_FIT = 0.6
-MAJORITY = 0.55
-HULL_VOTE = 0.3
-"""weight of the convex hull of the shape, which decides where no frame has seen the point"""
-HULL_TRUST = 0.25
-"""confidence of a pixel for which the hull alone speaks"""
+MAJORITY = 0.65
+SEEN = 0.02
+"""a pixel that less than this share of the frames, by weight, has seen was never seen"""
+RIM_PX = 2
+"""how far the visible pixels that a bridge rests on may lie from what it bridges"""
+BRIDGE_TRUST = 0.25
+"""confidence of a pixel for which a bridge alone speaks"""
 
 
-def complete_shape(path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def complete_shape(
+    path: Path, frame: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray, unknown: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Complete masks (t, h, w) bool, and confidence (t,) float32: how sure the hidden pixels are, 1 where none is hidden.
 
     frame: (t,) frame numbers. visible, hidden_by: (t, h, w) bool. A hidden pixel belongs to the object when most of the other
-    frames, nearer ones counting more, have seen the object there. In frames that it could not be followed to, and for pixels
-    that were never seen, the convex hull decides.
+    frames, nearer ones counting more, have seen the object there. What no frame has seen, all of it where the object could
+    not be followed, is bridged from rim to rim, but only inside `unknown` (t, h, w) bool; without it inside `hidden_by`.
     """
     complete, confidence = visible.copy(), np.zeros(len(frame), np.float32)
-    cameras = as_cameras(path.poses)
-    known = ~hidden_by
+    cameras, known = as_cameras(path.poses), ~hidden_by
+    unknown = hidden_by if unknown is None else unknown
     for t in np.flatnonzero(visible.any(axis=(1, 2)) | (path.fit >= MIN_FIT)):
         followed = path.fit[t] >= MIN_FIT
         pixels = _candidates(path.poses[t], visible[t], hidden_by[t], followed)
         rows, weights = recall(path, frame, int(t)) if followed else (np.zeros(0, np.int64), np.zeros(0))
-        points = on_canvas(path.poses[t], pixels)
-        yes, seen = gather_votes(points, cameras[rows], rows, weights, visible, known)
-        hull = _in_hull(points, yes > 0.5 * seen, pixels, visible[t])
-        share = (yes + HULL_VOTE * hull) / (seen + HULL_VOTE)
-        mine = pixels[share > MAJORITY]
-        complete[t, mine[:, 1], mine[:, 0]] = True
-        sure = np.abs(share - 0.5) * 2 * np.clip(seen, HULL_TRUST, 1)
+        yes, seen = gather_votes(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, visible, known)
+        told = seen > SEEN * weights.sum()
+        mine = told & (yes > MAJORITY * seen)
+        _mark(complete[t], pixels[mine])
+        unseen = _mark(np.zeros_like(visible[t]), pixels[~told]) & unknown[t]
+        bridged = bridge(complete[t], unseen)
+        complete[t] |= bridged
+        sure = np.append((2 * yes[mine] / seen[mine] - 1) * seen[mine].clip(0, 1), np.full(bridged.sum(), BRIDGE_TRUST))
         trust = float(path.fit[t]) if followed else 1.0
-        confidence[t] = trust * (float(sure[share > MAJORITY].mean()) if len(mine) else 1.0 if followed else HULL_TRUST)
+        confidence[t] = trust * (float(sure.mean()) if len(sure) else 1.0 if followed else BRIDGE_TRUST)
     return complete, confidence
+
+
+def bridge(inside: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    """(h, w) bool: the pixels of `unseen` that lie between parts of the shape.
+
+    inside, unseen: (h, w) bool, disjoint. Each connected region of `unseen` is crossed by the convex hull of the inside pixels
+    at its own rim: a finger over a handle is bridged by a piece of handle, whatever else belongs to the object.
+    """
+    out = np.zeros_like(inside)
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(unseen.view(np.uint8))
+    for label, (x, y, width, height, _) in enumerate(boxes[1:], start=1):
+        cut = np.s_[max(y - RIM_PX, 0) : y + height + RIM_PX, max(x - RIM_PX, 0) : x + width + RIM_PX]
+        region = labels[cut] == label
+        rim = cv2.findNonZero((dilate(region, RIM_PX) & inside[cut]).view(np.uint8))
+        if rim is not None:
+            hull = cv2.fillConvexPoly(np.zeros(region.shape, np.uint8), cv2.convexHull(rim), 1) > 0
+            out[cut] |= hull & region
+    return out
 
 
 def recall(path: Path, frame: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
@@ -77,12 +101,6 @@ def _candidates(pose: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray, fo
     return np.stack([columns + low[0], rows + low[1]], axis=1)
 
 
-def _in_hull(points: np.ndarray, inside: np.ndarray, pixels: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """(m,) bool: which of the hidden pixels lie in the convex hull of the visible mask and the pixels called inside."""
-    shape = visible.astype(np.uint8)
-    shape[pixels[inside, 1], pixels[inside, 0]] = 1
-    corners = cv2.findNonZero(shape)
-    if corners is None:
-        return inside
-    filled = cv2.fillConvexPoly(np.zeros(visible.shape, np.uint8), cv2.convexHull(corners), 1)
-    return filled[pixels[:, 1], pixels[:, 0]] > 0
+def _mark(mask: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    mask[pixels[:, 1], pixels[:, 0]] = True
+    return mask

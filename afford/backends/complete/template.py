@@ -9,6 +9,7 @@ import numpy as np
 
 from afford.backends.complete import Completed
 from afford.layers import regions
+from afford.layers.carry import carry, holding
 from afford.layers.follow import follow
 from afford.layers.shape import complete_shape
 from schemas.masks import Tracks
@@ -16,8 +17,12 @@ from schemas.video import Frames, Inpainted
 
 
 def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
-    """Follow the object, then let all frames vote on its hidden pixels. Reads no parameter."""
+    """Follow the object, carry it with the hand while hardly any of it shows, then let all frames vote on its hidden pixels.
+
+    What no frame has seen is guessed behind hands only: things that touch each other seldom hide much. Reads no parameter.
+    """
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
     visible, hidden_by = tracks.masks[index], regions.dilate(regions.others(tracks, index), 1)
-    path = follow(grey, visible, hidden_by)
-    return Completed(*complete_shape(path, frames.frame, visible, hidden_by & ~visible))
+    path = carry(follow(grey, visible, hidden_by), grey, visible, holding(tracks, index))
+    unknown = regions.dilate(regions.hands(tracks), 1) & ~visible
+    return Completed(*complete_shape(path, frames.frame, visible, hidden_by & ~visible, unknown))
