@@ -105,7 +105,7 @@ def test_sets_of_clips_hold_what_they_promise():
     assert len(standard) == 8
     assert len(hard) == 6
     assert {"parallax", "carry", "pour", "carry_both"} <= {spec.script for spec in standard}
-    assert {spec.script for spec in hard} == {"never_free", "turn_over", "open_hinged", "dart"}
+    assert {spec.script for spec in hard} == {"never_free", "turn_over", "open_hinged", "dart", "open_jar"}
     assert {spec.setting for spec in data} == {"kitchen", "workshop", "desk"}
     assert {spec.split for spec in data} == {"train", "val"}
     assert len({spec.video_id for spec in (*standard, *hard, *data)}) == len(standard) + len(hard) + len(data)

@@ -13,7 +13,7 @@ from afford.scenes import materials
 from afford.scenes.motion import about, pose
 
 THICKNESS_M = 0.0012
-CONTRAST = 0.6
+CONTRAST = 0.75
 """of a pattern, relative to new"""
 Weave = Callable[[np.random.Generator], Material]
 KINDS: dict[str, tuple[Weave, ...]] = {
@@ -24,8 +24,8 @@ KINDS: dict[str, tuple[Weave, ...]] = {
 
 
 def mats(setting: str, rng: np.random.Generator, centre: np.ndarray) -> list[Instance]:
-    """One or two flat things around `centre` (2,) on the table, metres."""
-    return [_mat(rng, KINDS[setting], centre, level) for level in range(int(rng.integers(1, 3)))]
+    """Two flat things around `centre` (2,) on the table, metres."""
+    return [_mat(rng, KINDS[setting], centre, level) for level in range(2)]
 
 
 def _mat(rng: np.random.Generator, kinds: tuple[Weave, ...], centre: np.ndarray, level: int) -> Instance:

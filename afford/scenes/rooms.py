@@ -178,8 +178,8 @@ def _light(rng: np.random.Generator, brightness: float) -> Light:
     """A window or a lamp, warm or cool, from the left or right, and much light from the ceiling and the walls, as indoors; the
     camera exposes for the worktop."""
     side, warm = rng.choice([-1.0, 1.0]), rng.uniform(0.0, 1.0)
-    key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(0.75, 1.05)
-    fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.80, 0.95)
+    key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(0.60, 0.85)
+    fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.88, 1.0)
     sky = fill * rng.uniform(0.55, 0.65)
     direction = (side * rng.uniform(0.3, 0.7), rng.uniform(-0.1, 0.45), -0.8)
     return Light(
@@ -188,6 +188,6 @@ def _light(rng: np.random.Generator, brightness: float) -> Light:
         tuple(fill),
         tuple(sky),
         tuple(sky * [0.62, 0.5, 0.42]),
-        softness=float(rng.uniform(0.12, 0.24)),
+        softness=float(rng.uniform(0.16, 0.28)),
         exposure=float(np.clip(0.62 / (0.34 + brightness), 0.72, 1.25)),
     )

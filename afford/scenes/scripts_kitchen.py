@@ -107,6 +107,7 @@ def open_jar(cast: Cast) -> None:
     cast.play.say(take - 4, off + 6, f"open {jar.name}", "open", jar)
     cast.play.say(off, drop + 2, f"put down {lid.name}", "put-down", lid)
     cast.watch(jar, take, drop)
+    cast.play.hard = ("articulated",)
 
 
 def cut(cast: Cast) -> None:

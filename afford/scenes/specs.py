@@ -7,10 +7,10 @@ import numpy as np
 from schemas.scene import SceneSpec
 
 STANDARD = (("pour", "kitchen"), ("carry", "kitchen"), ("parallax", "kitchen"), ("stir", "kitchen"),
-            ("carry_both", "kitchen"), ("hand_over", "kitchen"), ("open_jar", "kitchen"), ("hammer", "workshop"),
-            ("cut", "kitchen"), ("carry_two", "kitchen"), ("tidy_desk", "desk"), ("screw", "workshop"))
+            ("carry_both", "kitchen"), ("hand_over", "kitchen"), ("carry_two", "kitchen"), ("hammer", "workshop"),
+            ("cut", "kitchen"), ("tidy_desk", "desk"), ("screw", "workshop"))
 HARD = (("never_free", "kitchen"), ("turn_over", "kitchen"), ("open_hinged", "workshop"), ("dart", "kitchen"),
-        ("turn_over", "desk"), ("open_hinged", "kitchen"))
+        ("open_jar", "kitchen"), ("turn_over", "desk"), ("open_hinged", "kitchen"))
 DATASET = (("pour", "kitchen", "train"), ("carry", "kitchen", "train"), ("carry_both", "kitchen", "train"),
            ("open_jar", "kitchen", "val"), ("hammer", "workshop", "train"), ("fetch_item", "desk", "val"))
 
