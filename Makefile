@@ -13,7 +13,7 @@ RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train ablation test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup dataset stage report train ablation demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-10s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ train: $(READY) ## train a two-hand model on rendered stills (SOURCE=DIR: on a d
 
 ablation: $(READY) ## train every row of the ablation, three seeds each (about an hour; stop and go on at will)
 	@$(RUN) run ablation --store $(STORE) $(ARGS)
+
+demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
+	@$(RUN) demo --store $(STORE) $(ARGS)
 
 test: $(READY) ## run the tests (not those marked slow or npm)
 	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
