@@ -19,6 +19,8 @@ Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip 
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
 ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]
 Store = Annotated[Path | None, typer.Option("--store", help="where everything is kept; default: artifacts/")]
+Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the one trained last")]
+Device = Annotated[str, typer.Option(help="cpu or cuda")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object as the last line")]
 
 
@@ -147,6 +149,30 @@ def export(
     from commands.export import export as write
 
     raise typer.Exit(write(format, folder, source, store))
+
+
+@app.command()
+def predict(
+    image: Annotated[Path, typer.Argument(help="an image, a video, or a folder of them at any depth")],
+    task: Annotated[str, typer.Argument(help="what is to be done: \"pour tea from kettle\"")],
+    out: Annotated[Path, typer.Option("--out", help="where to write; new, empty, or what this verb wrote before")],
+    model: Model = None,
+    hands: Annotated[str, typer.Option(help="auto (the model chooses), left, right or both")] = "auto",
+    threshold: Annotated[float | None, typer.Option(help="probability of a region's pixels; default: the model's")] = None,
+    all_hypotheses: Annotated[bool, typer.Option("--all-hypotheses", help="write the mask of every hypothesis too")] = False,
+    every: Annotated[int, typer.Option(help="of a video, every n-th frame")] = 10,
+    batch: Annotated[int | None, typer.Option(help="pictures at once; default: 1, on a GPU 8")] = None,
+    device: Device = "cpu",
+    force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Where the hands go for a task: masks, an overlay and a JSON object for every picture."""
+    from commands.predict import Options
+    from commands.predict import predict as ask
+
+    options = Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json)
+    raise typer.Exit(ask(image, task, options))
 
 
 def _request(target: str, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,

@@ -32,6 +32,24 @@ def decode_video(path: Path, first: int, last: int, resample_fps: float | None, 
     return numbers, np.rint(times_s * 1e9).astype(np.int64), np.array([images[int(info.pts[i])] for i in indices], np.uint8)
 
 
+def every_nth(path: Path, every: int) -> Iterator[tuple[int, float, np.ndarray]]:
+    """(number from 1, media time in s, (h, w, 3) uint8 RGB at the file's own size) of frames 1, 1 + every, ..., one at a time.
+
+    Damaged frames are left out. ValueError when the file cannot be read.
+    """
+    info = probe(path)
+    wanted = {int(info.pts[n]): n for n in range(0, len(info.pts), every)}
+    try:
+        with av.open(str(path)) as container:
+            for frame in _frames(container, None):
+                time = frame.pts if frame.pts is not None else frame.dts
+                n = wanted.get(time) if time is not None else None
+                if n is not None and not frame.is_corrupt:
+                    yield n + 1, float(info.times_s[n]), _upright(frame)
+    except av.error.FFmpegError as error:
+        raise ValueError(error.strerror or "unreadable data") from error
+
+
 def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
     """Presentation time -> image, for those of the wanted `pts` that decode.
 

@@ -1,0 +1,53 @@
+"""Many files: their pictures through the model in batches; what cannot be read is refused and stops nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from afford.models.twohands.predictor import Predictor
+from afford.predict.ask import Answer, Question, ask
+from afford.predict.picture import Picture
+from afford.predict.sources import Source, pictures
+from afford.readers.errors import SourceError
+from afford.video.probe import probe
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A file that gave no picture, or no further one."""
+
+    source: str
+    message: str
+
+
+def answers(predictor: Predictor, sources: Sequence[Source], question: Question, every: int, batch: int
+            ) -> Iterator[Answer | Refused]:  # fmt: skip
+    """In the order of the sources; refusals come as soon as they are met."""
+    waiting: list[Picture] = []
+    for item in _read(sources, every):
+        if isinstance(item, Refused):
+            yield item
+            continue
+        waiting.append(item)
+        if len(waiting) == batch:
+            yield from ask(predictor, waiting, question)
+            waiting = []
+    if waiting:
+        yield from ask(predictor, waiting, question)
+
+
+def count(source: Source, every: int) -> int:
+    """How many pictures a source is expected to give: 1 for an image, and for a video that cannot be read."""
+    try:
+        return len(range(0, len(probe(source.path).pts), every)) if source.is_video else 1
+    except (ValueError, OSError):
+        return 1
+
+
+def _read(sources: Sequence[Source], every: int) -> Iterator[Picture | Refused]:
+    for source in sources:
+        try:
+            yield from pictures(source, every)
+        except SourceError as error:
+            yield Refused(str(source.path), str(error))

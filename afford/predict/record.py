@@ -1,0 +1,72 @@
+"""An answer in numbers and words: the JSON object beside the masks (docs/predict.md names every field)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.predict.ask import Answer
+from afford.predict.stored import Stored
+from schemas.affordance import Taxonomy
+from schemas.prediction import SIDES, Prediction
+
+DIGITS = 6
+CLASSES = tuple(one.name.lower() for one in Taxonomy if one >= 0)
+"""left, right, both_same, both_different: the order of Prediction.taxonomy"""
+
+
+def record(answer: Answer, model: Stored) -> dict[str, Any]:
+    """Everything about one answer that is not a picture, ready for JSON."""
+    picture, prediction, question = answer.picture, answer.prediction, answer.question
+    height, width = picture.rgb.shape[:2]
+    video = {} if picture.frame is None else {"frame": picture.frame, "time_s": _round(picture.time_s or 0.0)}
+    return {
+        "source": picture.source, **video, "width_px": width, "height_px": height,
+        "task": prediction.task,
+        "taxonomy": taxonomy(prediction),
+        "hands_asked": question.hands,
+        "hands": chosen(prediction),
+        "threshold": _round(prediction.threshold),
+        **{side: hand(prediction, n) for n, side in enumerate(SIDES)},
+        "model": {"name": model.name, "digest": model.digest},
+        "timing_ms": {"cpu": round(answer.cpu_ms, 3), "wall": round(answer.wall_ms, 3)},
+    }  # fmt: skip
+
+
+def taxonomy(prediction: Prediction) -> dict[str, Any]:
+    """The likeliest class by name, and the probability of each."""
+    likely = {name: _round(value) for name, value in zip(CLASSES, prediction.taxonomy, strict=True)}
+    return {"label": CLASSES[int(prediction.taxonomy.argmax())], "probabilities": likely}
+
+
+def chosen(prediction: Prediction) -> list[str]:
+    """The hands that are returned, by name."""
+    return [side for side, used in zip(SIDES, prediction.hands, strict=True) if used]
+
+
+def hand(prediction: Prediction, side: int) -> dict[str, Any]:
+    """One hand: whether it is returned, which hypothesis is the best, and all of them."""
+    return {
+        "selected": bool(prediction.hands[side]),
+        "best": int(prediction.score[side].argmax()),
+        "area_share": _round(prediction.mask(side).mean()),
+        "hypotheses": [_hypothesis(prediction, side, n) for n in range(prediction.score.shape[1])],
+    }
+
+
+def _hypothesis(prediction: Prediction, side: int, n: int) -> dict[str, Any]:
+    probability = prediction.probability[side, n]
+    region = probability > prediction.threshold
+    return {"score": _round(prediction.score[side, n]), "area_share": _round(region.mean()), "box_px": _box(region),
+            "largest_probability": _round(probability.max())}  # fmt: skip
+
+
+def _box(region: np.ndarray) -> list[int] | None:
+    """[left, top, right, bottom] in pixels, right and bottom not included; None for an empty region."""
+    rows, columns = np.flatnonzero(region.any(1)), np.flatnonzero(region.any(0))
+    return [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1] if len(rows) else None
+
+
+def _round(value: float | np.floating[Any]) -> float:
+    return round(float(value), DIGITS)

@@ -1,0 +1,48 @@
+"""Which model answers: a folder as `files.save` wrote it, or one that holds such a folder, and its name and digest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from blake3 import blake3
+
+from afford.models.twohands.files import CONFIG, WEIGHTS
+from afford.readers.errors import SourceError
+
+INSIDE = "model"
+"""where a training keeps the model beside its card and curves"""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A model on disk."""
+
+    folder: Path
+    """holds config.json and model.safetensors"""
+    name: str
+    digest: str
+    """blake3 of the config and the weights"""
+
+
+def find(folder: Path) -> Stored:
+    """The model in a folder. SourceError when there is none."""
+    place = folder if (folder / CONFIG).is_file() else folder / INSIDE
+    for name in (CONFIG, WEIGHTS):
+        if not (place / name).is_file():
+            raise SourceError(str(folder), f"a trained model ({CONFIG} and {WEIGHTS})", f"no {name}", "run `make train` first")
+    named = place.resolve()
+    return Stored(place, named.parent.name if named.name == INSIDE else named.name, _digest(place))
+
+
+def last(models: Path) -> Path | None:
+    """The folder below `models` (models/ of a store) that was published last, None when there is none."""
+    found = [path for path in models.glob("[!.]*") if (path / INSIDE / CONFIG).is_file()]
+    return max(found, key=lambda path: (path.stat().st_mtime_ns, path.name), default=None)
+
+
+def _digest(place: Path) -> str:
+    digest = blake3()
+    for name in (CONFIG, WEIGHTS):
+        digest.update_mmap(place / name)
+    return digest.hexdigest()

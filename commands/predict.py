@@ -1,0 +1,189 @@
+"""The verb `predict`: a trained model is asked about an image, a video or a folder of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from commands.errors import UsageError, unknown
+from commands.progress import Shown, observer
+from commands.session import STORE
+from runner import Reason
+
+if TYPE_CHECKING:
+    from afford.models.twohands.predictor import Predictor
+    from afford.predict.ask import Answer
+    from afford.predict.stored import Stored
+
+STAGE = "predict"
+GPU_BATCH = 8
+SHOWN = 20
+"""predictions that are listed; of more, the index tells"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was asked for beside the picture and the task."""
+
+    out: Path
+    model: Path | None = None
+    hands: str = "auto"
+    threshold: float | None = None
+    all_hypotheses: bool = False
+    every: int = 10
+    batch: int | None = None
+    device: str = "cpu"
+    force: bool = False
+    store: Path | None = None
+    json: bool = False
+
+
+@dataclass
+class Done:
+    """What came of the pictures so far."""
+
+    predictions: list[dict[str, Any]] = field(default_factory=list)
+    failures: list[dict[str, str]] = field(default_factory=list)
+    cpu_ms: float = 0.0
+    wall_ms: float = 0.0
+
+
+def predict(image: Path, task: str, options: Options) -> int:
+    """Write masks, overlay and JSON of every picture; 0 when all went well, 1 when one failed. UsageError for a wrong call."""
+    _check(task, options)
+    from afford.predict.ask import Question
+    from afford.predict.batch import answers, count
+    from afford.predict.sources import find
+    from afford.predict.write import claim
+
+    began, done = time.perf_counter(), Done()
+    question = Question(task.strip(), options.hands, options.threshold)
+    try:
+        sources = find(image)
+        stored, predictor = open_model(options.model, options.store, options.device)
+        claim(options.out, options.force)
+    except (ValueError, OSError) as error:
+        raise UsageError(str(error)) from error
+    batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
+    with observer(quiet=False) as shown:
+        for source in sources:
+            for _ in range(count(source, options.every)):
+                shown.planned(STAGE, source.name)
+        shown.started(STAGE, sources[0].name, Reason("forced", stored.name))
+        for item in answers(predictor, sources, question, options.every, batch):
+            _keep(item, stored, options, done, shown)
+    return _tell(_summary(question.task, stored, options, done, time.perf_counter() - began), options)
+
+
+def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Stored, Predictor]:
+    """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
+    from afford.models.twohands.predictor import Predictor
+    from afford.predict import stored
+
+    folder = given or stored.last((store or STORE) / "models")
+    if folder is None:
+        raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
+    try:
+        found = stored.find(folder)
+        return found, Predictor(found.folder, _device(device))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _device(device: str) -> str:
+    if device not in ("cpu", "cuda"):
+        raise unknown("--device", device, ("cpu", "cuda"))
+    if device == "cuda":
+        import torch
+
+        if not torch.cuda.is_available():
+            raise UsageError("--device cuda: expected a GPU that torch can use, got none; leave --device away")
+    return device
+
+
+def _check(task: str, options: Options) -> None:
+    from afford.models.twohands.select import HANDS
+
+    if not task.strip():
+        raise UsageError("TASK: expected words such as \"pour tea from kettle\", got none")
+    if options.hands not in HANDS:
+        raise unknown("--hands", options.hands, HANDS)
+    if options.threshold is not None and not 0 <= options.threshold < 1:
+        raise UsageError(f"--threshold {options.threshold:g}: expected a probability, 0 or more and less than 1")
+    for name, value in (("every", options.every), ("batch", options.batch)):
+        if value is not None and value < 1:
+            raise UsageError(f"--{name} {value}: expected 1 or more")
+
+
+def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown) -> None:
+    """Write an answer, or note what was refused."""
+    from afford.predict.batch import Refused
+    from afford.predict.write import write
+
+    if isinstance(item, Refused):
+        _failed(item.source, item.message, done, shown)
+        return
+    try:
+        folder = write(item, stored, options.out, options.all_hypotheses)
+    except (ValueError, OSError) as error:
+        _failed(item.picture.source, str(error), done, shown)
+        return
+    done.predictions.append(_line(item, folder.relative_to(options.out)))
+    done.cpu_ms, done.wall_ms = done.cpu_ms + item.cpu_ms, done.wall_ms + item.wall_ms
+    shown.finished(STAGE, item.picture.name, "ran", item.wall_ms / 1000, item.cpu_ms / 1000, "")
+
+
+def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
+    done.failures.append({"source": source, "message": message})
+    shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
+
+
+def _line(answer: Answer, folder: Path) -> dict[str, Any]:
+    from afford.predict.record import chosen, taxonomy
+
+    found = answer.prediction
+    scores = {side: round(float(found.score[("left", "right").index(side)].max()), 6) for side in chosen(found)}
+    frame = {} if answer.picture.frame is None else {"frame": answer.picture.frame}
+    return {"source": answer.picture.source, **frame, "folder": folder.as_posix(), "taxonomy": taxonomy(found)["label"],
+            "scores": scores}  # fmt: skip
+
+
+def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:
+    """The object that `--json` prints and that predictions.json keeps."""
+    count = max(len(done.predictions), 1)
+    return {"task": task, "hands_asked": options.hands, "model": {"name": stored.name, "digest": stored.digest},
+            "predictions": done.predictions, "failures": done.failures,
+            "ms_per_image": {"cpu": round(done.cpu_ms / count, 3), "wall": round(done.wall_ms / count, 3)},
+            "seconds": round(seconds, 3)}  # fmt: skip
+
+
+def _tell(summary: dict[str, Any], options: Options) -> int:
+    from afford.predict.write import index
+
+    index(options.out, summary)
+    console = Console(stderr=True)
+    table = Table("picture", "taxonomy", "left", "right", box=None)
+    for line in summary["predictions"][:SHOWN]:
+        scores = [f"{line['scores'][side]:.2f}" if side in line["scores"] else "-" for side in ("left", "right")]
+        table.add_row(escape(line["folder"]), line["taxonomy"].replace("_", ", "), *scores)
+    if summary["predictions"]:
+        console.print(table)
+    if len(summary["predictions"]) > SHOWN:
+        console.print(f"and {len(summary['predictions']) - SHOWN} more")
+    for failure in summary["failures"]:
+        console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)
+    cost = summary["ms_per_image"]
+    console.print(f"model {escape(summary['model']['name'])} {summary['model']['digest'][:12]}, {cost['cpu']:.1f} ms CPU and "
+                  f"{cost['wall']:.1f} ms an image", highlight=False)  # fmt: skip
+    console.print(f"[bold]predictions[/] {escape(str(options.out))}", highlight=False, soft_wrap=True)
+    if options.json:
+        sys.stdout.write(json.dumps({**summary, "out": str(options.out)}, sort_keys=True) + "\n")
+    return int(bool(summary["failures"]))
