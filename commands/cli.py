@@ -175,6 +175,20 @@ def predict(
     raise typer.Exit(ask(image, task, options))
 
 
+@app.command()
+def demo(
+    host: Annotated[str, typer.Option(help="address to serve at; the default is reached from this machine alone")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="0 takes any that is free")] = 8000,
+    model: Model = None,
+    device: Device = "cpu",
+    store: Store = None,
+) -> None:
+    """A page where one drops an image, types a task and sees both hands' regions."""
+    from commands.demo import demo as serve
+
+    raise typer.Exit(serve(host, port, model, device, store))
+
+
 def _request(target: str, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,
              store: Path | None, json: bool, **more: Any) -> Any:  # fmt: skip
     from commands.run import Request
