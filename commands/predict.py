@@ -173,7 +173,7 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
     table = Table("picture", "taxonomy", "left", "right", box=None)
     for line in summary["predictions"][:SHOWN]:
         scores = [f"{line['scores'][side]:.2f}" if side in line["scores"] else "-" for side in ("left", "right")]
-        table.add_row(escape(line["folder"]), line["taxonomy"].replace("_", ", "), *scores)
+        table.add_row(escape(line["folder"]), line["taxonomy"], *scores)
     if summary["predictions"]:
         console.print(table)
     if len(summary["predictions"]) > SHOWN:

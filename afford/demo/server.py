@@ -144,8 +144,9 @@ class Handler(BaseHTTPRequestHandler):
             raise RequestError(status, f"Content-Length: expected the length of the body, got {stated or 'none'}")
         if int(stated) > MAX_BODY_BYTES:
             self._pass_over(int(stated))
-            found = f"expected an image file of at most {MAX_BODY_BYTES >> 20} MiB, got {int(stated) / 2**20:.1f} MiB; make it smaller"
-            raise RequestError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, found)
+            most, got = MAX_BODY_BYTES >> 20, int(stated) / 2**20
+            said = f"expected an image file of at most {most} MiB, got {got:.1f} MiB; make it smaller"
+            raise RequestError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, said)
         data = self.rfile.read(int(stated))
         if len(data) < int(stated):
             self.close_connection = True

@@ -16,6 +16,7 @@ from schemas.prediction import SIDES, Prediction
 COLOURS = {"left": (240, 130, 20), "right": (40, 130, 240)}
 """as in every sheet of the project"""
 INK, PAPER, FAINT, TRACK = (25, 28, 32), (250, 250, 248), (110, 116, 124), (226, 228, 226)
+WORDS = {"left": "left hand", "right": "right hand", "both_same": "both, one thing", "both_different": "both, two things"}
 OPACITY = 0.45
 MIN_WIDTH_PX = 640
 """smaller pictures are enlarged, so that the legend can be read"""
@@ -52,7 +53,7 @@ def legend(prediction: Prediction, width: int) -> np.ndarray:
     for n, line in enumerate(title):
         draw.text((unit, round((0.7 + 1.6 * n) * unit)), line, INK, _font(True, round(1.15 * unit)))
     for n, side in enumerate(SIDES):
-        _hand(draw, prediction, n, side, (unit, below + round((0.6 + 1.7 * n) * unit)), unit)
+        _hand(draw, prediction, n, side, (unit, below + round((0.5 + 2.9 * n) * unit)), unit)
     for n, name in enumerate(CLASSES):
         at = (width // 2, below + round((0.35 + 1.4 * n) * unit))
         _bar(draw, name, float(prediction.taxonomy[n]), at, width // 2 - unit, unit)
@@ -66,15 +67,15 @@ def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, 
     draw.rounded_rectangle(box, unit // 5, COLOURS[side] if used else None, COLOURS[side] if used else FAINT, max(1, unit // 10))
     share = prediction.mask(n).mean()
     said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
-    draw.text((x + round(1.5 * unit), y + unit // 2), f"{side} hand", INK if used else FAINT, _font(True, unit), anchor="lm")
-    draw.text((x + round(1.5 * unit), y + round(1.25 * unit)), said, FAINT, _font(False, round(0.85 * unit)), anchor="lm")
+    draw.text((x + round(1.5 * unit), y + unit // 2), f"{side} hand", INK if used else FAINT, _font(True, round(0.95 * unit)), anchor="lm")
+    draw.text((x + round(1.5 * unit), y + round(1.6 * unit)), said, FAINT, _font(False, round(0.85 * unit)), anchor="lm")
 
 
 def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int], width: int, unit: int) -> None:
     """One class of the taxonomy and how likely it is."""
     x, y = at
-    middle, start, end = y + unit // 2, x + round(7.5 * unit), x + width - round(2.6 * unit)
-    draw.text((x, middle), name.replace("_", ", "), INK, _font(False, round(0.9 * unit)), anchor="lm")
+    middle, start, end = y + unit // 2, x + round(8.2 * unit), x + width - round(2.6 * unit)
+    draw.text((x, middle), WORDS[name], INK, _font(False, round(0.9 * unit)), anchor="lm")
     draw.rounded_rectangle((start, y + unit // 5, end, y + unit * 4 // 5), unit // 4, TRACK)
     if value * (end - start) >= 1:
         draw.rounded_rectangle((start, y + unit // 5, start + value * (end - start), y + unit * 4 // 5), unit // 4, INK)
