@@ -20,7 +20,6 @@ from runner import Reason
 
 if TYPE_CHECKING:
     from afford.models.twohands.predictor import Predictor
-    from afford.predict.ask import Answer
     from afford.predict.stored import Stored
 
 STAGE = "predict"
@@ -126,6 +125,7 @@ def _check(task: str, options: Options) -> None:
 def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown) -> None:
     """Write an answer, or note what was refused."""
     from afford.predict.batch import Refused
+    from afford.predict.record import brief
     from afford.predict.write import write
 
     if isinstance(item, Refused):
@@ -136,7 +136,7 @@ def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown)
     except (ValueError, OSError) as error:
         _failed(item.picture.source, str(error), done, shown)
         return
-    done.predictions.append(_line(item, folder.relative_to(options.out)))
+    done.predictions.append(brief(item, folder.relative_to(options.out).as_posix()))
     done.cpu_ms, done.wall_ms = done.cpu_ms + item.cpu_ms, done.wall_ms + item.wall_ms
     shown.finished(STAGE, item.picture.name, "ran", item.wall_ms / 1000, item.cpu_ms / 1000, "")
 
@@ -144,16 +144,6 @@ def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown)
 def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
     done.failures.append({"source": source, "message": message})
     shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
-
-
-def _line(answer: Answer, folder: Path) -> dict[str, Any]:
-    from afford.predict.record import chosen, taxonomy
-
-    found = answer.prediction
-    scores = {side: round(float(found.score[("left", "right").index(side)].max()), 6) for side in chosen(found)}
-    frame = {} if answer.picture.frame is None else {"frame": answer.picture.frame}
-    return {"source": answer.picture.source, **frame, "folder": folder.as_posix(), "taxonomy": taxonomy(found)["label"],
-            "scores": scores}  # fmt: skip
 
 
 def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:

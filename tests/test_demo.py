@@ -277,7 +277,7 @@ def test_a_picture_and_a_task_give_both_hands_regions(page: Any, site: Site, mod
     assert np.array_equal(canvas(page), both)
     slider = page.locator("#threshold")
     slider.evaluate("(slider) => { slider.value = 0.95; slider.dispatchEvent(new Event('input')); }")
-    assert np.array_equal(canvas(page), plain) and "nothing above the threshold" in page.inner_text("#area-left")
+    assert np.array_equal(canvas(page), plain) and "none at this threshold" in page.inner_text("#area-left")
     slider.evaluate("(slider) => { slider.value = 0.01; slider.dispatchEvent(new Event('input')); }")
     assert "100.0 %" in page.inner_text("#area-left")
 

@@ -213,7 +213,7 @@ function area(side) {
     measured.set(map, counts);
   }
   const share = measured.get(map).reduce((sum, count, value) => sum + (value > shown.threshold * 255 ? count : 0), 0);
-  return share ? `${(100 * share).toFixed(1)} % of the picture` : "nothing above the threshold";
+  return share ? `${(100 * share).toFixed(1)} % of the picture` : "none at this threshold";
 }
 
 function label() {

@@ -63,12 +63,12 @@ def legend(prediction: Prediction, width: int) -> np.ndarray:
 def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, at: tuple[int, int], unit: int) -> None:
     """Swatch, name, score and area of one hand."""
     used, (x, y) = bool(prediction.hands[n]), at
-    box = (x, y, x + unit, y + unit)
-    draw.rounded_rectangle(box, unit // 5, COLOURS[side] if used else None, COLOURS[side] if used else FAINT, max(1, unit // 10))
-    share = prediction.mask(n).mean()
+    colour, text_x, share = COLOURS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
     said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
-    draw.text((x + round(1.5 * unit), y + unit // 2), f"{side} hand", INK if used else FAINT, _font(True, round(0.95 * unit)), anchor="lm")
-    draw.text((x + round(1.5 * unit), y + round(1.6 * unit)), said, FAINT, _font(False, round(0.85 * unit)), anchor="lm")
+    draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
+    ink, bold, plain = INK if used else FAINT, _font(True, round(0.95 * unit)), _font(False, round(0.85 * unit))
+    draw.text((text_x, y + unit // 2), f"{side} hand", ink, bold, anchor="lm")
+    draw.text((text_x, y + round(1.6 * unit)), said, FAINT, plain, anchor="lm")
 
 
 def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int], width: int, unit: int) -> None:

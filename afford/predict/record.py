@@ -34,6 +34,14 @@ def record(answer: Answer, model: Stored) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def brief(answer: Answer, folder: str) -> dict[str, Any]:
+    """One line of the index of a call: where the record lies, and what it says in short."""
+    picture, found = answer.picture, answer.prediction
+    frame = {} if picture.frame is None else {"frame": picture.frame}
+    scores = {side: _round(found.score[SIDES.index(side)].max()) for side in chosen(found)}
+    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores}
+
+
 def taxonomy(prediction: Prediction) -> dict[str, Any]:
     """The likeliest class by name, and the probability of each."""
     likely = {name: _round(value) for name, value in zip(CLASSES, prediction.taxonomy, strict=True)}
