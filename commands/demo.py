@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 
 from commands.errors import UsageError
 from commands.session import STORE
+
+if TYPE_CHECKING:
+    from afford.demo.examples import Example
 
 
 def demo(host: str, port: int, model: Path | None, device: str, store: Path | None) -> int:
@@ -17,13 +21,12 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
 
     stored, predictor = open_model(model, store, device)
     from afford.demo.answer import Asker
-    from afford.demo.examples import examples
     from afford.demo.server import Site
 
     ask = Asker(predictor, stored)
     console = Console(stderr=True)
     try:
-        site = Site(host, port, ask, ask.about(), examples((store or STORE) / "benchmarks"))
+        site = Site(host, port, ask, ask.about(), _examples((store or STORE) / "benchmarks", console))
     except (OSError, OverflowError) as error:
         raise UsageError(f"--host {host} --port {port}: expected an address that is free on this machine, got: {error}") from error
     console.print(f"model {escape(stored.name)} {stored.digest[:12]}", highlight=False)
@@ -36,3 +39,14 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
         except KeyboardInterrupt:
             console.print("stopped")
     return 0
+
+
+def _examples(benchmarks: Path, console: Console) -> list[Example]:
+    """Pictures to begin with; a set that cannot be read is named and left out."""
+    from afford.demo.examples import examples
+
+    try:
+        return examples(benchmarks)
+    except (ValueError, OSError) as error:
+        console.print(f"[yellow]no examples[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return []

@@ -6,7 +6,11 @@ import base64
 import http.client
 import json
 import shutil
+import signal
+import subprocess
+import sys
 import threading
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +31,8 @@ from afford.recording.pictures import jpeg
 from tests import tiny_asked
 from tests.command import call
 from tests.tiny_asked import TASK, write_picture
+
+ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +213,24 @@ def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path
     assert none.code == 2 and "run `make train` or give --model DIR" in none.err
     taken = call("demo", "--model", model, "--port", str(site.server_address[1]), "--store", tmp_path)
     assert taken.code == 2 and "expected an address that is free" in taken.err
+
+
+def test_the_verb_serves_until_it_is_stopped(model: Path, tmp_path: Path) -> None:
+    """As a user starts it: the address on the terminal, a page there, and the interrupt ends it with 0. A set that cannot be
+    read costs the examples alone."""
+    broken = tmp_path / "benchmarks" / "set" / "masks" / "room" / "1"
+    broken.mkdir(parents=True)
+    (broken / "inpainting.png").write_bytes(b"no image")
+    (broken / "annotation.json").write_text(json.dumps({"narration": "cut bread"}))
+    command = [sys.executable, "pipeline.py", "demo", "--model", model, "--store", tmp_path, "--port", "0"]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as started:
+        assert started.stderr is not None
+        said = [next(line for line in started.stderr if word in line) for word in ("no examples", "http://")]
+        reply = urllib.request.urlopen(said[1].split()[0], timeout=30)
+        assert "inpainting.png: expected an image" in said[0]
+        assert reply.status == 200 and b"Where does each hand go?" in reply.read()
+        started.send_signal(signal.SIGINT)
+        assert started.wait(30) == 0 and "stopped" in started.stderr.read()
 
 
 def test_only_this_machine_reaches_it_unless_asked() -> None:

@@ -190,6 +190,22 @@ def test_a_call_goes_on_in_its_own_folder_and_leaves_others_alone(store: Path, t
     assert "expected an earlier prediction or nothing, got something else" in forced.json["failures"][0]["message"]
 
 
+def test_a_full_disk_leaves_what_was_there(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture whose files cannot be written fails by name; its earlier folder is whole, and nothing half written stays."""
+
+    def full(path: Path, content: object) -> None:
+        raise OSError(f"{path}: no space left")
+
+    image, out = write_picture(tmp_path / "kettle.png"), tmp_path / "out"
+    predict(store, image, out)
+    before = {path: path.read_bytes() for path in (out / "kettle").iterdir()}
+    with monkeypatch.context() as patched:
+        patched.setattr("afford.predict.write._keep", full)
+        failed = predict(store, image, out)
+    assert failed.code == 1 and "no space left" in failed.json["failures"][0]["message"]
+    assert {path: path.read_bytes() for path in (out / "kettle").iterdir()} == before and not list(out.glob(".*"))
+
+
 def test_predictions_are_not_asked_about(store: Path, tmp_path: Path) -> None:
     """A folder that holds an earlier call's masks gives its own pictures alone."""
     write_picture(tmp_path / "in" / "kettle.png")
