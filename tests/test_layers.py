@@ -12,7 +12,7 @@ from afford.layers.gather import gather_colour, gather_votes
 from afford.layers.outline import signed_distance
 from afford.layers.parallax import miss, reconstruct, unit_matrix
 from afford.layers.points import Sightings
-from afford.layers.relight import membrane, relight
+from afford.layers.relight import GRIP_SHADE, grip_shade, membrane, relight
 from afford.metrics.masks import region_similarity
 from tests.toy_clip import texture, toy
 
@@ -163,6 +163,15 @@ def test_relight_meets_the_rim() -> None:
     rim[12:28, 12:28] = False
     assert np.abs(relight(fill, image, rim)[12:28, 12:28] - 120).max() < 6
     assert np.array_equal(relight(fill, image, np.zeros_like(rim)), fill)
+
+
+def test_a_grip_shades_its_inside_alone() -> None:
+    """Nothing outside the hand, darker the deeper under it, and never darker than the limit."""
+    hole = np.zeros((60, 60), bool)
+    hole[5:55, 5:55] = True
+    shade = grip_shade(hole)
+    assert (shade[~hole] == 1).all() and (np.diff(shade[30, 5:30]) < 0).all()
+    assert shade.min() >= np.exp(-GRIP_SHADE) and shade[30, 30] < 1 - GRIP_SHADE / 2
 
 
 def test_a_point_on_the_horizon_of_a_badly_linked_frame_stays_finite() -> None:

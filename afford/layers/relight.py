@@ -11,6 +11,8 @@ MAX_HUE = 0.12
 OFFSET = 4.0
 """added to grey values, 0..255, before ratios are taken"""
 SMOOTH_PX = 1.0
+GRIP_SHADE, GRIP_PX = 0.15, 10.0
+"""how much darker, as a log ratio, a thing is deep under the hand that holds it, and how far under the hand that begins"""
 
 
 def membrane(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -43,3 +45,13 @@ def log_ratio(image: np.ndarray, fill: np.ndarray, weight: np.ndarray) -> tuple[
 def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool, smoothly in between."""
     return fill * np.exp(membrane(*log_ratio(image, fill, rim)))[..., None] if rim.any() else fill
+
+
+def grip_shade(hole: np.ndarray) -> np.ndarray:
+    """(h, w) float32 factor: 1 at the border of the `hole` (h, w) bool and darker inside it.
+
+    A hand that closes on a thing keeps the light off it, which the rim around the hand does not show.
+    """
+    depth_px = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    shade: np.ndarray = np.exp(-GRIP_SHADE * (1 - np.exp(-depth_px / GRIP_PX)))
+    return shade

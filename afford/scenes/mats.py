@@ -13,7 +13,7 @@ from afford.scenes import materials
 from afford.scenes.motion import about, pose
 
 THICKNESS_M = 0.0012
-CONTRAST = 0.75
+CONTRAST = 0.95
 """of a pattern, relative to new"""
 Weave = Callable[[np.random.Generator], Material]
 KINDS: dict[str, tuple[Weave, ...]] = {
@@ -30,7 +30,7 @@ def mats(setting: str, rng: np.random.Generator, centre: np.ndarray) -> list[Ins
 
 def _mat(rng: np.random.Generator, kinds: tuple[Weave, ...], centre: np.ndarray, level: int) -> Instance:
     size = (float(rng.uniform(0.40, 0.60)), float(rng.uniform(0.30, 0.42)), THICKNESS_M * (1 + 0.6 * level))
-    sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(3.0, 5.0)))
+    sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(1.7, 2.8)))
     sheet = replace(sheet, uv=sheet.uv * np.array([1, -1], np.float32))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
     lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))

@@ -14,7 +14,7 @@ from afford.layers.background import BackgroundFill
 from afford.layers.camera import register
 from afford.layers.follow import follow
 from afford.layers.gather import gather_colour
-from afford.layers.relight import relight
+from afford.layers.relight import grip_shade, relight
 from afford.layers.shape import as_cameras, complete_shape, on_canvas, recall
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
@@ -24,7 +24,8 @@ RIM_PX = 4
 
 
 def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
-    """Background layer, then object layers over it, each relit to meet its surroundings. Reads no parameter."""
+    """Background layer, then object layers over it, each relit to meet its surroundings, objects shaded by the grip. Reads no
+    parameter."""
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
     filled = fill_background(frames, grey, tracks, hole)
     for index in regions.touched_indices(tracks):
@@ -61,7 +62,7 @@ def _paint_object(filled: Filled, frames: Frames, grey: np.ndarray, tracks: Trac
         colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner, 0.5)
         shown = _mask(target.shape, pixels, found > 0)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
-        fill = relight(fill, frames.rgb[t], shown & inner[t] & ~hole[t])
+        fill = relight(fill, frames.rgb[t], shown & inner[t] & ~hole[t]) * grip_shade(hole[t])[..., None]
         _put(filled, t, complete[t] & hole[t], fill, shown, found, pixels, PixelSource.OBJECT)
 
 
