@@ -32,6 +32,15 @@ def test_a_saved_model_answers_the_same(folder: Path) -> None:
     assert load(folder).config == TINY
 
 
+def test_what_a_training_published_is_a_model_too(folder: Path, tmp_path: Path) -> None:
+    """The folder above `model/` loads as the model itself; a folder with neither is refused by its own name."""
+    (tmp_path / "published").mkdir()
+    folder.rename(tmp_path / "published" / "model")
+    assert load(tmp_path / "published").config == TINY
+    with pytest.raises(ValueError, match="empty"):
+        load(tmp_path / "empty")
+
+
 def test_two_files_and_always_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     """config.json and model.safetensors, byte for byte."""
     save(build(TINY, 1), tmp_path / "again")

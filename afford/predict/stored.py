@@ -7,11 +7,9 @@ from pathlib import Path
 
 from blake3 import blake3
 
-from afford.models.twohands.files import CONFIG, WEIGHTS
+from afford.models.twohands import files
+from afford.models.twohands.files import CONFIG, INSIDE, WEIGHTS
 from afford.readers.errors import SourceError
-
-INSIDE = "model"
-"""where a training keeps the model beside its card and curves"""
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Stored:
 
 def find(folder: Path) -> Stored:
     """The model in a folder. SourceError when there is none."""
-    place = folder if (folder / CONFIG).is_file() else folder / INSIDE
+    place = files.place(folder)
     for name in (CONFIG, WEIGHTS):
         if not (place / name).is_file():
             raise SourceError(str(folder), f"a trained model ({CONFIG} and {WEIGHTS})", f"no {name}", "run `make train` first")

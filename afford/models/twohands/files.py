@@ -19,6 +19,8 @@ from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.model import TwoHands
 
 CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-twohands-1"
+INSIDE = "model"
+"""where a training keeps the model, beside its card and curves"""
 NAMED = 20
 """differences that an error lists before it only counts them"""
 
@@ -35,8 +37,17 @@ def save(model: TwoHands, folder: Path) -> None:
     save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
 
 
+def place(folder: Path) -> Path:
+    """Where the files of a model are: the folder itself, or `model/` in what a training published."""
+    return folder if (folder / CONFIG).is_file() or not (folder / INSIDE / CONFIG).is_file() else folder / INSIDE
+
+
 def load(folder: Path) -> TwoHands:
-    """The model that `save` wrote, on the CPU, in evaluation mode. ValueError says which file, field or tensor does not fit."""
+    """The model that `save` wrote, or that a training published, on the CPU, in evaluation mode.
+
+    ValueError says which file, field or tensor does not fit.
+    """
+    folder = place(folder)
     config = read_config(folder)
     try:
         weights = load_file(folder / WEIGHTS)

@@ -26,7 +26,7 @@ class Predictor:
     """
 
     def __init__(self, model: str | Path | TwoHands, device: str = "cpu") -> None:
-        """`model`: a folder that `files.save` wrote, or a model."""
+        """`model`: a folder that `files.save` wrote or a training published, or a model."""
         loaded = model if isinstance(model, TwoHands) else load(Path(model))
         self.model, self.device = loaded.to(device).eval(), device
 
