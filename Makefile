@@ -13,7 +13,7 @@ RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train ablation demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup dataset stage report train benchmark ablation demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-10s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ report: $(READY) ## score every extraction stage against synthetic ground truth
 
 train: $(READY) ## train a two-hand model on rendered stills (SOURCE=DIR: on a data set or on videos)
 	@$(RUN) run train --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+
+benchmark: $(READY) ## score the trained model and the baselines on held-out stills (SOURCE=DIR: on ActAffordance)
+	@$(RUN) run benchmark --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 ablation: $(READY) ## train every row of the ablation, three seeds each (about an hour; stop and go on at will)
 	@$(RUN) run ablation --store $(STORE) $(ARGS)

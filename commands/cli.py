@@ -13,7 +13,8 @@ from commands.errors import UsageError
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
                   help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
 
-Target = Annotated[str, typer.Argument(help="dataset, recordings, scenes or extraction-report")]
+Target = Annotated[str, typer.Argument(help="dataset, train, benchmark, ablation, extraction-report, "
+                                        "recordings, scenes, train-set or benchmark-set")]  # fmt: skip
 SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC-format root or your own folder; default: rendered clips")]
 Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]

@@ -37,6 +37,8 @@ class Params:
     """png: aff_*.png (or modes.json) of each case; toras: outlines of the *toras_anns.json files in the benchmark's folder"""
     swap: bool = False
     """score left as right and right as left: what telling the hands apart is worth"""
+    proposals: int = 3
+    """ways to do the task (a choice of hands and a hypothesis) that best_mode_iou looks at: the most probable ones of any method"""
     calibration_floor: float = 0.05
     """pixels of lower predicted probability do not count for calibration"""
 
@@ -48,7 +50,7 @@ def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
     from afford.benchmark.toras import of_tree
 
     outlines = of_tree(cases) if params.truth == "toras" else None
-    method = methods.open_method(predictions, params.levels, params.level, params.protocol)
+    method = methods.open_method(predictions, params.levels, params.level, params.protocol, params.proposals)
     listed = {files.where: files for files in layout.cases(cases)}
 
     def answer(case: Case) -> Answer:

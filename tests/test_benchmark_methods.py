@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,17 +100,29 @@ def made_prediction() -> Prediction:
 
 def test_probabilities_are_ranked_cut_and_selected() -> None:
     """The first-ranked region above the threshold, of returned hands only; the choice of hands can be looked behind."""
-    said = of_prediction(made_prediction(), SIZE, (0.3, 0.5))
+    said = of_prediction(made_prediction(), SIZE, (0.3, 0.5), 3)
     assert not said.top[0].any() and np.array_equal(said.top[1], RIGHT)
     assert np.array_equal(said.cuts[0, 1], RIGHT) and not said.cuts[1].any()
-    assert said.hypotheses.shape == (2, 2, *SIZE) and np.array_equal(said.hypotheses[0, 1], LEFT)
     assert said.unselected is not None and np.array_equal(said.unselected[0], LEFT)
     assert said.files[0][0] is None and said.files[0][1] is not None and set(np.unique(said.files[0][1])) == {0, 255}
 
 
+def test_proposals_are_the_most_probable_ways() -> None:
+    """Right alone 0.7 times 0.7 and 0.3, then both (0.2 times its joint rank); a model of one region differs in hands alone."""
+    said = of_prediction(made_prediction(), SIZE, (0.5,), 3).proposals
+    assert [list(way.any((1, 2))) for way in said] == [[False, True], [False, True], [True, True]]
+    assert np.array_equal(said[0, 1], RIGHT) and np.array_equal(said[1, 1], LEFT) and np.array_equal(said[2, 0], LEFT)
+    told = made_prediction()
+    one = replace(told, probability=told.probability[:, :1], score=np.ones((2, 1), np.float32))
+    assert [list(way.any((1, 2))) for way in of_prediction(one, SIZE, (0.5,), 3).proposals] == [
+        [False, True], [True, True], [True, False]]  # fmt: skip
+    sure = replace(one, taxonomy=np.full(4, np.nan, np.float32))
+    assert len(of_prediction(sure, SIZE, (0.5,), 3).proposals) == 1
+
+
 def test_the_marginal_joins_hypotheses_and_hands() -> None:
     """Left: 0.8 of 0.9, times P(left) = 1 - 0.7; right: 0.7 of 0.4, times P(right) = 1 - 0.1."""
-    said = of_prediction(made_prediction(), SIZE, (0.5,))
+    said = of_prediction(made_prediction(), SIZE, (0.5,), 3)
     assert said.marginal is not None
     assert said.marginal[0, 15, 15] == pytest.approx(0.8 * 0.9 * 0.3) and said.marginal[1, 30, 60] == pytest.approx(0.7 * 0.4 * 0.9)
 

@@ -12,6 +12,8 @@ from afford.benchmark.compat import Grey
 from schemas.files import FileRef
 from schemas.prediction import SIDES, Prediction
 
+CHOICES = np.array([[True, False], [False, True], [True, True]])
+"""which hands act: left alone, right alone, both"""
 SWAP = (1, 0, 2, 3)
 """taxonomy with the hands exchanged"""
 
@@ -26,8 +28,8 @@ class Answer:
     """l pairs of grey masks at the method's own size, as the released code would find them on disk"""
     top: np.ndarray
     """(2, h, w) bool: at the method's own threshold"""
-    hypotheses: np.ndarray
-    """(k, 2, h, w) bool: all of them, at the method's own threshold"""
+    proposals: np.ndarray
+    """(k, 2, h, w) bool: its most probable ways to do the task, at its own threshold; one pair of regions is one way"""
     unselected: np.ndarray | None = None
     """(2, h, w) bool: `top` without the choice of hands"""
     marginal: np.ndarray | None = None
@@ -42,7 +44,7 @@ class Answer:
             cuts=self.cuts[:, ::-1],
             files=tuple((right, left) for left, right in self.files),
             top=self.top[::-1],
-            hypotheses=self.hypotheses[:, ::-1],
+            proposals=self.proposals[:, ::-1],
             unselected=None if self.unselected is None else self.unselected[::-1],
             marginal=None if self.marginal is None else self.marginal[::-1],
             taxonomy=None if self.taxonomy is None else self.taxonomy[list(SWAP)],
@@ -55,8 +57,8 @@ def nothing(size: Size, levels: tuple[float, ...]) -> Answer:
                   np.zeros((1, 2, *size), bool))
 
 
-def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...]) -> Answer:
-    """Probabilities, resized bilinearly to the grid and cut there."""
+def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...], proposals: int) -> Answer:
+    """Probabilities, resized bilinearly to the grid and cut there; `proposals` is how many ways it may propose."""
     fine = _resize(said.probability, size)
     first = [int(rank) for rank in said.score.argmax(axis=1)]
     best = np.stack([fine[side, first[side]] for side in range(2)])
@@ -67,11 +69,32 @@ def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...]) -> An
         cuts=np.stack([(best > level) & hands for level in levels]),
         files=files,
         top=(best > said.threshold) & hands,
-        hypotheses=np.moveaxis(fine > said.threshold, 1, 0) & hands,
+        proposals=_proposed(fine > said.threshold, said.score, hands_told(said.hands, told), proposals),
         unselected=best > said.threshold,
         marginal=np.einsum("skhw,sk->shw", fine, said.score) * _active(said.hands, told)[:, None, None],
         taxonomy=told,
     )
+
+
+def hands_told(hands: np.ndarray, taxonomy: np.ndarray | None) -> np.ndarray:
+    """(left alone, right alone, both) probabilities; without a taxonomy, the hands that were returned are certain."""
+    if taxonomy is not None:
+        return np.array([taxonomy[0], taxonomy[1], taxonomy[2:].sum()])
+    return np.array([np.array_equal(hands, choice) for choice in CHOICES], float)
+
+
+def _proposed(regions: np.ndarray, score: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
+    """(n, 2, h, w) bool: the `count` most probable pairs of a choice of hands and a hypothesis, fewer when there are fewer.
+
+    regions (2, k, h, w) bool, score (2, k), chosen (3,) probabilities of `CHOICES`. So a model with one region per hand proposes
+    as many ways as one with k: its own region with every choice of hands.
+    """
+    joint = np.sqrt(score[0] * score[1])
+    rank = np.stack([score[0], score[1], joint / max(joint.sum(), 1e-9)])
+    likely = (chosen[:, None] * rank).ravel()
+    best = [n for n in np.argsort(-likely, kind="stable")[:count] if likely[n] > 0]
+    ways = [regions[:, n % score.shape[1]] & CHOICES[n // score.shape[1], :, None, None] for n in best]
+    return np.stack(ways) if ways else np.zeros((1, *regions[:, 0].shape), bool)
 
 
 def of_files(at: dict[float, dict[str, FileRef]], size: Size, levels: tuple[float, ...], chosen: float) -> Answer:

@@ -23,24 +23,26 @@ class Method(Protocol):
         """What it says of the case."""
 
 
-def open_method(files: FileTree, levels: tuple[float, ...], level: float, protocol: str) -> Method:
-    """The method behind a folder. `levels` cut probabilities; `level` is taken of a folder with several thresholds; a folder that
-    does not say its protocol is of `protocol`."""
+def open_method(files: FileTree, levels: tuple[float, ...], level: float, protocol: str, proposals: int) -> Method:
+    """The method behind a folder. `levels` cut probabilities, of which up to `proposals` ways are made; `level` is taken of a
+    folder with several thresholds; a folder that does not say its protocol is of `protocol`."""
     table = files.find(stored.NAME)
-    return Probabilities(table, levels) if table else Masks(files, level, protocol)
+    return Probabilities(table, levels, proposals) if table else Masks(files, level, protocol)
 
 
 class Probabilities:
     """Predictions that were stored with their probabilities."""
 
-    def __init__(self, table: FileRef, levels: tuple[float, ...]) -> None:
-        self.levels = levels
+    def __init__(self, table: FileRef, levels: tuple[float, ...], proposals: int) -> None:
+        self.levels, self.proposals = levels, proposals
         self._stored = stored.Stored(table.path)
 
     def answer(self, case: Case) -> Answer:
         size = case.modes.shape[2:]
         said = self._stored.get(case.case_id)
-        return answers.nothing(size, self.levels) if said is None else answers.of_prediction(said, size, self.levels)
+        if said is None:
+            return answers.nothing(size, self.levels)
+        return answers.of_prediction(said, size, self.levels, self.proposals)
 
 
 class Masks:

@@ -78,7 +78,7 @@ def score_case(case: Case, said: Answer, floor: float) -> Row:
     union = said.top[0] | said.top[1]
     mode = case.modes[modes.best_mode(union, case.modes)]
     truth = mode[0] | mode[1]
-    table = modes.agreement(said.hypotheses, case.modes)
+    table = modes.agreement(said.proposals, case.modes)
     values = {
         **measures.overlap(union, truth)._asdict(),
         **dict(zip(("hd_px", "hd_symmetric_px"), measures.hausdorff(union, truth), strict=True)),

@@ -1,0 +1,90 @@
+"""Train the two-hand model and its ablation, and write how good they are where people read it.
+
+    PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--ablation]
+
+Writes the results block of docs/results.md (training, benchmark and, with --ablation, the ablation), the table of the README
+and docs/pictures/twohands.jpg. Without --ablation the ablation's part stays as it was. Nothing in those is typed by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+MARK, END = "<!-- {}: written by benchmarks/bench_twohands.py -->", "<!-- end of {} -->"
+METHODS = (("small", "small, 1.5 M parameters"), ("small_text_removed", "small, not told the task"),
+           ("small_text_shuffled", "small, told another task"), ("whole_object", "whole object (oracle)"),
+           ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
+MEASURES = (("iou", "IoU"), ("precision", "precision"), ("map", "mAP"), ("hd_px", "Hausdorff px"),
+            ("best_mode_iou", "best-mode IoU"), ("taxonomy_accuracy", "taxonomy"))  # fmt: skip
+GROUPS = (("", "kitchens"), ("text_decides.", "kitchens where the text decides"), ("hands_from_image.", "hand not in the text"),
+          ("shift.", "workshop and desk"))  # fmt: skip
+
+
+def make(target: str, store: str | None, *more: str) -> dict[str, Any]:
+    """The JSON summary of a target."""
+    command = [sys.executable, str(ROOT / "pipeline.py"), "run", target, "--json", *more, *(["--store", store] if store else [])]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return found
+
+
+def table(metrics: dict[str, float], prefix: str) -> str:
+    """The methods that have scores in a group, a line each."""
+    head = f"| | {' | '.join(title for _, title in MEASURES)} |\n|---|{'--:|' * len(MEASURES)}\n"
+    lines = (f"| {title} | {' | '.join(cell(metrics, f'{prefix}{name}.{measure}') for measure, _ in MEASURES)} |\n"
+             for name, title in METHODS if f"{prefix}{name}.iou" in metrics)  # fmt: skip
+    return head + "".join(lines)
+
+
+def cell(metrics: dict[str, float], name: str) -> str:
+    """A number as it is shown; '' for none."""
+    if name not in metrics:
+        return ""
+    return f"{metrics[name]:.0f}" if name.endswith("_px") else f"{metrics[name]:.3f}"
+
+
+def benchmark_text(metrics: dict[str, float]) -> str:
+    """All groups."""
+    parts = [f"{title[0].upper()}{title[1:]}, {metrics[f'{prefix}small.cases']:.0f} cases:\n\n{table(metrics, prefix)}\n"
+             for prefix, title in GROUPS if f"{prefix}small.cases" in metrics]  # fmt: skip
+    return f"{metrics['ms_per_image']:.0f} ms an image on one core.\n\n" + "".join(parts)
+
+
+def into(page: Path, name: str, block: str) -> None:
+    """Replace what stands between the two markers of a page."""
+    start, end = MARK.format(name), END.format(name)
+    before, found, rest = page.read_text().partition(start)
+    if not found or end not in rest:
+        raise SystemExit(f"{page}: expected the marks of the part {name}")
+    page.write_text(f"{before}{start}\n{block}{end}{rest.partition(end)[2]}")
+
+
+def main() -> None:
+    """Measure, then write."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--store")
+    parser.add_argument("--ablation", action="store_true")
+    asked = parser.parse_args()
+    page, readme = ROOT / "docs" / "results.md", ROOT / "README.md"
+    trained = make("train", asked.store)
+    if trained["ran"].get("model_train"):
+        into(page, "training", f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, its stills included.\n")
+    found = make("benchmark", asked.store)
+    into(page, "benchmark", benchmark_text(found["metrics"]))
+    into(readme, "twohands", table(found["metrics"], ""))
+    sheet = Path(found["outputs"]["report"]) / "sheets" / "small_masks.jpg"
+    shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
+    if asked.ablation:
+        report = Path(make("ablation", asked.store)["outputs"]["report"])
+        into(page, "ablation", (report / "ablation.md").read_text().partition("\n\n")[2])
+
+
+if __name__ == "__main__":
+    main()
