@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,15 @@ def run(folder: Path, plan=PLAN, task=None, until: int = 10**9):
 
     folder.mkdir(exist_ok=True)
     return task, train(task, plan, folder, progress)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Bytes are promised for one number of threads; processes that a test starts have one."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize("kill", [1, 5, 6, 13, 23])

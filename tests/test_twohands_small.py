@@ -31,7 +31,7 @@ def test_shapes_of_every_ablation(change: dict[str, object]) -> None:
     o = build(config, 0)(batch("open jar", "put the big blue bowl on the shelf"))
     k = config.hypotheses
     assert (o.logits.shape, o.score.shape, o.taxonomy.shape) == ((2, 2, k, 16, 24), (2, 2, k), (2, 4))
-    assert o.text_loss is None
+    assert o.text_loss is None and o.objects is not None and o.objects.shape == (2, 2, 16, 24)
 
 
 def test_the_default_is_small() -> None:

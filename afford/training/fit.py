@@ -13,7 +13,7 @@ from afford.models.twohands.build import build
 from afford.models.twohands.model import TwoHands
 from afford.training import cache, divide
 from afford.training.batches import Batches
-from afford.training.hands import Boxes, Hands, Target, judged_batches
+from afford.training.hands import Boxes, Hands, judged_batches
 from afford.training.job import Job
 from afford.training.loop import train
 from afford.training.order import Order
@@ -44,20 +44,19 @@ def prepare(job: Job, data: Files, scratch: Path) -> None:
 def fit(job: Job, scratch: Path, progress: Progress, ranks: Ranks = ALONE) -> Fitted:
     """Train, or go on where `scratch` says that an earlier process stopped. `prepare` comes first."""
     model = build(job.config, job.seed)
-    state = train(_task(job, model, scratch, ranks), job.plan, scratch, progress, ranks)
+    state = train(_task(job, model, scratch), job.plan, scratch, progress, ranks)
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     if "val.threshold" in found:
         model.config = replace(job.config, threshold=found["val.threshold"])
     return Fitted(model, state)
 
 
-def _task(job: Job, model: TwoHands, scratch: Path, ranks: Ranks) -> Hands:
+def _task(job: Job, model: TwoHands, scratch: Path) -> Hands:
     learned, boxes = cache.Cache(scratch / "train"), Boxes(job.config.size_px)
     order = Order([(row["verb"], row["taxonomy"]) for row in learned.rows], job.balance, job.seed)
     batches = Batches(learned, order, job.views, boxes.image, boxes.masks, job.batch, job.seed)
     judged = judged_batches(judges(cache.Cache(scratch / "val"), job), boxes, job.batch)
-    until = round(job.object_share * job.plan.steps) * job.plan.accumulate * ranks.count
-    return Hands(model, batches, judged, job.loss, Target(job.target, until), job.plan.device)
+    return Hands(model, batches, judged, job.loss, job.target, job.plan.device)
 
 
 def judges(samples: Sequence[Item], job: Job) -> list[Item]:

@@ -10,8 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from afford.models.twohands.batch import Batch, Output
-from afford.models.twohands.batch import Target as Truth
+from afford.models.twohands.batch import Batch, Output, Target
 from afford.models.twohands.letterbox import letterbox, letterbox_masks
 from afford.models.twohands.letterbox import stack as stack_images
 from afford.models.twohands.losses import LossParams, losses
@@ -22,15 +21,6 @@ from afford.training.scores import Said, measure
 
 TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 """which two of a sample's four masks are learned"""
-
-
-class Target(NamedTuple):
-    """What is learned when."""
-
-    name: str
-    """affordance or object"""
-    object_until: int
-    """micro-batches before this number teach the complete object whatever the name says"""
 
 
 class Boxes(NamedTuple):
@@ -52,18 +42,17 @@ class Hands:
 
     judged_by = "iou"
 
-    def __init__(self, model: TwoHands, batches: Batches, judged: Sequence[Arrays], loss: LossParams, target: Target,
+    def __init__(self, model: TwoHands, batches: Batches, judged: Sequence[Arrays], loss: LossParams, target: str,
                  device: str) -> None:
-        """`judged` are the batches of validation, never augmented."""
+        """`judged` are the batches of validation, never augmented; `target` is one of `TARGETS`."""
         self.model: nn.Module = model
         self.batches, self.judged, self.params, self.device = batches, judged, loss, device
-        self.target = target
+        self.learned = TARGETS[target]
         self._said: list[Said] = []
 
     def batch(self, number: int) -> Arrays:
-        """Micro-batch `number`, its first two masks being those to learn."""
-        made = self.batches(number)
-        return self._aimed(made, "object" if number < self.target.object_until else self.target.name)
+        """Micro-batch `number`."""
+        return self.batches(number)
 
     def loss(self, model: nn.Module, batch: Arrays) -> dict[str, Tensor]:
         """The losses by name."""
@@ -72,7 +61,7 @@ class Hands:
     def validate(self) -> dict[str, float]:
         """IoU and its kin at the best threshold, the share of right taxonomies, and the loss."""
         said, totals = [], []
-        for batch in (self._aimed(batch, self.target.name) for batch in self.judged):
+        for batch in self.judged:
             output = self.model(self._asked(batch))
             totals.append(float(losses(output, self._truth(batch), self.params)["total"]))
             said += self._answers(output, batch)
@@ -84,24 +73,21 @@ class Hands:
         rows = [(image, task) for batch in self.judged for image, task in zip(batch.image, batch.task, strict=True)]
         preview.write(folder / f"step_{step:07d}.jpg", rows, self._said)
 
-    def _aimed(self, batch: Arrays, target: str) -> Arrays:
-        return batch._replace(masks=batch.masks[:, TARGETS[target]])
-
     def _asked(self, batch: Arrays) -> Batch:
         return Batch(stack_images(list(batch.image)).to(self.device), batch.task)
 
-    def _truth(self, batch: Arrays) -> Truth:
-        masks = torch.from_numpy(batch.masks).to(self.device)
+    def _truth(self, batch: Arrays) -> Target:
+        masks, things = (torch.from_numpy(batch.masks[:, part]).to(self.device) for part in (self.learned, TARGETS["object"]))
         taxonomy = torch.from_numpy(batch.taxonomy).to(self.device)
-        return Truth(masks.float(), masks.flatten(2).any(-1), taxonomy)
+        return Target(masks.float(), masks.flatten(2).any(-1), taxonomy, things.float())
 
     def _answers(self, output: Output, batch: Arrays) -> list[Said]:
         """Probabilities at the size of the model, sample by sample."""
-        size = batch.masks.shape[-2:]
+        size, truth = batch.masks.shape[-2:], batch.masks[:, self.learned]
         large = nn.functional.interpolate(output.logits.float().flatten(1, 2), size, mode="bilinear", align_corners=False)
         probability = large.sigmoid().unflatten(1, output.logits.shape[1:3]).cpu().numpy()
         score, taxonomy = output.score.float().cpu(), output.taxonomy.float().softmax(-1).cpu().numpy()
-        rows = zip(probability, score, taxonomy, batch.masks, batch.taxonomy, strict=True)
+        rows = zip(probability, score, taxonomy, truth, batch.taxonomy, strict=True)
         return [Said.of(*row) for row in rows]
 
 

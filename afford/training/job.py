@@ -33,8 +33,6 @@ class Job:
     """samples are kept at this many times the size of the model, so that crops stay sharp"""
     target: str
     """affordance or object"""
-    object_share: float
-    """share of the steps, at the beginning, in which the complete object is learned whatever the target: where to look at all"""
     seed: int
 
     def to_json(self) -> str:

@@ -25,6 +25,8 @@ class Target(NamedTuple):
     """(b, 2) bool: whether that hand takes part"""
     taxonomy: Tensor
     """(b,) int64: 0 left, 1 right, 2 both on one object, 3 both on different objects"""
+    objects: Tensor | None = None
+    """(b, 2, H, W) float32, 0 or 1: the complete object of each hand, where it is known"""
 
 
 class Output(NamedTuple):
@@ -38,3 +40,5 @@ class Output(NamedTuple):
     """(b, 4) logits"""
     text_loss: Tensor | None = None
     """scalar cross-entropy of the answer's words; None for models that do not write"""
+    objects: Tensor | None = None
+    """(b, 2, h, w) logits of the complete object of each hand; None for models that do not tell it"""

@@ -18,7 +18,7 @@ class ModelConfig:
     """small (trained from nothing on a CPU) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
     hypotheses: int = 3
     """k: regions proposed for each hand; 1 is the paper's model"""
-    size_px: tuple[int, int] = (128, 224)
+    size_px: tuple[int, int] = (128, 160)
     """height and width of the letter-boxed input; square for clip and vlm"""
     widths: tuple[int, int, int] = (32, 64, 128)
     """channels at stride 4, 8 and 16 (small); the last one is the width of the decoder and of the words"""

@@ -31,7 +31,10 @@ class Encoder(nn.Module):
         self.stem = nn.Sequential(_conv(3, c4 // 2, stride=2), _conv(c4 // 2, c4, stride=2))
         self.stage4 = Residual(c4)
         self.stage8 = nn.Sequential(_conv(c4, c8, stride=2), Residual(c8))
+        self.more8 = Residual(c8)
         self.stage16 = _conv(c8, c16, stride=2)
+        self.more16 = Residual(c16)
+        self.tune8, self.tune16 = Tune(c16, c8), Tune(c16, c16)
         self.blocks = nn.ModuleList(Block(c16, heads, ratio=2, dropout=dropout) for _ in range(depth))
         self.norm = nn.LayerNorm(c16)
         self.place: Tensor
@@ -40,14 +43,29 @@ class Encoder(nn.Module):
     def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
         """image (b, 3, H, W) normalised, words (b, n, c16), keep (b, n) bool."""
         stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
-        stride8 = self.stage8(stride4)
-        tokens = self.stage16(stride8).flatten(2).transpose(1, 2) + self.place
+        text = (words * keep[..., None]).sum(1) / keep.sum(1, keepdim=True).clamp(min=1)
+        stride8 = self.more8(self.tune8(self.stage8(stride4), text))
+        coarse = self.more16(self.tune16(self.stage16(stride8), text))
+        tokens = coarse.flatten(2).transpose(1, 2) + self.place
         count = tokens.shape[1]
         x, seen = cat([tokens, words], dim=1), cat([keep.new_ones(len(keep), count), keep], dim=1)
         for block in self.blocks:
             x = block(x, seen)
         x = self.norm(x)
         return Features(stride4, stride8, x[:, :count], x[:, count:])
+
+
+class Tune(nn.Module):
+    """Scales and shifts channels as the words say (FiLM, Perez et al. 2018)."""
+
+    def __init__(self, words: int, width: int) -> None:
+        super().__init__()
+        self.weigh = nn.Sequential(nn.Linear(words, words), nn.ReLU(), nn.Linear(words, 2 * width))
+
+    def forward(self, x: Tensor, text: Tensor) -> Tensor:
+        """x (b, width, h, w), text (b, words)."""
+        scale, shift = self.weigh(text)[..., None, None].chunk(2, dim=1)
+        return x * (1 + scale) + shift
 
 
 class Residual(nn.Module):

@@ -37,6 +37,7 @@ class LossParams:
     taxonomy_weight: float = 1.0
     text_weight: float = 1.0
     score_weight: float = 0.5
+    object_weight: float = 1.0
     focal_alpha: float = 0.25
     focal_gamma: float = 2.0
     dice_scale: float = 1000.0
@@ -49,7 +50,7 @@ class LossParams:
 
 
 def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tensor]:
-    """Named scalars: mask, dice, score, taxonomy, text where the model writes, and `total`, their weighted sum."""
+    """Named scalars: mask, dice, score, taxonomy, object and text where the model tells them, and `total`, their weighted sum."""
     active = target.active.float()
     mask, overlap = mask_costs(output.logits, target.masks, active, params)
     best = best_hypothesis((params.mask_weight * mask + params.dice_weight * overlap).detach(), active, params.choice)
@@ -61,6 +62,8 @@ def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tens
     named = {"mask": (mask * share).sum() / (count + 1e-8), "dice": (overlap * share).sum() / (count + 1e-8),
              "score": score_loss(output.score.float(), best, active),
              "taxonomy": taxonomy_loss(output.taxonomy.float(), target.taxonomy, params.mode)}  # fmt: skip
+    if output.objects is not None and target.objects is not None:
+        named["object"] = object_loss(output.objects, target.objects, active, params)
     if output.text_loss is not None:
         named["text"] = output.text_loss
     weighted = [getattr(params, f"{name}_weight") * value for name, value in named.items()]
@@ -130,3 +133,10 @@ def shares(best: Tensor, count: int, epsilon: float) -> Tensor:
         return best.new_ones((*best.shape, 1), dtype=torch.float32)
     chosen = one_hot(best, count).float()
     return chosen * (1 - epsilon) + (1 - chosen) * epsilon / (count - 1)
+
+
+def object_loss(logits: Tensor, masks: Tensor, active: Tensor, params: LossParams) -> Tensor:
+    """Cross-entropy and Dice of the complete objects (b, 2, h, w) of the hands that act; scalar."""
+    logits, truth = on_one_grid(logits[:, :, None].float(), masks, params.grid)
+    each = (bce(logits, truth) + dice(logits, truth, params.dice_scale, params.dice_eps))[..., 0]
+    return (each * active).sum() / (active.sum() + 1e-8)

@@ -24,9 +24,10 @@ class Small(TwoHands):
     def forward(self, batch: Batch) -> Output:
         words, keep = self._read(batch)
         features = self.encoder(normalised(batch.image), words, keep)
-        logits, score, tokens = self.decoder(features, keep, self.encoder.place)
+        logits, score, tokens, objects = self.decoder(features, keep, self.encoder.place)
         both = (-1, 2, -1, -1, -1)
-        return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)))
+        return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)), None,
+                      objects.expand(both[:4]))
 
     def _read(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Word vectors and which of them are real; no words at all for a model that does not read."""

@@ -30,36 +30,40 @@ class TwoWayBlock(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Features and words -> one mask for each hand and hypothesis."""
+    """Features and words -> one mask for each hand and hypothesis, and one for the complete object of each hand."""
 
     def __init__(self, widths: tuple[int, int, int], heads: int, depth: int, hands: int, hypotheses: int) -> None:
         super().__init__()
         c4, c8, c16 = widths
         self.hands, self.hypotheses = hands, hypotheses
-        self.queries = nn.Parameter(torch.randn(hands, 1 + hypotheses, c16))
+        self.queries = nn.Parameter(torch.randn(hands, 2 + hypotheses, c16))
         self.blocks = nn.ModuleList(TwoWayBlock(c16, heads) for _ in range(depth))
         self.down8, self.skip8 = nn.Conv2d(c16, c8, 1), nn.Conv2d(c8, c8, 1)
         self.down4, self.skip4 = nn.Conv2d(c8, c4, 1), nn.Conv2d(c4, c4, 1)
         self.norm8, self.norm4 = nn.GroupNorm(8, c8), nn.GroupNorm(8, c4)
         self.fine = nn.Conv2d(c4, c4, 3, padding=1)
         self.hyper = nn.ModuleList(mlp(c16, c16, c4 + 1) for _ in range(hands))
+        self.thing = mlp(c16, c16, c4 + 1)
         self.score = mlp(c16, c16, 1)
 
     def forward(self, features: tuple[Tensor, Tensor, Tensor, Tensor], keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
         """features: stride 4, stride 8, stride-16 tokens, words; keep (b, n) bool of the words; place (p, c16).
 
-        Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16).
+        Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16), and logits of the
+        complete objects (b, hands, H/4, W/4).
         """
         stride4, stride8, image, words = features
-        count = self.hands * (1 + self.hypotheses)
+        count = self.hands * (2 + self.hypotheses)
         tokens = torch.cat([self.queries.flatten(0, 1).expand(len(words), -1, -1), words], dim=1)
         keep = torch.cat([keep.new_ones(len(keep), count), keep], dim=1)
         for block in self.blocks:
             tokens, image = block(tokens, keep, image, place)
         own = tokens[:, :count].unflatten(1, (self.hands, -1))
+        own, thing = own[:, :, :-1], self.thing(own[:, :, -1:])
         weight = torch.stack([hyper(own[:, hand, 1:]) for hand, hyper in enumerate(self.hyper)], dim=1)
         score = self.score(own[:, :, 1:] + own[:, :, :1])[..., 0]
-        return weighed(weight, self._fine(stride4, stride8, image)), score, own
+        drawn = weighed(torch.cat([weight, thing], dim=2), self._fine(stride4, stride8, image))
+        return drawn[:, :, :-1], score, own, drawn[:, :, -1]
 
     def _fine(self, stride4: Tensor, stride8: Tensor, image: Tensor) -> Tensor:
         """(b, c4, H/4, W/4): what the image tokens know, made sharp by the encoder's own fine features."""
