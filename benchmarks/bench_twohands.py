@@ -18,7 +18,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 MARK, END = "<!-- {}: written by benchmarks/bench_twohands.py -->", "<!-- end of {} -->"
-METHODS = (("small", "small, 1.5 M parameters"), ("small_text_removed", "small, not told the task"),
+METHODS = (("small", "small"), ("small_text_removed", "small, not told the task"),
            ("small_text_shuffled", "small, told another task"), ("whole_object", "whole object (oracle)"),
            ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
 MEASURES = (("iou", "IoU"), ("precision", "precision"), ("map", "mAP"), ("hd_px", "Hausdorff px"),
@@ -79,7 +79,7 @@ def main() -> None:
     found = make("benchmark", asked.store)
     into(page, "benchmark", benchmark_text(found["metrics"]))
     into(readme, "twohands", table(found["metrics"], ""))
-    sheet = Path(found["outputs"]["report"]) / "sheets" / "small_masks.jpg"
+    sheet = Path(found["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
     if asked.ablation:
         report = Path(make("ablation", asked.store)["outputs"]["report"])
