@@ -7,11 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import pytest
 
 from runner import RunReport
 from tests.command import Made
 from tests.tiny_source import write_source
+
+cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/test_worker.py)
 
 ROOT = Path(__file__).resolve().parent.parent
 
