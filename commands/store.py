@@ -23,7 +23,8 @@ from pipeline import TARGETS, build
 from runner import Graph, Runner, TaskPlan
 
 SHOWN_FILES = 6
-PIPED_WIDTH = 200
+PIPED_WIDTH = 1000
+"""columns where no terminal says how many: paths are long, and whoever reads a pipe wants them whole"""
 
 
 def planned(request: Request) -> list[TaskPlan]:
@@ -129,8 +130,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
         return 0
     tree = Tree(_origin_line(found))
     _grow(tree, found, {found.digest})
-    console = Console()
-    console.print(tree, crop=False, no_wrap=True, width=console.width if console.is_terminal else PIPED_WIDTH)
+    Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(tree, crop=False, no_wrap=True, overflow="ignore")
     return 0
 
 
