@@ -35,6 +35,12 @@ class Red(TwoHands):
         return Output(logits, score, torch.tensor([[0.0, 3, 0, 0]]).expand(len(red), 4))
 
 
+def test_a_model_must_say_how_it_answers() -> None:
+    """`TwoHands` cannot be made by itself, nor a model without `forward`."""
+    with pytest.raises(TypeError, match="forward"):
+        TwoHands()  # type: ignore[abstract]
+
+
 @pytest.mark.parametrize(("height", "width"), [(256, 456), (480, 300), (855, 855), (40, 31)])
 def test_a_region_lands_where_it_was(height: int, width: int) -> None:
     """A red box of any image, through the letter-box and back, with IoU above 0.85."""

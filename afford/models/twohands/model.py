@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
@@ -16,14 +18,14 @@ CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)
 CLIP_DEVIATION = (0.26862954, 0.26130258, 0.27577711)
 
 
-class TwoHands(nn.Module):
+class TwoHands(nn.Module, ABC):
     """An image and a task in, a region for each hand out. Parameters that are frozen have `requires_grad` off."""
 
     config: ModelConfig
 
+    @abstractmethod
     def forward(self, batch: Batch) -> Output:
         """Regions, scores and taxonomy of b images; in training mode `text_loss` too where the model writes an answer."""
-        raise NotImplementedError
 
     def extra_files(self) -> dict[str, str]:
         """Name -> text of what must lie beside the weights to build this model again, config.json apart."""
