@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from schemas.affordance import Rejection, Taxonomy
+from schemas.hands import SIDES
 from schemas.masks import CompleteObjects, Tracks
 
 PAPER_SIDE_PX = 855
@@ -35,7 +36,7 @@ def hand_masks(tracks: Tracks) -> np.ndarray:
     masks = np.zeros((2, *tracks.masks.shape[1:]), bool)
     for entity, mask in zip(tracks.entities, tracks.masks, strict=True):
         if entity.role == "hand":
-            masks[("left", "right").index(entity.side)] |= mask
+            masks[SIDES.index(entity.side)] |= mask
     return masks
 
 
@@ -86,7 +87,7 @@ def _trust(
     tracks: Tracks, complete: CompleteObjects, side: int, row: np.ndarray, affordance: np.ndarray, fade_frames: float
 ) -> np.ndarray:
     at = np.arange(len(row))
-    hands = [i for i, entity in enumerate(tracks.entities) if entity.side == ("left", "right")[side]]
+    hands = [i for i, entity in enumerate(tracks.entities) if entity.side == SIDES[side]]
     hand = tracks.confidence[hands].max(axis=0) if hands else np.zeros(len(row), np.float32)
     thing = tracks.confidence[np.maximum(tracks.contact[side], 0), at]
     whole = complete.confidence[np.maximum(row, 0), at] if len(complete.entities) else np.zeros(len(row), np.float32)

@@ -17,6 +17,7 @@ from commands.errors import UsageError, unknown
 from commands.progress import Shown, observer
 from commands.session import STORE
 from runner import Reason
+from schemas.hands import SIDES
 
 if TYPE_CHECKING:
     from afford.models.twohands.predictor import Predictor
@@ -160,9 +161,9 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
 
     index(options.out, summary)
     console = Console(stderr=True)
-    table = Table("picture", "taxonomy", "left", "right", box=None)
+    table = Table("picture", "taxonomy", *SIDES, box=None)
     for line in summary["predictions"][:SHOWN]:
-        scores = [f"{line['scores'][side]:.2f}" if side in line["scores"] else "-" for side in ("left", "right")]
+        scores = [f"{line['scores'][side]:.2f}" if side in line["scores"] else "-" for side in SIDES]
         table.add_row(escape(line["folder"]), line["taxonomy"], *scores)
     if summary["predictions"]:
         console.print(table)

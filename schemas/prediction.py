@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.hands import SIDES
 from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
-
-SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from afford.scenes import polygons
 from afford.scenes.play import LENGTH
 from afford.scenes.scripts import SCRIPTS
 from afford.scenes.specs import dataset_specs, hard_specs, standard_specs
-from afford.scenes.world import SIDES, build_world, elbow
+from afford.scenes.world import build_world, elbow
+from schemas.hands import SIDES
 from schemas.scene import SceneSpec
 from stages import scene_render
 

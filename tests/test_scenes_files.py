@@ -12,6 +12,7 @@ import pytest
 from afford.scenes import polygons, specs, vocabulary, write_epic
 from afford.scenes.write_root import write_root
 from schemas.files import FileRef, FileTree
+from schemas.hands import HAND_CLASS, SIDES
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -34,7 +35,7 @@ def test_every_class_is_unique_and_hands_are_epics():
         assert len({entry.id for entry in table}) == len(table)
         words = [word for entry in table for word in entry.instances]
         assert len(set(words)) == len(words)
-    assert vocabulary.HAND_CLASS == {"left": 300, "right": 301}
+    assert {side: vocabulary.noun_class(f"hand:{side}").id for side in SIDES} == HAND_CLASS == {"left": 300, "right": 301}
 
 
 def test_nouns_outside_epic_get_new_classes():

@@ -10,7 +10,8 @@ import numpy as np
 from afford.benchmark.cases import Size, grey, resize_mask
 from afford.benchmark.compat import Grey
 from schemas.files import FileRef
-from schemas.prediction import SIDES, Prediction
+from schemas.hands import SIDES
+from schemas.prediction import Prediction
 
 CHOICES = np.array([[True, False], [False, True], [True, True]])
 """which hands act: left alone, right alone, both"""

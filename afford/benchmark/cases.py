@@ -19,8 +19,8 @@ from afford.readers.strict_json import entry, parse
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef
+from schemas.hands import SIDES
 
-SIDES = ("left", "right")
 CLASSES = ("left", "right", "both_same", "both_different")
 KITCHEN, SHIFT = "kitchen", "shift"
 Size = tuple[int, int]

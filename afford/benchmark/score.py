@@ -12,12 +12,12 @@ from afford.benchmark import calibration, compat, measures, modes
 from afford.benchmark.answers import Answer
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case, MethodScores, Sheet
+from schemas.hands import SIDES
 
 NAN = float("nan")
-HANDS = ("left", "right")
 MEASURES = (
     "iou", "precision", "recall", "f1", "hd_px", "hd_symmetric_px", "map",
-    "hand_iou", *(f"{hand}.{name}" for hand in HANDS for name in measures.Overlap._fields),
+    "hand_iou", *(f"{hand}.{name}" for hand in SIDES for name in measures.Overlap._fields),
     "first_mode_iou", "best_mode_iou", "best_hypothesis_iou",
     "taxonomy_accuracy", "taxonomy_open_accuracy", "hands_accuracy", "taxonomy_confidence",
     "spurious", "spurious_unselected", "missed", "answered",
@@ -110,7 +110,7 @@ def _per_hand(top: np.ndarray, mode: np.ndarray) -> dict[str, float]:
     """Overlaps of each hand that the mode takes; `hand_iou` is over hands that are taken or returned, 0 for one too many."""
     out: dict[str, float] = {}
     ious: list[float] = []
-    for hand, found, truth in zip(HANDS, top, mode, strict=True):
+    for hand, found, truth in zip(SIDES, top, mode, strict=True):
         needed = bool(truth.any())
         scores = measures.overlap(found, truth) if needed else measures.Overlap(NAN, NAN, NAN, NAN)
         out |= {f"{hand}.{name}": value for name, value in scores._asdict().items()}

@@ -20,6 +20,7 @@ from afford.benchmark.layout import CaseFiles
 from afford.readers.errors import SourceError
 from afford.readers.strict_json import entry, parse
 from schemas.files import FileTree
+from schemas.hands import SIDES
 
 CANVAS_PX, FULL_PX = 512, 855
 FINE = 8
@@ -41,7 +42,7 @@ class Toras:
         hands = self.outlines.get((files.video, int(files.frame)))
         if hands is None:
             raise SourceError(files.where, "an entry of that video and frame in the TORAS file", "none", "remove the case")
-        whole = np.stack([draw(hands[side]) for side in ("left", "right")])
+        whole = np.stack([draw(hands[side]) for side in SIDES])
         if files.protocol == "masks":
             return whole
         x0, y0, x1, y1 = _box(annotation, files.where)

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from afford.dataset.files import write_json
+from schemas.hands import SIDES
 from schemas.still import Mode, Still, Stills
 
-SIDES = ("left", "right")
 PAPER_PX = 855
 FREE_OVERLAP = 0.5
 """Two tasks of one picture want different places when their likeliest masks overlap less than this (IoU)."""

@@ -12,11 +12,10 @@ import numpy as np
 from afford.dataset.motion import Paths
 from schemas.affordance import Affordances, FrameLabels, Rejection
 from schemas.clip import Clip, Narration
+from schemas.hands import SIDES
 from schemas.masks import CompleteObjects, Tracks
 from schemas.sample import Sample, Samples
 from schemas.video import Frames, Inpainted
-
-HANDS = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ def key_of(x: Extraction, t: int) -> tuple[int, int]:
 
 
 def _used(x: Extraction, t: int) -> Iterator[str]:
-    for side, hand in enumerate(HANDS):
+    for side, hand in enumerate(SIDES):
         touched = int(x.affordances.object_index[side, t])
         if touched >= 0:
             yield f"{hand} hand"

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from afford.dataset.load import Item
+from schemas.hands import OTHER
 
-SIDES = re.compile(r"\b(left|right)\b", re.IGNORECASE)
-OTHER = {"left": "right", "right": "left"}
+SIDE_WORDS = re.compile(r"\b(left|right)\b", re.IGNORECASE)
 SWAP_MASKS, SWAP_PATHS, SWAP_TAXONOMY = [1, 0, 3, 2], [1, 0, 3, 2], (1, 0, 2, 3)
 GREY = np.array([0.299, 0.587, 0.114], np.float32)
 
@@ -52,7 +52,7 @@ def augment(item: Item, settings: Settings, seed: int, epoch: int, index: int) -
 
 def swap_sides(text: str) -> str:
     """Exchange the whole words left and right; the case stays."""
-    return SIDES.sub(lambda found: _like(found.group(), OTHER[found.group().lower()]), text)
+    return SIDE_WORDS.sub(lambda found: _like(found.group(), OTHER[found.group().lower()]), text)
 
 
 def _like(pattern: str, word: str) -> str:

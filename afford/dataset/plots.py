@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from afford.dataset.tally import Tally
 from afford.figures import Figure
+from schemas.hands import SIDES
 
 LEFT, RIGHT, NEUTRAL = "#e07b1a", "#1f6fc4", "#5b6770"
 TOP_CLASSES = 25
@@ -85,7 +86,7 @@ def _taxonomy(statistics: dict[str, Any]) -> Figure:
 
 def _hand_positions(tally: Tally) -> Figure:
     figure, axes = _figure(FLAT, 2)
-    for axis, title, heat, colours in zip(axes, ("left", "right"), tally.heat, ("Oranges", "Blues"), strict=True):
+    for axis, title, heat, colours in zip(axes, SIDES, tally.heat, ("Oranges", "Blues"), strict=True):
         percent = 100 * heat / max(tally.splits.total(), 1)
         shown = axis.imshow(percent, cmap=colours, vmin=0, extent=(0, 1, 1, 0), aspect=percent.shape[0] / percent.shape[1],
                             interpolation="bilinear")

@@ -17,7 +17,7 @@ from afford.predict.record import record
 from afford.predict.stored import Stored
 from afford.readers.errors import SourceError
 from afford.recording.pictures import grey_png
-from schemas.prediction import SIDES
+from schemas.hands import SIDES
 
 MAX_PIXELS = 24_000_000
 MAX_SIDE_PX = 960

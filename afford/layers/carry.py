@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from afford.layers.follow import MIN_PIXELS, Path, carried
+from schemas.hands import SIDES
 from schemas.masks import Tracks
 
 GLIMPSE = 0.25
 """less than this share of the largest visible areas (their 0.9 quantile) is too little to place an object by"""
 CARRIED_FIT = 0.6
 """fit of a carried pose: just enough to complete the object with it"""
-SIDES = ("left", "right")
 
 
 def holding(tracks: Tracks, index: int) -> np.ndarray:

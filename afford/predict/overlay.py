@@ -11,7 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from afford.predict.record import CLASSES
-from schemas.prediction import SIDES, Prediction
+from schemas.hands import SIDES
+from schemas.prediction import Prediction
 
 COLOURS = {"left": (240, 130, 20), "right": (40, 130, 240)}
 """as in every sheet of the project"""

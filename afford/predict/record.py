@@ -9,7 +9,8 @@ import numpy as np
 from afford.predict.ask import Answer
 from afford.predict.stored import Stored
 from schemas.affordance import Taxonomy
-from schemas.prediction import SIDES, Prediction
+from schemas.hands import SIDES
+from schemas.prediction import Prediction
 
 DIGITS = 6
 CLASSES = tuple(one.name.lower() for one in Taxonomy if one >= 0)

@@ -20,7 +20,7 @@ from afford.predict.sources import RECORD
 from afford.predict.stored import Stored
 from afford.readers.errors import SourceError
 from afford.recording.pictures import mask_png
-from schemas.prediction import SIDES
+from schemas.hands import SIDES
 
 OVERLAY, INDEX, FORMAT = "overlay.png", "predictions.json", "afford-predictions-1"
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
 from afford.readers.polygons import union
 from afford.readers.rows import Note, Row, Sheet, visible
 from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, KeyFrame
+from schemas.hands import HAND_CLASS, SIDES, Hand
 
-SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
-HAND_CLASS = {"left": 300, "right": 301}
-"""EPIC noun classes v2: hand:left, hand:right"""
 MISSPELT = {"rigth hand": "right hand", "rigth glove": "right glove"}
 """names that annotators are known to have misspelt (13 VISOR images)"""
 OTHER_WORDS = {"none": "hand-not-in-contact"}
@@ -62,7 +59,7 @@ def _same(a: Row, b: Row) -> bool:
         np.array_equal(p.points, q.points) for p, q in zip(a.polygons, b.polygons, strict=True))
 
 
-def _merge(side: Literal["left", "right"], hands: list[Row], gloves: list[Row], sheet: Sheet) -> Annotation:
+def _merge(side: Hand, hands: list[Row], gloves: list[Row], sheet: Sheet) -> Annotation:
     """One annotation of hand and glove, drawn as their union; the contact is the glove's when there is one."""
     parts = [*hands[:1], *gloves]
     polygons = parts[0].polygons

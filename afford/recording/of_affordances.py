@@ -11,10 +11,10 @@ from afford.recording.own_types import AffordanceState
 from afford.recording.pictures import LEFT, RIGHT, mask_png, overlay_png
 from afford.recording.topics import channel, image, image_channel, stamped, times_of
 from schemas.affordance import Affordances, Rejection, Taxonomy
+from schemas.hands import SIDES
 from schemas.video import Frames
 
 ROOM = "/affordance"
-SIDES = ("left", "right")
 
 
 def record(value: Affordances, frames: Frames) -> Recording:

@@ -10,11 +10,11 @@ from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import SampleState
 from afford.recording.pictures import mask_png
 from afford.recording.topics import channel, image, image_channel, log, stamped
+from schemas.hands import SIDES
 from schemas.sample import Sample, Samples
 from schemas.video import Frames
 
 ROOM = "/sample_assemble"
-SIDES = ("left", "right")
 
 
 def record(value: Samples, frames: Frames) -> Recording:

@@ -17,11 +17,11 @@ from afford.scenes.asset import Grip, ObjectModel
 from afford.scenes.motion import Pose, Track, about, pose
 from afford.scenes.objects import build
 from afford.scenes.play import Arm, Play, Thing
+from schemas.hands import OTHER
 
 CENTRE = np.array([0.0, 0.30])
 """Middle of the work area on the table, world x, y in metres."""
 ELBOW = {"left": np.array([-0.34, -0.25, 0.10]), "right": np.array([0.34, -0.25, 0.10])}
-OTHER = {"left": "right", "right": "left"}
 YAWS = np.radians(np.arange(0, 360, 10))
 BOTH_APART_M = 0.10
 """Palms of two hands on one thing are at least so far apart, or the hands would run into each other."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.scenes.asset import Grip, palm_frame
+from schemas.hands import OTHER
 
 PALM_GAP = 0.006
 """The thumb's ball stands this far out of the palm's centre, metres."""
@@ -21,7 +22,7 @@ def mirrored(grip: Grip, about_x: float = 0.0) -> Grip:
     T = np.eye(4)
     T[:3, :3] = flip @ grip.T_obj_palm[:3, :3] @ np.diag([1.0, -1.0, 1.0])
     T[:3, 3] = flip @ grip.T_obj_palm[:3, 3] + [2 * about_x, 0, 0]
-    return Grip(grip.name, grip.kind, "left" if grip.side == "right" else "right", T, grip.aperture_m, grip.moving)
+    return Grip(grip.name, grip.kind, OTHER[grip.side], T, grip.aperture_m, grip.moving)
 
 
 def rod(

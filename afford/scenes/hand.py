@@ -11,6 +11,7 @@ from afford.render.model import Instance
 from afford.scenes.hand_bones import REST, WRIST, bone_frames, tips
 from afford.scenes.hand_look import HandLook
 from afford.scenes.hand_shape import hand_shape
+from schemas.hands import SIDES
 
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
@@ -31,7 +32,7 @@ class HandModel:
     @staticmethod
     def build(side: str, look: HandLook) -> HandModel:
         """The hand of this side with the looks of one person."""
-        if side not in ("left", "right"):
+        if side not in SIDES:
             raise ValueError(f"HandModel.side: expected left or right, got {side!r}")
         flip = side == "left"
         sleeve, watch = look.sleeve_mesh(), look.worn if flip else None

@@ -10,7 +10,8 @@ import numpy as np
 
 from afford.scenes.cast import BOTH_APART_M
 from afford.scenes.still_tasks import Act
-from afford.scenes.still_ways import SIDES, Reach, Way
+from afford.scenes.still_ways import Reach, Way
+from schemas.hands import SIDES
 
 SLACK = 0.12
 """Left or right is a matter of taste when their comfort differs by less."""

@@ -15,7 +15,6 @@ from afford.scenes.motion import Pose, about, pose
 from afford.scenes.still_layout import Placed, height_at, heights
 from afford.scenes.world import elbow
 
-SIDES = ("left", "right")
 ROUND = ("mug", "bottle", "water", "jar", "can", "bowl", "plate", "glue", "paint", "tape", "cup")
 """Kinds whose body, rim, neck or lid can be taken from all around."""
 SQUARE = ("carton",)

@@ -22,6 +22,7 @@ from afford.scenes.still_layout import Placed, lay_out
 from afford.scenes.still_sets import NEW, kinds
 from afford.scenes.still_ways import Way, with_more_grips
 from afford.scenes.world import elbow
+from schemas.hands import SIDES
 from schemas.scene import StillSpec
 
 POOL = 9
@@ -52,7 +53,7 @@ class StillWorld:
         room = rooms.bare(spec.setting, self.rng)
         self.room = replace(room, instances=(*room.instances, *mats(spec.setting, self.rng, CENTRE)))
         look = person(self.rng)
-        self.hands = {side: HandModel.build(side, look) for side in ("left", "right")}
+        self.hands: dict[str, HandModel] = {side: HandModel.build(side, look) for side in SIDES}
         shown = [part.material for model in self.models for part in model.parts]
         self.textures = Textures.of([*shown, *(instance.material for instance in self.room.instances)])
         self._closed: dict[tuple[int, str, str, str, int], np.ndarray] = {}

@@ -74,7 +74,6 @@ NOUNS = (
 FIRST_NEW_NOUN = 306
 NEW_NOUNS = ("hammer", "screwdriver", "drill", "wrench", "pliers", "saw", "toolbox", "glue", "wood", "paint",
              "stapler", "laptop", "notebook", "pencil", "case")
-HAND_CLASS = {"left": 300, "right": 301}
 
 
 def verb_class(word: str) -> WordClass:

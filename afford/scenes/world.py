@@ -23,12 +23,12 @@ from afford.scenes.rooms import build as build_room
 from afford.scenes.scripts import STRONG_PARALLAX, script
 from afford.scenes.vocabulary import noun_class
 from afford.scenes.write_epic import hands
+from schemas.hands import SIDES
 from schemas.masks import Entity
 from schemas.scene import SceneSpec
 
 WIDTH, HEIGHT = 456, 256
 FIELD_OF_VIEW_DEG = 56.0
-SIDES = ("left", "right")
 HOMES = {"left": np.array([-0.24, -0.21, 0.11]), "right": np.array([0.24, -0.21, 0.11])}
 EYE = np.array([0.0, -0.16, 0.50])
 

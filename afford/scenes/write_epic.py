@@ -17,8 +17,9 @@ import av
 import numpy as np
 
 from afford.scenes.polygons import trace
-from afford.scenes.vocabulary import HAND_CLASS, NOUNS, VERBS, WordClass, noun_class, verb_class
+from afford.scenes.vocabulary import NOUNS, VERBS, WordClass, noun_class, verb_class
 from schemas.clip import Narration
+from schemas.hands import HAND_CLASS, SIDES
 from schemas.masks import Entity
 
 FPS = 30
@@ -147,4 +148,5 @@ def narration(video_id: str, number: int, interval: tuple[int, int], text: str, 
 
 def hands() -> tuple[Entity, Entity]:
     """The two hand entities, as VISOR names them."""
-    return tuple(Entity(f"{side} hand", f"{side} hand", HAND_CLASS[side], "hand", side) for side in ("left", "right"))  # type: ignore[return-value,arg-type]
+    left, right = (Entity(f"{side} hand", f"{side} hand", HAND_CLASS[side], "hand", side) for side in SIDES)
+    return left, right

@@ -9,11 +9,11 @@ from afford.tracking.keys import Key
 from afford.tracking.link import Links
 from afford.tracking.provenance import Bracket
 from schemas.clip import NOT_IN_CONTACT, Annotation
+from schemas.hands import SIDES
 from schemas.masks import Entity
 
 NOTHING = -1
 UNKNOWN = -2
-SIDES = ("left", "right")
 
 
 def contact_at_keys(keys: list[Key], links: Links, reach_px: int) -> np.ndarray:

@@ -15,11 +15,11 @@ from scipy.optimize import linear_sum_assignment
 
 from afford.tracking.keys import Key
 from schemas.clip import Annotation
+from schemas.hands import SIDES
 from schemas.masks import Entity
 
 Carry = Callable[[Key, Key, np.ndarray], np.ndarray]
 """(key, next key, masks (m, h, w) bool in the first) -> the same masks (m, h, w) bool in the second"""
-HANDS = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def _objects(key: Key) -> list[str]:
 
 
 def _entity(annotation: Annotation, instance: int) -> Entity | None:
-    if annotation.side in HANDS:
+    if annotation.side in SIDES:
         return Entity(f"{annotation.side} hand", annotation.name, annotation.class_id, "hand", annotation.side)
     if annotation.side:
         return None

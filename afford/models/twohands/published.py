@@ -19,6 +19,7 @@ from torch import Tensor
 
 from afford.models.twohands.files import fill
 from afford.models.twohands.model import TwoHands
+from schemas.hands import SIDES
 
 INDEXES = ("model.safetensors.index.json", "pytorch_model.bin.index.json")
 WHOLE = ("model.safetensors", "pytorch_model.bin")
@@ -95,7 +96,7 @@ def our_names(name: str, decoders: int = 2) -> list[str]:
     if IGNORED.search(name):
         return []
     if ".mask_decoder." in name:
-        sides = ("left", "right")[:decoders]
+        sides = SIDES[:decoders]
         return [one for side in sides for one in our_names(name.replace(".mask_decoder.", f".mask_decoder_{side}."), decoders)]
     elsewhere = "vision_tower" in name or "visual_model" in name
     for pattern, replacement in RENAMED:
