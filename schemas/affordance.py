@@ -24,6 +24,10 @@ class Taxonomy(IntEnum):
     BOTH_DIFFERENT = 3
 
 
+TAXONOMY = tuple(one.name.lower() for one in Taxonomy if one is not Taxonomy.NONE)
+"""left, right, both_same, both_different: names of the four classes, in their order"""
+
+
 class Rejection(IntEnum):
     """Why a frame gives no sample; ACCEPTED = it does."""
 

@@ -19,10 +19,11 @@ from afford.predict import picture, stored
 from afford.predict.ask import Question, ask
 from afford.predict.overlay import COLOURS, overlay
 from afford.predict.picture import Picture, TooLargeError, decode
-from afford.predict.record import CLASSES, record
+from afford.predict.record import record
 from afford.predict.sources import find
 from afford.readers.errors import SourceError
 from afford.video.decode import decode_video, every_nth
+from schemas.affordance import TAXONOMY
 from tests import tiny_asked
 from tests.command import Called, call
 from tests.tiny_asked import TASK, write_picture
@@ -85,8 +86,8 @@ def test_a_picture_gives_masks_an_overlay_and_an_object(store: Path, model: Path
         assert said[side]["selected"] and said[side]["best"] == expected.score[n].argmax()
         assert said[side]["area_share"] == pytest.approx(found.mean(), abs=1e-6)
         assert [h["score"] for h in said[side]["hypotheses"]] == pytest.approx(expected.score[n].tolist(), abs=1e-5)
-    assert tuple(said["taxonomy"]["probabilities"]) == CLASSES
-    assert said["taxonomy"]["label"] == CLASSES[expected.taxonomy.argmax()]
+    assert tuple(said["taxonomy"]["probabilities"]) == TAXONOMY
+    assert said["taxonomy"]["label"] == TAXONOMY[expected.taxonomy.argmax()]
     assert said["task"] == TASK and said["threshold"] == pytest.approx(expected.threshold) and said["hands_asked"] == "both"
     assert said["timing_ms"]["cpu"] > 0 and said["timing_ms"]["wall"] > 0 and (said["width_px"], said["height_px"]) == (90, 60)
     assert said["model"] == {"name": "small", "digest": stored.find(model).digest} == done.json["model"]

@@ -16,12 +16,11 @@ from PIL import Image
 from afford.benchmark.layout import ANNOTATION, IMAGE, MODES, CaseFiles
 from afford.readers.errors import SourceError
 from afford.readers.strict_json import entry, parse
-from schemas.affordance import Taxonomy
+from schemas.affordance import TAXONOMY, Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef
 from schemas.hands import SIDES
 
-CLASSES = ("left", "right", "both_same", "both_different")
 KITCHEN, SHIFT = "kitchen", "shift"
 Size = tuple[int, int]
 Outlines = Callable[[CaseFiles, Any], np.ndarray]
@@ -148,7 +147,7 @@ def _taxonomy(record: Any, where: str) -> int:
     if record.get("taxonomy") is None:
         return int(Taxonomy.NONE)
     found = record["taxonomy"]
-    if not isinstance(found, list) or len(found) != len(CLASSES) or sorted(found) != [0, 0, 0, 1]:
+    if not isinstance(found, list) or len(found) != len(TAXONOMY) or sorted(found) != [0, 0, 0, 1]:
         raise SourceError(f"{where}, field 'taxonomy'", "four numbers, one of them 1 and the others 0", repr(found), "correct it")
     return found.index(1)
 
@@ -160,7 +159,7 @@ def _disagreement(mode: np.ndarray, taxonomy: int) -> str:
     if seen == fits:
         return ""
     hands = " and ".join(side for side, here in zip(SIDES, seen, strict=True) if here)
-    return f"taxonomy disagrees: it says {CLASSES[taxonomy]}, the masks say {hands}"
+    return f"taxonomy disagrees: it says {TAXONOMY[taxonomy]}, the masks say {hands}"
 
 
 def _groups(files: CaseFiles, annotation: Any) -> tuple[str, ...]:

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.benchmark import bootstrap, calibration, compat
-from afford.benchmark.cases import CLASSES, KITCHEN, SHIFT
+from afford.benchmark.cases import KITCHEN, SHIFT
 from afford.benchmark.layout import PROTOCOLS
+from schemas.affordance import TAXONOMY
 from schemas.benchmark import MethodScores
 
 FIRST = (KITCHEN, SHIFT, "all", "epic", "ego4d")
@@ -100,6 +101,6 @@ def confusion(one: MethodScores, chosen: np.ndarray) -> np.ndarray | None:
     known = chosen & (one.taxonomy_true >= 0) & (one.taxonomy_found >= 0)
     if not known.any():
         return None
-    size = len(CLASSES)
+    size = len(TAXONOMY)
     flat = one.taxonomy_true[known].astype(np.int64) * size + one.taxonomy_found[known]
     return np.bincount(flat, minlength=size * size).reshape(size, size)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.benchmark.cases import CLASSES, KITCHEN, SHIFT
+from afford.benchmark.cases import KITCHEN, SHIFT
 from afford.benchmark.summary import Row
+from schemas.affordance import TAXONOMY
 
 STRICT = (
     ("IoU", "iou"), ("precision", "precision"), ("recall", "recall"), ("F1", "f1"), ("HD px", "hd_px"), ("mAP", "map"),
@@ -54,8 +55,8 @@ def _released(rows: Sequence[Row]) -> str:
 
 def confusion(method: str, counts: np.ndarray) -> str:
     """A Markdown table of true classes by predicted ones."""
-    lines = [[f"**{CLASSES[n]}**", *map(str, line)] for n, line in enumerate(counts.tolist())]
-    return f"### Taxonomy, {method}: true by row, predicted by column\n\n" + _table(["", *CLASSES], lines)
+    lines = [[f"**{TAXONOMY[n]}**", *map(str, line)] for n, line in enumerate(counts.tolist())]
+    return f"### Taxonomy, {method}: true by row, predicted by column\n\n" + _table(["", *TAXONOMY], lines)
 
 
 def notes(listed: Sequence[tuple[str, ...]]) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow as pa
 
 from afford.dataset.classes import Classes
+from schemas.affordance import TAXONOMY
 
-TAXONOMY = ("left", "right", "both_same", "both_different")
 TAXONOMY3 = ("one_hand", "both_same", "both_different")
 MASKS = ("mask_left", "mask_right", "object_left_mask", "object_right_mask")
 PATHS = ("left_hand", "right_hand", "left_object", "right_object")

@@ -19,7 +19,8 @@ import h5py
 import numpy as np
 
 from afford.dataset import load, masks
-from afford.dataset.columns import MASKS, TAXONOMY
+from afford.dataset.columns import MASKS
+from schemas.affordance import TAXONOMY
 
 CONTOURS = ("aff_left", "aff_right", "obj_left", "obj_right")
 STRINGS = {"obj_id_left": "object_left", "obj_id_right": "object_right", "noun": "noun", "verb": "verb",

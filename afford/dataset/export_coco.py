@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.dataset import load
-from afford.dataset.columns import MASKS, TAXONOMY
+from afford.dataset.columns import MASKS
+from schemas.affordance import TAXONOMY
 
 CATEGORIES = {
     "mask_left": ("left affordance", "affordance"),

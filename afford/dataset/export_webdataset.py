@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.dataset import load
-from afford.dataset.columns import MASKS, TAXONOMY
+from afford.dataset.columns import MASKS
+from schemas.affordance import TAXONOMY
 
 SAMPLES_PER_TAR = 1000
 FACTS = ("sample_id", "video", "clip", "participant", "frame", "time_ns", "narration", "verb", "noun", "verb_class",

@@ -13,7 +13,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from afford.dataset import masks
-from afford.dataset.columns import MASKS, PATHS, TAXONOMY
+from afford.dataset.columns import MASKS, PATHS
+from schemas.affordance import TAXONOMY
 
 LEFT, RIGHT = (240, 130, 20), (40, 130, 240)
 TILE_PX = (456, 256)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from afford.dataset.classes import Classes
-from afford.dataset.columns import MASKS, TAXONOMY, TAXONOMY3
+from afford.dataset.columns import MASKS, TAXONOMY3
+from schemas.affordance import TAXONOMY
 from schemas.sample import Sample, Samples
 
 GRID = (36, 64)

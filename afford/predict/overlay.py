@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.predict.record import CLASSES
+from schemas.affordance import TAXONOMY
 from schemas.hands import SIDES
 from schemas.prediction import Prediction
 
@@ -55,7 +55,7 @@ def legend(prediction: Prediction, width: int) -> np.ndarray:
         draw.text((unit, round((0.7 + 1.6 * n) * unit)), line, INK, _font(True, round(1.15 * unit)))
     for n, side in enumerate(SIDES):
         _hand(draw, prediction, n, side, (unit, below + round((0.5 + 2.9 * n) * unit)), unit)
-    for n, name in enumerate(CLASSES):
+    for n, name in enumerate(TAXONOMY):
         at = (width // 2, below + round((0.35 + 1.4 * n) * unit))
         _bar(draw, name, float(prediction.taxonomy[n]), at, width // 2 - unit, unit)
     return np.asarray(band)

@@ -8,13 +8,11 @@ import numpy as np
 
 from afford.predict.ask import Answer
 from afford.predict.stored import Stored
-from schemas.affordance import Taxonomy
+from schemas.affordance import TAXONOMY
 from schemas.hands import SIDES
 from schemas.prediction import Prediction
 
 DIGITS = 6
-CLASSES = tuple(one.name.lower() for one in Taxonomy if one >= 0)
-"""left, right, both_same, both_different: the order of Prediction.taxonomy"""
 
 
 def record(answer: Answer, model: Stored) -> dict[str, Any]:
@@ -45,8 +43,8 @@ def brief(answer: Answer, folder: str) -> dict[str, Any]:
 
 def taxonomy(prediction: Prediction) -> dict[str, Any]:
     """The likeliest class by name, and the probability of each."""
-    likely = {name: _round(value) for name, value in zip(CLASSES, prediction.taxonomy, strict=True)}
-    return {"label": CLASSES[int(prediction.taxonomy.argmax())], "probabilities": likely}
+    likely = {name: _round(value) for name, value in zip(TAXONOMY, prediction.taxonomy, strict=True)}
+    return {"label": TAXONOMY[int(prediction.taxonomy.argmax())], "probabilities": likely}
 
 
 def chosen(prediction: Prediction) -> list[str]:

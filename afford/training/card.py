@@ -8,8 +8,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from afford.dataset.columns import TAXONOMY
 from afford.training.job import Job
+from schemas.affordance import TAXONOMY
 from schemas.files import FileTree
 from schemas.training import TrainingLog
 
