@@ -25,8 +25,8 @@ from afford.demo.answer import MAX_SIDE_PX, Asker
 from afford.demo.examples import Example, examples
 from afford.demo.server import Site
 from afford.models.twohands.predictor import Predictor
+from afford.palette import HANDS
 from afford.predict import stored
-from afford.predict.overlay import COLOURS
 from afford.recording.pictures import jpeg
 from tests import tiny_asked
 from tests.command import call
@@ -295,7 +295,7 @@ def test_a_picture_and_a_task_give_both_hands_regions(page: Any, site: Site, mod
     for side, other in (("left", "right"), ("right", "left")):
         page.uncheck(f"#show-{other}")
         alone = canvas(page)
-        assert painted(plain, alone, COLOURS[side]).mean() == pytest.approx(expected.mask(side).mean(), abs=0.08)
+        assert painted(plain, alone, HANDS[side]).mean() == pytest.approx(expected.mask(side).mean(), abs=0.08)
         assert not np.array_equal(alone, both)
         page.check(f"#show-{other}")
     assert np.array_equal(canvas(page), both)

@@ -15,9 +15,10 @@ import pytest
 from PIL import Image
 
 from afford.models.twohands.predictor import Predictor
+from afford.palette import HANDS
 from afford.predict import picture, stored
 from afford.predict.ask import Question, ask
-from afford.predict.overlay import COLOURS, overlay
+from afford.predict.overlay import overlay
 from afford.predict.picture import Picture, TooLargeError, decode
 from afford.predict.record import record
 from afford.predict.sources import find
@@ -332,7 +333,7 @@ def test_the_overlay_is_coloured_inside_the_regions_alone(size: tuple[int, int],
     height = round(size[0] * scale)
     assert drawn.shape[1] == max(size[1], 640) and drawn.shape[0] > height
     row, column = round(size[0] * 3 / 8 * scale), round(size[1] * 3 / 8 * scale)
-    expected = 0.55 * 128 + 0.45 * np.array(COLOURS["left"])
+    expected = 0.55 * 128 + 0.45 * np.array(HANDS["left"])
     assert np.abs(drawn[row, column].astype(float) - expected).max() <= 1
     assert (drawn[: height // 8] == 128).all() and (drawn[height * 3 // 4 : height] == 128).all()
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from afford.benchmark import cases
 from afford.benchmark.answers import Answer
+from afford.palette import INK, LEFT, PAPER, RIGHT, Colour
 from schemas.benchmark import Case, Sheet
 
-LEFT, RIGHT, INK, PAPER = (240, 130, 20), (40, 130, 240), (25, 28, 32), (250, 250, 248)
 TILE_PX, BAND_PX, GAP_PX = 260, 42, 6
 PER_ROW = 4
 LINES = ("best", "median", "worst")
@@ -67,7 +67,7 @@ def sheets(ids: Sequence[str], scores: np.ndarray, fetch: Callable[[str], tuple[
     return tuple(out)
 
 
-def _outline(image: np.ndarray, mask: np.ndarray, colour: tuple[int, int, int]) -> None:
+def _outline(image: np.ndarray, mask: np.ndarray, colour: Colour) -> None:
     outlines, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(image, outlines, -1, (255, 255, 255), 2, cv2.LINE_AA)
     cv2.drawContours(image, outlines, -1, colour, 1, cv2.LINE_AA)

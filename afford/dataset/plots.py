@@ -9,11 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from afford import palette
 from afford.dataset.tally import Tally
 from afford.figures import Figure
 from schemas.hands import SIDES
 
-LEFT, RIGHT, NEUTRAL = "#e07b1a", "#1f6fc4", "#5b6770"
+LEFT, RIGHT, NEW = (palette.web(colour) for colour in (palette.LEFT, palette.RIGHT, palette.OBJECTS[2]))
+NEUTRAL = "#5b6770"
 TOP_CLASSES = 25
 NARROW, WIDE, FLAT = (7.0, 4.0), (11.0, 5.5), (11.0, 3.4)
 AREA_PERCENT = np.geomspace(0.01, 100, 41).tolist()
@@ -47,7 +49,7 @@ def _classes(statistics: dict[str, Any]) -> Figure:
     for axis, kind in zip(axes, ("verb", "noun"), strict=True):
         found = sorted(statistics[f"{kind}s"], key=lambda entry: (-entry["samples"], entry["key"]))
         top = found[:TOP_CLASSES][::-1]
-        colours = [NEUTRAL if entry["epic_id"] >= 0 else RIGHT for entry in top]
+        colours = [NEUTRAL if entry["epic_id"] >= 0 else NEW for entry in top]
         bars = axis.barh([entry["key"] for entry in top], [entry["samples"] for entry in top], color=colours)
         axis.bar_label(bars, padding=3, fontsize=8)
         total = statistics["totals"][f"{kind}_classes"]
@@ -56,7 +58,7 @@ def _classes(statistics: dict[str, Any]) -> Figure:
         axis.set_xlabel("samples")
         axis.margins(x=0.12)
     if any(entry["epic_id"] < 0 for kind in ("verbs", "nouns") for entry in statistics[kind]):
-        figure.supxlabel("blue: classes that EPIC-KITCHENS does not have", fontsize=9, color=RIGHT)
+        figure.supxlabel("violet: classes that EPIC-KITCHENS does not have", fontsize=9, color=NEW)
     return figure
 
 

@@ -14,14 +14,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
+from afford.palette import FAINT, INK, LEFT, PAPER, RIGHT
 from schemas.affordance import TAXONOMY
 
-LEFT, RIGHT = (240, 130, 20), (40, 130, 240)
 TILE_PX = (456, 256)
 BAND_PX = 46
 GAP_PX = 8
 COLUMNS = 3
-INK, PAPER, FAINT = (25, 28, 32), (250, 250, 248), (110, 116, 124)
 
 
 def spread(total: int, wanted: int) -> list[int]:

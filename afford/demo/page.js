@@ -2,7 +2,6 @@
 "use strict";
 
 const SIDES = ["left", "right"];
-const COLOURS = { left: [240, 130, 20], right: [40, 130, 240] };
 const CLASSES = { left: "Left hand", right: "Right hand", both_same: "Both, one thing", both_different: "Both, two things" };
 const DRAWN_PX = 1100;         // the longer side of the canvas, at least
 const MAX_BYTES = 16 * 1024 * 1024;
@@ -15,6 +14,11 @@ function make(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);
   node.append(...children);
   return node;
+}
+
+// The colour of a hand, [red, green, blue], as the style sheet has it.
+function colour(side) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${side}`).match(/\d+/g).map(Number);
 }
 
 function say(state, words) {
@@ -106,7 +110,7 @@ function draw() {
   context.drawImage(image, 0, 0, canvas.width, canvas.height);
   if (!shown.maps) return;
   for (const side of SIDES) {
-    if (shown.visible[side]) context.drawImage(region(shown.maps[side][shown.ways[side]], canvas.width, canvas.height, COLOURS[side]), 0, 0);
+    if (shown.visible[side]) context.drawImage(region(shown.maps[side][shown.ways[side]], canvas.width, canvas.height, colour(side)), 0, 0);
   }
 }
 

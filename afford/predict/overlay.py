@@ -10,18 +10,16 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from afford.palette import FAINT, HANDS, INK, PAPER, Colour
 from schemas.affordance import TAXONOMY
 from schemas.hands import SIDES
 from schemas.prediction import Prediction
 
-COLOURS = {"left": (240, 130, 20), "right": (40, 130, 240)}
-"""as in every sheet of the project"""
-INK, PAPER, FAINT, TRACK = (25, 28, 32), (250, 250, 248), (110, 116, 124), (226, 228, 226)
+TRACK = (226, 228, 226)
 WORDS = {"left": "left hand", "right": "right hand", "both_same": "both, one thing", "both_different": "both, two things"}
 OPACITY = 0.45
 MIN_WIDTH_PX = 640
 """smaller pictures are enlarged, so that the legend can be read"""
-Colour = tuple[int, int, int]
 
 
 def overlay(rgb: np.ndarray, prediction: Prediction) -> np.ndarray:
@@ -31,7 +29,7 @@ def overlay(rgb: np.ndarray, prediction: Prediction) -> np.ndarray:
     drawn = cv2.resize(rgb, size, interpolation=cv2.INTER_CUBIC) if scale > 1 else rgb.copy()
     for side in SIDES:
         region = cv2.resize(prediction.mask(side).view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        paint(drawn, region, COLOURS[side])
+        paint(drawn, region, HANDS[side])
     return np.vstack([drawn, legend(prediction, size[0])])
 
 
@@ -64,7 +62,7 @@ def legend(prediction: Prediction, width: int) -> np.ndarray:
 def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, at: tuple[int, int], unit: int) -> None:
     """Swatch, name, score and area of one hand."""
     used, (x, y) = bool(prediction.hands[n]), at
-    colour, text_x, share = COLOURS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
+    colour, text_x, share = HANDS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
     said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
     draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
     ink, bold, plain = INK if used else FAINT, _font(True, round(0.95 * unit)), _font(False, round(0.85 * unit))

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from afford.palette import HANDS, LEFT, RIGHT
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import AffordanceState
-from afford.recording.pictures import LEFT, RIGHT, mask_png, overlay_png
+from afford.recording.pictures import mask_png, overlay_png
 from afford.recording.topics import channel, image, image_channel, stamped, times_of
 from schemas.affordance import Affordances, Rejection, Taxonomy
 from schemas.hands import SIDES
@@ -21,7 +22,7 @@ def record(value: Affordances, frames: Frames) -> Recording:
     """Where each hand acts on its object; what kind of two-handed task it is, and whether the frame becomes a sample."""
     masks = tuple(image_channel(f"{ROOM}/{side}", side=side, classes={"0": "background", "255": f"{side} affordance"})
                   for side in SIDES)  # fmt: skip
-    overlay = image_channel(f"{ROOM}/overlay", palette={"left": list(LEFT), "right": list(RIGHT)})
+    overlay = image_channel(f"{ROOM}/overlay", palette={side: list(colour) for side, colour in HANDS.items()})
     return Recording((*masks, overlay, channel(f"{ROOM}/state", AffordanceState)), _messages(value, frames))
 
 

@@ -13,6 +13,7 @@ from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 
+from afford.palette import Colour
 from afford.recording import own_types
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.of_labels import narration_message
@@ -24,7 +25,7 @@ from schemas.video import Frames
 
 OUTLINES, NARRATION, LOG = "/source_read/outlines", "/source_read/narration", "/source_read/log"
 LINE_PX, LETTERS_PX = 2.0, 12.0
-Colours = Mapping[str, tuple[int, int, int]]
+Colours = Mapping[str, Colour]
 
 
 def record(value: Clip, frames: Frames) -> Recording:
@@ -91,7 +92,7 @@ def _colours(clip: Clip) -> Colours:
     return dict(zip(sides, palette(entities), strict=True))
 
 
-def _colour(rgb: tuple[int, int, int]) -> Color:
+def _colour(rgb: Colour) -> Color:
     return Color(r=rgb[0] / 255, g=rgb[1] / 255, b=rgb[2] / 255, a=1.0)
 
 

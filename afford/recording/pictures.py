@@ -8,16 +8,14 @@ import cv2
 import numpy as np
 from blake3 import blake3
 
+from afford.palette import HANDS, OBJECTS, Colour
 from schemas.masks import Entity
 
 JPEG_QUALITY = 90
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 2, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE)
 """unfiltered: five times as fast as libpng's choice, and as small for flat pictures"""
-Palette = Sequence[tuple[int, int, int]]
+Palette = Sequence[Colour]
 """one RGB colour per label or mask"""
-LEFT, RIGHT = (66, 165, 245), (239, 83, 80)
-OBJECTS = ((102, 187, 106), (255, 202, 40), (171, 71, 188), (38, 198, 218), (255, 112, 67), (156, 204, 101), (236, 64, 122),
-           (121, 134, 203))  # fmt: skip
 OPACITY = 150
 
 
@@ -51,12 +49,11 @@ def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
 
 def palette(entities: Sequence[Entity]) -> Palette:
     """A colour for each entity: hands have their own, an object the one of its name, or the next free one."""
-    colours = {"left": LEFT, "right": RIGHT}
-    found: list[tuple[int, int, int]] = []
+    found: list[Colour] = []
     for entity in entities:
         start = blake3(entity.entity_id.encode()).digest()[0]
         turns = [OBJECTS[(start + n) % len(OBJECTS)] for n in range(len(OBJECTS))]
-        found.append(colours.get(entity.side) or next((colour for colour in turns if colour not in found), turns[0]))
+        found.append(HANDS.get(entity.side) or next((colour for colour in turns if colour not in found), turns[0]))
     return found
 
 

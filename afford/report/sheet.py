@@ -5,13 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from afford.palette import LEFT, OBJECTS, RIGHT
 from afford.report.score import Aligned
 from schemas.affordance import Affordances
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
 
-COLOURS = ((66, 165, 245), (239, 83, 80), (102, 187, 106), (255, 202, 40), (171, 71, 188), (38, 198, 218))
-"""left hand, right hand, then objects; RGB"""
+COLOURS = (LEFT, RIGHT, *OBJECTS)
+"""left hand, right hand, then objects"""
 TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
 
 
@@ -58,7 +59,7 @@ def paint(rgb: np.ndarray, masks: list[np.ndarray]) -> np.ndarray:
         colour = np.array(COLOURS[i % len(COLOURS)], np.float32)
         out[mask] = (0.45 * out[mask] + 0.55 * colour).astype(np.uint8)
         outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(out, outline, -1, tuple(int(c) for c in colour), 1)
+        cv2.drawContours(out, outline, -1, COLOURS[i % len(COLOURS)], 1)
     return out
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.recording.pictures import LEFT, RIGHT, jpeg
+from afford.palette import LEFT, RIGHT
+from afford.recording.pictures import jpeg
 from afford.training.scores import Said
 
 COLUMNS, ROWS = 4, 3
