@@ -21,6 +21,15 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 START, END = "<!-- results: written by benchmarks/bench_extraction.py -->", "<!-- end of results -->"
+SHEET_PX, SHEET_QUALITY = 1200, 72
+"""width of the sheet of all clips as it is shown, and its JPEG quality: some 370 kB"""
+PICTURES = """
+## Frame by frame
+
+Each clip at the frame in which hands hide most of what they hold.
+
+![Every clip: frame, masks, hands removed, truth, complete objects, affordance of each hand](../docs/pictures/report.jpg)
+"""
 README_ROWS = (
     ("masks between key frames 15 apart", "J", "densify.j.gap15", "nearest key frame", "baseline.nearest.j.gap15"),
     ("masks between key frames 30 apart", "J", "densify.j.gap30", "nearest key frame", "baseline.nearest.j.gap30"),
@@ -85,7 +94,9 @@ def pictures(report: Path) -> None:
     folder = ROOT / "docs" / "pictures"
     folder.mkdir(parents=True, exist_ok=True)
     sheet = cv2.imread(str(report / "sheet.jpg"))
-    cv2.imwrite(str(folder / "report.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 82])
+    size = SHEET_PX, round(sheet.shape[0] * SHEET_PX / sheet.shape[1])
+    small = cv2.resize(sheet, size, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(folder / "report.jpg"), small, [cv2.IMWRITE_JPEG_QUALITY, SHEET_QUALITY])
     head, body = sheet[:24], sheet[24:]
     height = round(sheet.shape[1] / 6 * 256 / 456)
     rows = [body[i * height : (i + 1) * height] for i in (0, 1, 4, 6) if (i + 1) * height <= len(body)]
@@ -100,7 +111,7 @@ def main() -> None:
     asked = parser.parse_args()
     found = measure(asked.eval_seed, asked.store)
     report = Path(found["outputs"]["report"])
-    text = (report / "report.md").read_text() + footer(found["metrics"], asked.eval_seed)
+    text = (report / "report.md").read_text() + PICTURES + footer(found["metrics"], asked.eval_seed)
     (ROOT / "benchmarks" / "extraction.md").write_text(text)
     into_readme(readme_table(found["metrics"], asked.eval_seed))
     pictures(report)
