@@ -5,7 +5,15 @@ The page of the demo has the hands' colours once more, in its style sheet; a tes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from blake3 import blake3
+
+from schemas.masks import Entity
+
 Colour = tuple[int, int, int]
+Palette = Sequence[Colour]
+"""one colour per label or mask"""
 LEFT: Colour = (240, 130, 20)
 RIGHT: Colour = (40, 130, 240)
 """orange and blue, which those who do not see red and green apart tell apart as well"""
@@ -21,3 +29,13 @@ FAINT: Colour = (110, 116, 124)
 def web(colour: Colour) -> str:
     """#rrggbb, as matplotlib wants it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def colours_of(entities: Sequence[Entity]) -> Palette:
+    """A colour for each entity: hands have their own, an object the one of its name, or the next free one."""
+    found: list[Colour] = []
+    for entity in entities:
+        start = blake3(entity.entity_id.encode()).digest()[0]
+        turns = [OBJECTS[(start + n) % len(OBJECTS)] for n in range(len(OBJECTS))]
+        found.append(HANDS.get(entity.side) or next((colour for colour in turns if colour not in found), turns[0]))
+    return found

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.palette import HANDS, OBJECTS, web
+from afford.palette import HANDS, OBJECTS, colours_of, web
+from afford.report.sheet import paint
 from schemas.hands import SIDES
+from schemas.masks import Entity
 
 AFFORD = Path(__file__).resolve().parent.parent / "afford"
 
@@ -32,3 +34,21 @@ def test_no_object_looks_like_a_hand() -> None:
     assert tuple(HANDS) == SIDES and len(set(OBJECTS)) == len(OBJECTS)
     apart = np.linalg.norm(np.array(OBJECTS)[:, None] - np.array(list(HANDS.values())), axis=2)
     assert apart.min() > 60
+
+
+def test_a_hand_has_its_colour_wherever_it_stands() -> None:
+    """Also alone, and behind things; a thing keeps its colour in another list."""
+    hands = {side: Entity(f"{side} hand", f"{side} hand", -1, "hand", side) for side in SIDES}
+    mug, pan = (Entity(name, name, -1, "object", "") for name in ("mug", "pan"))
+    for listed in ((hands["right"],), (mug, hands["right"]), (hands["right"], pan, hands["left"], mug)):
+        found = dict(zip((entity.entity_id for entity in listed), colours_of(listed), strict=True))
+        assert all(found[f"{side} hand"] == HANDS[side] for side in SIDES if f"{side} hand" in found)
+        assert found.get("mug", colours_of([mug])[0]) == colours_of([mug])[0]
+
+
+def test_masks_are_painted_in_the_order_of_their_colours() -> None:
+    """In the report's sheet, the region of a right hand alone is blue; what is in no mask stays as it was."""
+    grey, region = np.full((20, 30, 3), 100, np.uint8), np.zeros((1, 20, 30), bool)
+    region[0, 5:15, 5:15] = True
+    drawn = paint(grey, region, [HANDS["right"]]).astype(int)
+    assert np.array_equal(drawn[~region[0]], grey[~region[0]]) and drawn[10, 10, 2] > drawn[10, 10, 1] > drawn[10, 10, 0]

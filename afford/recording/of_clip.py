@@ -13,11 +13,10 @@ from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 
-from afford.palette import Colour
+from afford.palette import Colour, colours_of
 from afford.recording import own_types
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.of_labels import narration_message
-from afford.recording.pictures import palette
 from afford.recording.topics import channel, log, stamped
 from schemas.clip import Annotation, Clip, KeyFrame
 from schemas.masks import Entity
@@ -89,7 +88,7 @@ def _colours(clip: Clip) -> Colours:
     """Name -> RGB, the colours that the masks of the same hands and objects have."""
     sides = {a.name: a.side for key in clip.key_frames for a in key.annotations}
     entities = [Entity(name, name, -1, "hand" if side else "object", side) for name, side in sides.items()]
-    return dict(zip(sides, palette(entities), strict=True))
+    return dict(zip(sides, colours_of(entities), strict=True))
 
 
 def _colour(rgb: Colour) -> Color:

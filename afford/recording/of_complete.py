@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from afford.palette import Palette, colours_of
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import CompleteState
-from afford.recording.pictures import Palette, mask_png, overlay_png, palette
+from afford.recording.pictures import mask_png, overlay_png
 from afford.recording.topics import about, channel, image, image_channel, slugs, stamped, times_of
 from schemas.masks import CompleteObjects
 from schemas.video import Frames
@@ -20,7 +21,7 @@ OVERLAY = f"{ROOM}/overlay"
 def record(value: CompleteObjects, frames: Frames) -> Recording:
     """Masks of 0 and 255, one topic per object that a hand touches."""
     words = slugs(value.entities)
-    colours = palette(value.entities)
+    colours = colours_of(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
     channels: list[Channel] = [image_channel(OVERLAY, palette=shades)]
     for word, entity in zip(words, value.entities, strict=True):

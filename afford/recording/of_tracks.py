@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from afford.palette import Palette, colours_of
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import Contact, MaskState
-from afford.recording.pictures import Palette, mask_png, overlay_png, palette
+from afford.recording.pictures import mask_png, overlay_png
 from afford.recording.topics import about, channel, image, image_channel, slugs, stamped, times_of
 from schemas.masks import TrackFlag, Tracks
 from schemas.video import Frames
@@ -20,7 +21,7 @@ OVERLAY, CONTACT = f"{ROOM}/overlay", f"{ROOM}/contact"
 def record(value: Tracks, frames: Frames) -> Recording:
     """Masks of 0 and 255, one topic per hand and object; states are metrics of each mask."""
     words = slugs(value.entities)
-    colours = palette(value.entities)
+    colours = colours_of(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
     channels: list[Channel] = [image_channel(OVERLAY, palette=shades), channel(CONTACT, Contact)]
     for word, entity in zip(words, value.entities, strict=True):

@@ -6,16 +6,12 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from blake3 import blake3
 
-from afford.palette import HANDS, OBJECTS, Colour
-from schemas.masks import Entity
+from afford.palette import Palette
 
 JPEG_QUALITY = 90
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 2, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE)
 """unfiltered: five times as fast as libpng's choice, and as small for flat pictures"""
-Palette = Sequence[Colour]
-"""one RGB colour per label or mask"""
 OPACITY = 150
 
 
@@ -45,16 +41,6 @@ def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
     for n, mask in enumerate(masks, 1):
         np.copyto(labels, np.uint8(n), where=mask)
     return _encode(".png", _painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG)
-
-
-def palette(entities: Sequence[Entity]) -> Palette:
-    """A colour for each entity: hands have their own, an object the one of its name, or the next free one."""
-    found: list[Colour] = []
-    for entity in entities:
-        start = blake3(entity.entity_id.encode()).digest()[0]
-        turns = [OBJECTS[(start + n) % len(OBJECTS)] for n in range(len(OBJECTS))]
-        found.append(HANDS.get(entity.side) or next((colour for colour in turns if colour not in found), turns[0]))
-    return found
 
 
 def _painted(labels: np.ndarray, rgba: Sequence[tuple[int, ...]]) -> np.ndarray:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.palette import LEFT, OBJECTS, RIGHT
+from afford.palette import LEFT, RIGHT, Palette, colours_of
 from afford.report.score import Aligned
 from schemas.affordance import Affordances
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
 
-COLOURS = (LEFT, RIGHT, *OBJECTS)
-"""left hand, right hand, then objects"""
 TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
 
 
@@ -30,11 +28,11 @@ def clip_row(
     rgb = frames.rgb[t]
     shown = [
         rgb,
-        paint(rgb, [tracks.masks[i, t] for i in range(len(tracks.entities))]),
+        paint(rgb, tracks.masks[:, t], colours_of(tracks.entities)),
         inpainted.rgb[t],
         aligned.truth.rgb_no_hands_shadow[aligned.at[t]],
-        paint(inpainted.rgb[t], [np.zeros_like(rgb[..., 0], bool)] * 2 + list(complete.masks[:, t])),
-        paint(inpainted.rgb[t], list(affordances.masks[:, t])),
+        paint(inpainted.rgb[t], complete.masks[:, t], colours_of(complete.entities)),
+        paint(inpainted.rgb[t], affordances.masks[:, t], (LEFT, RIGHT)),
     ]
     label = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
@@ -52,14 +50,13 @@ def busiest(aligned: Aligned) -> int:
     return int(hidden.argmax())
 
 
-def paint(rgb: np.ndarray, masks: list[np.ndarray]) -> np.ndarray:
-    """`rgb` with each mask tinted and outlined in its own colour."""
+def paint(rgb: np.ndarray, masks: np.ndarray, colours: Palette) -> np.ndarray:
+    """`rgb` with each of the masks (n, h, w) bool tinted and outlined in its own colour."""
     out = rgb.copy()
-    for i, mask in enumerate(masks):
-        colour = np.array(COLOURS[i % len(COLOURS)], np.float32)
-        out[mask] = (0.45 * out[mask] + 0.55 * colour).astype(np.uint8)
+    for mask, colour in zip(masks, colours, strict=True):
+        out[mask] = (0.45 * out[mask] + 0.55 * np.array(colour, np.float32)).astype(np.uint8)
         outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(out, outline, -1, COLOURS[i % len(COLOURS)], 1)
+        cv2.drawContours(out, outline, -1, colour, 1)
     return out
 
 
