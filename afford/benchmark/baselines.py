@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from afford.boxes import box
 from schemas.benchmark import Case
 from schemas.prediction import Prediction
 
@@ -23,7 +24,7 @@ def whole_object(dataset: Path | None) -> Baseline:
 
 def object_box(dataset: Path | None) -> Baseline:
     """Oracle: the box around the complete object of each hand."""
-    return lambda case: _regions(case, np.stack([_box(mask) for mask in case.objects]))
+    return lambda case: _regions(case, np.stack([_filled(mask) for mask in case.objects]))
 
 
 def centre(dataset: Path | None) -> Baseline:
@@ -50,9 +51,7 @@ def _regions(case: Case, masks: np.ndarray) -> Prediction | None:
     return said(case.task, masks, hands) if hands.any() else None
 
 
-def _box(mask: np.ndarray) -> np.ndarray:
+def _filled(mask: np.ndarray) -> np.ndarray:
     out = np.zeros_like(mask)
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows):
-        out[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = True
+    out[box(mask)] = True
     return out

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from afford.benchmark.baselines import Baseline, said
+from afford.boxes import box
 from afford.dataset import load, masks
 from afford.dataset.columns import MASKS
 from schemas.benchmark import Case
@@ -80,9 +81,7 @@ def _planes(row: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
     planes = masks.decode_rle([row[f"{name}_rle"] for name in MASKS], row["height"], row["width"])
     objects = planes[2] | planes[3] | planes[0] | planes[1]
     border = round(BORDER * max(objects.shape))
-    rows, columns = np.flatnonzero(objects.any(axis=1)), np.flatnonzero(objects.any(axis=0))
-    crop = planes[:2, max(rows[0] - border, 0) : rows[-1] + 1 + border, max(columns[0] - border, 0) : columns[-1] + 1 + border]
-    for protocol, part in (("masks", planes[:2]), ("cropped", crop)):
+    for protocol, part in (("masks", planes[:2]), ("cropped", planes[:2, *box(objects, border)])):
         yield protocol, np.stack([cv2.resize(mask.astype(np.float32), (GRID, GRID), interpolation=cv2.INTER_AREA) for mask in part])
 
 

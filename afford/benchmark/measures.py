@@ -11,6 +11,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from afford.boxes import box
+
 
 class Overlap(NamedTuple):
     """Shares of pixels, 0..1."""
@@ -55,8 +57,8 @@ def hausdorff(found: np.ndarray, truth: np.ndarray) -> Hausdorff:
     if not found.any() or not truth.any():
         diagonal = float(np.hypot(*found.shape))
         return Hausdorff(diagonal, diagonal)
-    box = _box(found | truth)
-    found, truth = found[box], truth[box]
+    near = box(found | truth)
+    found, truth = found[near], truth[near]
     directed = _farthest(found, truth)
     return Hausdorff(directed, max(directed, _farthest(truth, found)))
 
@@ -65,8 +67,3 @@ def _farthest(pixels: np.ndarray, region: np.ndarray) -> float:
     """Largest distance of a pixel from the region."""
     outside = (~region).view(np.uint8)
     return float(cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[pixels].max())
-
-
-def _box(mask: np.ndarray) -> tuple[slice, slice]:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

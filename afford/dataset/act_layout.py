@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.boxes import box
 from afford.dataset.files import write_json
 from schemas.hands import SIDES
 from schemas.still import Mode, Still, Stills
@@ -97,18 +98,11 @@ def _decides(room: Stills, still: Still) -> bool:
 def _write_still(root: Path, room: Stills, still: Still, known: dict[str, Any], margin_px: int) -> None:
     image = cv2.imdecode(room.images[still.image].jpeg, cv2.IMREAD_COLOR_BGR)
     height, width = still.modes[0].masks.shape[1:]
-    box = _box(still, round(margin_px * width / PAPER_PX))
+    things = np.any([mode.masks[2:].any(axis=0) for mode in still.modes], axis=0)
+    shown = box(things, round(margin_px * width / PAPER_PX))
     large = cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR)
     _write_case(root / "masks" / room.video_id / frame_name(still), _squared(image), still, known, _squared)
-    _write_case(root / "cropped" / room.video_id / frame_name(still), large[box], still, known, lambda mask: mask[box])
-
-
-def _box(still: Still, margin_px: int) -> tuple[slice, slice]:
-    """Rows and columns of the objects of every mode with a border, inside the picture."""
-    things = np.any([mode.masks[2:].any(axis=0) for mode in still.modes], axis=0)
-    rows, columns = np.flatnonzero(things.any(axis=1)), np.flatnonzero(things.any(axis=0))
-    return (slice(max(int(rows[0]) - margin_px, 0), int(rows[-1]) + 1 + margin_px),
-            slice(max(int(columns[0]) - margin_px, 0), int(columns[-1]) + 1 + margin_px))
+    _write_case(root / "cropped" / room.video_id / frame_name(still), large[shown], still, known, lambda mask: mask[shown])
 
 
 def _squared(plane: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from afford.boxes import box
 from afford.dataset.load import Item
 from schemas.hands import OTHER
 
@@ -85,30 +86,22 @@ def crop(item: Item, margin: float) -> Item:
     A sample without an object stays as it is.
     """
     height, width = item.image.shape[:2]
-    box = _box(item.masks[2] | item.masks[3], round(margin * max(height, width)))
-    if box is None:
+    things = item.masks[2] | item.masks[3]
+    if not things.any():
         return item
-    x0, y0, x1, y1 = box
-    scale = min(width / (x1 - x0), height / (y1 - y0))
-    size = round((x1 - x0) * scale), round((y1 - y0) * scale)
+    down, across = box(things, round(margin * max(height, width)))
+    tall, wide = down.stop - down.start, across.stop - across.start
+    scale = min(width / wide, height / tall)
+    size = round(wide * scale), round(tall * scale)
     left, top = (width - size[0]) // 2, (height - size[1]) // 2
     image, planes = np.zeros_like(item.image), np.zeros_like(item.masks)
     place = slice(top, top + size[1]), slice(left, left + size[0])
-    image[place] = cv2.resize(item.image[y0:y1, x0:x1], size, interpolation=cv2.INTER_LINEAR)
+    image[place] = cv2.resize(item.image[down, across], size, interpolation=cv2.INTER_LINEAR)
     for plane, source in zip(planes, item.masks, strict=True):
-        plane[place] = cv2.resize(source[y0:y1, x0:x1].view(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
-    stretch = np.array([size[0] / (x1 - x0), size[1] / (y1 - y0)])
-    motion = (item.motion - [x0, y0] + 0.5) * stretch - 0.5 + [left, top]
+        plane[place] = cv2.resize(source[down, across].view(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
+    stretch = np.array([size[0] / wide, size[1] / tall])
+    motion = (item.motion - [across.start, down.start] + 0.5) * stretch - 0.5 + [left, top]
     return replace(item, image=image, masks=planes, motion=motion.astype(np.float32))
-
-
-def _box(mask: np.ndarray, margin_px: int) -> tuple[int, int, int, int] | None:
-    """x0, y0, x1, y1 (exclusive) of the mask with a margin, inside the image; None for an empty mask."""
-    columns, rows = np.flatnonzero(mask.any(0)), np.flatnonzero(mask.any(1))
-    if not columns.size:
-        return None
-    return (max(int(columns[0]) - margin_px, 0), max(int(rows[0]) - margin_px, 0),
-            min(int(columns[-1]) + 1 + margin_px, mask.shape[1]), min(int(rows[-1]) + 1 + margin_px, mask.shape[0]))
 
 
 def recolour(image: np.ndarray, brightness: float, contrast: float, saturation: float) -> np.ndarray:

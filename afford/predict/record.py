@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from afford.boxes import box
 from afford.predict.ask import Answer
 from afford.predict.stored import Stored
 from schemas.affordance import TAXONOMY
@@ -71,8 +72,8 @@ def _hypothesis(prediction: Prediction, side: int, n: int) -> dict[str, Any]:
 
 def _box(region: np.ndarray) -> list[int] | None:
     """[left, top, right, bottom] in pixels, right and bottom not included; None for an empty region."""
-    rows, columns = np.flatnonzero(region.any(1)), np.flatnonzero(region.any(0))
-    return [int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1] if len(rows) else None
+    down, across = box(region)
+    return [across.start, down.start, across.stop, down.stop] if region.any() else None
 
 
 def _round(value: float | np.floating[Any]) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from afford.boxes import box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 
@@ -53,10 +54,7 @@ def cut(item: Item, margins: np.ndarray) -> Item:
     longer side; the whole sample when there is no mask. The motion is left behind."""
     union = np.asarray(item.masks[2:].any(0))
     union = union if union.any() else np.asarray(item.masks.any(0))
-    columns, rows = np.flatnonzero(union.any(0)), np.flatnonzero(union.any(1))
-    if not columns.size:
+    if not union.any():
         return item
-    left, top, right, bottom = (margins * max(union.shape)).round().astype(int).tolist()
-    down = slice(max(int(rows[0]) - top, 0), int(rows[-1]) + 1 + bottom)
-    across = slice(max(int(columns[0]) - left, 0), int(columns[-1]) + 1 + right)
+    down, across = box(union, (margins * max(union.shape)).round().astype(int).tolist())
     return replace(item, image=item.image[down, across], masks=item.masks[:, down, across], motion=item.motion[:, :0])
