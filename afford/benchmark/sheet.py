@@ -9,11 +9,13 @@ import numpy as np
 
 from afford.benchmark import cases
 from afford.benchmark.answers import Answer
+from afford.encode import jpeg
 from afford.palette import INK, LEFT, PAPER, RIGHT, Colour
 from schemas.benchmark import Case, Sheet
 
 TILE_PX, BAND_PX, GAP_PX = 260, 42, 6
 PER_ROW = 4
+JPEG_QUALITY = 88
 LINES = ("best", "median", "worst")
 
 
@@ -34,8 +36,7 @@ def draw(protocol: str, chosen: Sequence[Sequence[tuple[Case, Answer, float]]]) 
         for n, (case, said, iou) in enumerate(row):
             x, y = GAP_PX + n * (TILE_PX + GAP_PX), top + 20
             sheet[y : y + TILE_PX + BAND_PX, x : x + TILE_PX] = tile(case, said, iou)
-    _, data = cv2.imencode(".jpg", sheet[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
-    return Sheet(protocol, np.asarray(data).reshape(-1))
+    return Sheet(protocol, jpeg(sheet, JPEG_QUALITY))
 
 
 def tile(case: Case, said: Answer, iou: float) -> np.ndarray:

@@ -14,10 +14,12 @@ import numpy as np
 
 from afford.boxes import box
 from afford.dataset.files import write_json
+from afford.encode import png
 from schemas.hands import SIDES
 from schemas.still import Mode, Still, Stills
 
 PAPER_PX = 855
+PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)
 FREE_OVERLAP = 0.5
 """Two tasks of one picture want different places when their likeliest masks overlap less than this (IoU)."""
 README = """# {name}
@@ -144,7 +146,4 @@ def _one_hot(mode: Mode) -> list[int]:
 
 
 def _write_png(path: Path, image: np.ndarray) -> None:
-    done, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 6])
-    if not done:
-        raise ValueError(f"{path.name}: an image of {image.shape[1]} x {image.shape[0]} pixels could not be encoded")
-    path.write_bytes(data.tobytes())
+    path.write_bytes(png(image, PNG).tobytes())

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from afford.dataset.motion import Paths
+from afford.encode import jpeg
 from schemas.affordance import Affordances, FrameLabels, Rejection
 from schemas.clip import Clip, Narration
 from schemas.hands import SIDES
@@ -119,7 +119,7 @@ def _sample(x: Extraction, t: int, narration: Narration, several: bool, paths: P
         sample_id=f"{x.clip.video_id}_{frame:010d}" + (f"_{narration.narration_id}" if several else ""),
         frame=frame,
         time_ns=int(x.frames.time_ns[t]),
-        image_jpeg=encode_jpeg(x.inpainted.rgb[t], jpeg_quality),
+        image_jpeg=jpeg(x.inpainted.rgb[t], jpeg_quality),
         masks=np.concatenate([x.affordances.masks[:, t], masks]),
         object_left=names[0],
         object_right=names[1],
@@ -155,14 +155,6 @@ def _objects(x: Extraction, t: int) -> tuple[list[str], np.ndarray]:
 def _confidence(inpainted: Inpainted, t: int) -> float:
     replaced = inpainted.confidence[t][inpainted.mask[t]]
     return float(replaced.mean()) / 255.0 if replaced.size else 1.0
-
-
-def encode_jpeg(rgb: np.ndarray, quality: int) -> np.ndarray:
-    """(h, w, 3) uint8 RGB -> JPEG bytes as (b,) uint8."""
-    done, data = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not done:
-        raise ValueError(f"JPEG: an image of {rgb.shape[1]} x {rgb.shape[0]} pixels could not be encoded")
-    return data.reshape(-1)
 
 
 def bundle(x: Extraction, made: list[Sample], reasons: Counter[str]) -> Samples:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from afford.dataset.files import empty_folder, write_json
+from afford.encode import png
 from afford.predict.ask import Answer
 from afford.predict.overlay import overlay
 from afford.predict.record import record
@@ -61,7 +62,7 @@ def write(answer: Answer, model: Stored, out: Path, all_hypotheses: bool = False
         for name, mask in _masks(answer, all_hypotheses):
             _save(partial / name, mask)
         drawn = overlay(answer.picture.rgb, answer.prediction)
-        _keep(partial / OVERLAY, cv2.imencode(".png", drawn[..., ::-1])[1].tobytes())
+        _keep(partial / OVERLAY, png(drawn[..., ::-1]).tobytes())
         write_json(partial / RECORD, record(answer, model))
         _replace(partial, folder)
     finally:

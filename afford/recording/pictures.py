@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from afford import encode
 from afford.palette import Palette
 
 JPEG_QUALITY = 90
@@ -17,22 +18,22 @@ OPACITY = 150
 
 def jpeg(rgb: np.ndarray) -> bytes:
     """JPEG of (h, w, 3) uint8 sRGB."""
-    return _encode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+    return encode.jpeg(rgb, JPEG_QUALITY).tobytes()
 
 
 def mask_png(mask: np.ndarray) -> bytes:
     """PNG of (h, w) bool, 0 and 255, so that any viewer shows it."""
-    return _encode(".png", mask.view(np.uint8) * np.uint8(255), PNG)
+    return encode.png(mask.view(np.uint8) * np.uint8(255), PNG).tobytes()
 
 
 def grey_png(values: np.ndarray) -> bytes:
     """PNG of (h, w) uint8."""
-    return _encode(".png", values, PNG)
+    return encode.png(values, PNG).tobytes()
 
 
 def colour_png(labels: np.ndarray, palette: Palette) -> bytes:
     """PNG of (h, w) uint8 labels, each painted in its colour of the palette."""
-    return _encode(".png", _painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG)
+    return encode.png(_painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG).tobytes()
 
 
 def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
@@ -40,17 +41,10 @@ def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
     labels = np.zeros(masks.shape[1:], np.uint8)
     for n, mask in enumerate(masks, 1):
         np.copyto(labels, np.uint8(n), where=mask)
-    return _encode(".png", _painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG)
+    return encode.png(_painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG).tobytes()
 
 
 def _painted(labels: np.ndarray, rgba: Sequence[tuple[int, ...]]) -> np.ndarray:
     """(h, w, 4) uint8 in the order that OpenCV writes: blue, green, red, alpha."""
     words = np.array(rgba, np.uint8)[:, [2, 1, 0, 3]].copy().view(np.uint32).reshape(-1)
     return np.take(words, labels).view(np.uint8).reshape(*labels.shape, 4)
-
-
-def _encode(kind: str, picture: np.ndarray, options: tuple[int, ...]) -> bytes:
-    done, data = cv2.imencode(kind, picture, list(options))
-    if not done:
-        raise ValueError(f"cannot encode a picture of shape {picture.shape} as {kind}")
-    return data.tobytes()

@@ -5,12 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from afford.encode import jpeg
 from afford.palette import LEFT, RIGHT, Palette, colours_of
 from afford.report.score import Aligned
 from schemas.affordance import Affordances
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
 
+JPEG_QUALITY = 88
 TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
 
 
@@ -37,7 +39,7 @@ def clip_row(
     label = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
     _write(row, label + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""))
-    return encode_jpeg(row)
+    return jpeg(row, JPEG_QUALITY)
 
 
 def busiest(aligned: Aligned) -> int:
@@ -58,14 +60,6 @@ def paint(rgb: np.ndarray, masks: np.ndarray, colours: Palette) -> np.ndarray:
         outline, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(out, outline, -1, colour, 1)
     return out
-
-
-def encode_jpeg(rgb: np.ndarray) -> np.ndarray:
-    """JPEG bytes (b,) uint8 of an RGB picture."""
-    done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
-    if not done:
-        raise ValueError(f"cannot encode a picture of shape {rgb.shape} as JPEG")
-    return data.reshape(-1)
 
 
 def decode_jpeg(data: np.ndarray) -> np.ndarray:

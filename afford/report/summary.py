@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 from blake3 import blake3
 
+from afford.encode import jpeg
 from afford.figures import Figure
-from afford.report.sheet import TITLES, decode_jpeg, encode_jpeg
+from afford.report.sheet import JPEG_QUALITY, TITLES, decode_jpeg
 from schemas.files import FileRef, FileTree
 from schemas.report import ClipScores
 
@@ -46,7 +47,7 @@ def write(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
     (folder / "metrics.json").write_text(json.dumps(metrics, indent=1, sort_keys=True) + "\n")
     (folder / "report.md").write_text(table(metrics, len(standard), len(hard)) + per_clip(scores))
     plot(scores, folder / "scores.png")
-    (folder / "sheet.jpg").write_bytes(encode_jpeg(sheet(scores)).tobytes())
+    (folder / "sheet.jpg").write_bytes(jpeg(sheet(scores), JPEG_QUALITY).tobytes())
     return tree("extraction_report", folder)
 
 
