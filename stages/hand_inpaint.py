@@ -49,10 +49,11 @@ def run(frames: Frames, tracks: Tracks, params: Params) -> Inpainted:
     import numpy as np
 
     from afford.layers import regions
+    from afford.morphology import dilate
     from afford.registry import load
 
     _check(frames, tracks)
-    hole = regions.dilate(regions.hands(tracks), params.dilate_px)
+    hole = dilate(regions.hands(tracks), params.dilate_px)
     filled = load(BACKENDS, params.backend)(frames, tracks, hole, params)
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.layers.regions import dilate
 from afford.metrics.images import psnr_db
+from afford.morphology import dilate
 from schemas.video import PixelSource
 from stages import hand_inpaint
 from stages.hand_inpaint import Params

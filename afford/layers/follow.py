@@ -12,7 +12,7 @@ import numpy as np
 from afford.layers.align import align
 from afford.layers.canvas import Canvas
 from afford.layers.outline import signed_distance
-from afford.layers.regions import dilate
+from afford.morphology import dilate
 
 LEVELS = ((3.0, 8), (1.0, 8))
 """blur of the image (sigma, px) and Gauss-Newton steps, coarse to fine"""

@@ -7,7 +7,7 @@ import numpy as np
 
 from afford.layers.follow import Path
 from afford.layers.gather import gather_votes
-from afford.layers.regions import dilate
+from afford.morphology import dilate
 
 RECALL_FRAMES = 48.0
 MIN_FIT = 0.6

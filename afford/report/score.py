@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from afford.metrics.images import psnr_db
 from afford.metrics.masks import boundary_f, precision, recall, region_similarity
+from afford.morphology import dilate
 from afford.report import baselines
 from afford.report.tally import Tally
 from schemas.affordance import Affordances
@@ -24,7 +24,7 @@ from schemas.masks import CompleteObjects, TrackFlag, Tracks
 from schemas.truth import ClipTruth
 from schemas.video import Frames, Inpainted
 
-DISC_3PX = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (7, 7))
+HAND_BORDER_PX = 3
 F_TOLERANCE_PX = 2
 
 
@@ -97,7 +97,7 @@ def score_inpaint(tally: Tally, aligned: Aligned, frames: Frames, inpainted: Inp
     """PSNR inside the true hands, with and without shadows in the truth, objects and background apart; Telea beside it."""
     hands, objects = aligned.hands(), _objects(aligned)
     for t, row in enumerate(aligned.at):
-        region = cv2.dilate(hands[t].astype(np.uint8), DISC_3PX) > 0
+        region = dilate(hands[t], HAND_BORDER_PX)
         if not region.any():
             continue
         shadowed, clean = aligned.truth.rgb_no_hands_shadow[row], aligned.truth.rgb_no_hands[row]

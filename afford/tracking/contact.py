@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+from afford.morphology import dilate
 from afford.tracking.keys import Key
 from afford.tracking.link import Links
 from afford.tracking.provenance import Bracket
@@ -42,7 +42,7 @@ def _said(key: Key, entity: list[int], hand: int, annotation: Annotation, reach_
 
 
 def _nearest_object(key: Key, entity: list[int], hand: int, reach_px: int) -> int:
-    overlap = [int(np.count_nonzero(grow(key.masks[hand], reach_px) & mask)) if a.side == "" else 0
+    overlap = [int(np.count_nonzero(dilate(key.masks[hand], reach_px) & mask)) if a.side == "" else 0
                for mask, a in zip(key.masks, key.annotations, strict=True)]
     best = int(np.argmax(overlap))
     return entity[best] if overlap[best] else NOTHING
@@ -73,7 +73,7 @@ def _reaches(masks: np.ndarray, hand: int, entity: int, reach_px: int) -> np.nda
     """(m,) bool: the hand, dilated, overlaps the entity. All False when either is none."""
     if entity < 0 or hand < 0:
         return np.zeros(masks.shape[1], bool)
-    return np.array([(grow(a, reach_px) & b).any() for a, b in zip(masks[hand], masks[entity], strict=True)], bool)
+    return np.array([(dilate(a, reach_px) & b).any() for a, b in zip(masks[hand], masks[entity], strict=True)], bool)
 
 
 def _switch(before: int, after: int, close: np.ndarray) -> int:
@@ -93,9 +93,3 @@ def _switch(before: int, after: int, close: np.ndarray) -> int:
 
 def _contradicts(label: int, reaches: np.ndarray, reaches_other: np.ndarray) -> np.ndarray:
     return reaches_other if label == NOTHING else ~reaches
-
-
-def grow(mask: np.ndarray, radius_px: int) -> np.ndarray:
-    """Dilate an (h, w) bool mask by a disc."""
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
-    return cv2.dilate(mask.astype(np.uint8), disc) > 0

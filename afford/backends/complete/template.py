@@ -12,6 +12,7 @@ from afford.layers import regions
 from afford.layers.carry import carry, holding
 from afford.layers.follow import follow
 from afford.layers.shape import complete_shape
+from afford.morphology import dilate
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
@@ -22,7 +23,7 @@ def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, p
     What no frame has seen is guessed behind hands only: things that touch each other seldom hide much. Reads no parameter.
     """
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
-    visible, hidden_by = tracks.masks[index], regions.dilate(regions.others(tracks, index), 1)
+    visible, hidden_by = tracks.masks[index], dilate(regions.others(tracks, index), 1)
     path = carry(follow(grey, visible, hidden_by), grey, visible, holding(tracks, index))
-    unknown = regions.dilate(regions.hands(tracks), 1) & ~visible
+    unknown = dilate(regions.hands(tracks), 1) & ~visible
     return Completed(*complete_shape(path, frames.frame, visible, hidden_by & ~visible, unknown))

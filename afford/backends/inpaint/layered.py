@@ -16,6 +16,7 @@ from afford.layers.follow import follow
 from afford.layers.gather import gather_colour
 from afford.layers.relight import grip_shade, relight
 from afford.layers.shape import as_cameras, complete_shape, on_canvas, recall
+from afford.morphology import dilate, erode
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
@@ -35,12 +36,12 @@ def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Fi
 
 def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.ndarray) -> Filled:
     """The hole as if it showed background only."""
-    static = ~regions.dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
+    static = ~dilate(regions.hands(tracks) | regions.objects(tracks), MOVING_PX)
     usable = static & regions.told(tracks)[:, None, None]
     behind = BackgroundFill(frames.rgb, usable, register(grey, frames.frame, static))
     filled = Filled(frames.rgb.copy(), np.zeros(hole.shape, np.uint8), np.zeros(hole.shape, np.uint8))
     for t in np.flatnonzero(hole.any(axis=(1, 2))).tolist():
-        target = regions.dilate(hole[t], RIM_PX + 2)
+        target = dilate(hole[t], RIM_PX + 2)
         pixels = _pixels(target)
         colour, found = behind.colour(t, pixels)
         fill = _spread_unseen(frames.rgb[t], pixels, colour, found, target)
@@ -51,12 +52,12 @@ def fill_background(frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.n
 
 
 def _paint_object(filled: Filled, frames: Frames, grey: np.ndarray, tracks: Tracks, hole: np.ndarray, index: int) -> None:
-    visible, hidden_by = tracks.masks[index], regions.dilate(regions.others(tracks, index), 1)
+    visible, hidden_by = tracks.masks[index], dilate(regions.others(tracks, index), 1)
     path = follow(grey, visible, hidden_by)
     complete, _ = complete_shape(path, frames.frame, visible, hidden_by & ~visible)
-    inner, cameras = regions.erode(visible, 1), as_cameras(path.poses)
+    inner, cameras = erode(visible, 1), as_cameras(path.poses)
     for t in np.flatnonzero((complete & hole).any(axis=(1, 2))).tolist():
-        target = regions.dilate(complete[t] & hole[t], RIM_PX) & complete[t]
+        target = dilate(complete[t] & hole[t], RIM_PX) & complete[t]
         pixels = _pixels(target)
         rows, weights = recall(path, frames.frame, t)
         colour, found = gather_colour(on_canvas(path.poses[t], pixels), cameras[rows], rows, weights, frames.rgb, inner, 0.5)

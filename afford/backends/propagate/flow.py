@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from afford.backends.propagate import BACKGROUND, UNKNOWN, Propagated
+from afford.morphology import dilate
 from afford.optical_flow import flow_between, follow, identity_map
 from afford.tracking.leaps import better_of, step_between
 from afford.tracking.patches import REACH_PX, UNMATCHED, colours, match
@@ -235,11 +236,10 @@ def _at_border(views: list[View]) -> np.ndarray:
 
 def _outlines(labels: np.ndarray, band_px: int) -> np.ndarray:
     """Pixels within `band_px` of a change of label, (h, w) bool."""
-    change = np.zeros(labels.shape, np.uint8)
+    change = np.zeros(labels.shape, bool)
     change[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     change[1:] |= labels[1:] != labels[:-1]
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * band_px + 1, 2 * band_px + 1))
-    return cv2.dilate(change, disc) > 0
+    return dilate(change, band_px)
 
 
 def _belief(guess: np.ndarray, where: np.ndarray, cost: np.ndarray) -> np.ndarray:
