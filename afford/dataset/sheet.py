@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
+from afford.lettering import font
 from afford.palette import FAINT, INK, LEFT, PAPER, RIGHT
 from schemas.affordance import TAXONOMY
 
@@ -76,13 +76,13 @@ def _fit(image: np.ndarray) -> Image.Image:
 
 def _caption(draw: ImageDraw.ImageDraw, row: dict[str, Any]) -> None:
     top = TILE_PX[1] + 4
-    draw.text((2, top), _cut(draw, row["narration"], _font(15, bold=True), TILE_PX[0] - 4), INK, _font(15, bold=True))
+    draw.text((2, top), _cut(draw, row["narration"], font(15, bold=True), TILE_PX[0] - 4), INK, font(15, bold=True))
     facts = f"{TAXONOMY[row['taxonomy']].replace('_', ' ')}  \u00b7  quality {row['quality']:.2f}  \u00b7  {row['sample_id']}"
-    draw.text((2, top + 21), _cut(draw, facts, _font(12), TILE_PX[0] - 120), FAINT, _font(12))
+    draw.text((2, top + 21), _cut(draw, facts, font(12), TILE_PX[0] - 120), FAINT, font(12))
     for colour, name, x in ((LEFT, row["object_left"], TILE_PX[0] - 112), (RIGHT, row["object_right"], TILE_PX[0] - 55)):
         if name:
             draw.rectangle((x, top + 24, x + 8, top + 32), colour)
-            draw.text((x + 11, top + 21), _cut(draw, name, _font(12), 44), INK, _font(12))
+            draw.text((x + 11, top + 21), _cut(draw, name, font(12), 44), INK, font(12))
 
 
 def _cut(draw: ImageDraw.ImageDraw, text: str, font: ImageFont.FreeTypeFont, width: int) -> str:
@@ -93,9 +93,3 @@ def _cut(draw: ImageDraw.ImageDraw, text: str, font: ImageFont.FreeTypeFont, wid
     while text and draw.textlength(text + "\u2026", font) > width:
         text = text[:-1]
     return text + "\u2026"
-
-
-def _font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans as shipped by matplotlib: the same letters on every machine, with Greek, Cyrillic and accents."""
-    folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
-    return ImageFont.truetype(folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"), size)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
-
 import cv2
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from afford.lettering import font
 from afford.palette import FAINT, HANDS, INK, PAPER, Colour
 from schemas.affordance import TAXONOMY
 from schemas.hands import SIDES
@@ -45,12 +42,12 @@ def paint(image: np.ndarray, region: np.ndarray, colour: Colour) -> None:
 def legend(prediction: Prediction, width: int) -> np.ndarray:
     """(h, width, 3) uint8: the task, a line per hand, a bar per class of the taxonomy."""
     unit = max(15, width // 42)
-    title = _lines(prediction.task, _font(True, round(1.15 * unit)), width - 2 * unit)
+    title = _lines(prediction.task, font(round(1.15 * unit), bold=True), width - 2 * unit)
     below = round((1.0 + 1.6 * len(title)) * unit)
     band = Image.new("RGB", (width, below + round(6.4 * unit)), PAPER)
     draw = ImageDraw.Draw(band)
     for n, line in enumerate(title):
-        draw.text((unit, round((0.7 + 1.6 * n) * unit)), line, INK, _font(True, round(1.15 * unit)))
+        draw.text((unit, round((0.7 + 1.6 * n) * unit)), line, INK, font(round(1.15 * unit), bold=True))
     for n, side in enumerate(SIDES):
         _hand(draw, prediction, n, side, (unit, below + round((0.5 + 2.9 * n) * unit)), unit)
     for n, name in enumerate(TAXONOMY):
@@ -65,7 +62,7 @@ def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, 
     colour, text_x, share = HANDS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
     said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
     draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
-    ink, bold, plain = INK if used else FAINT, _font(True, round(0.95 * unit)), _font(False, round(0.85 * unit))
+    ink, bold, plain = INK if used else FAINT, font(round(0.95 * unit), bold=True), font(round(0.85 * unit))
     draw.text((text_x, y + unit // 2), f"{side} hand", ink, bold, anchor="lm")
     draw.text((text_x, y + round(1.6 * unit)), said, FAINT, plain, anchor="lm")
 
@@ -74,11 +71,11 @@ def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int]
     """One class of the taxonomy and how likely it is."""
     x, y = at
     middle, start, end = y + unit // 2, x + round(8.2 * unit), x + width - round(2.6 * unit)
-    draw.text((x, middle), WORDS[name], INK, _font(False, round(0.9 * unit)), anchor="lm")
+    draw.text((x, middle), WORDS[name], INK, font(round(0.9 * unit)), anchor="lm")
     draw.rounded_rectangle((start, y + unit // 5, end, y + unit * 4 // 5), unit // 4, TRACK)
     if value * (end - start) >= 1:
         draw.rounded_rectangle((start, y + unit // 5, start + value * (end - start), y + unit * 4 // 5), unit // 4, INK)
-    draw.text((x + width, middle), f"{value:.0%}", INK, _font(False, round(0.9 * unit)), anchor="rm")
+    draw.text((x + width, middle), f"{value:.0%}", INK, font(round(0.9 * unit)), anchor="rm")
 
 
 def _lines(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
@@ -97,10 +94,3 @@ def _cut(line: str, font: ImageFont.FreeTypeFont, width: int) -> str:
     while line and font.getlength(line) > width:
         line = line[:-2] + "…"
     return line
-
-
-@cache
-def _font(bold: bool, size_px: int) -> ImageFont.FreeTypeFont:
-    """DejaVu, which lies beside matplotlib on every platform and has most alphabets."""
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size_px)
