@@ -40,12 +40,6 @@ def overlap(found: np.ndarray, truth: np.ndarray) -> Overlap:
     return Overlap(both / (mine + theirs - both), both / mine, both / theirs, 2 * both / (mine + theirs))
 
 
-def iou(found: np.ndarray, truth: np.ndarray) -> float:
-    """Intersection over union; 0 when both are empty."""
-    union = np.count_nonzero(found | truth)
-    return np.count_nonzero(found & truth) / union if union else 0.0
-
-
 def precision(found: np.ndarray, truth: np.ndarray) -> float:
     """Share of the found pixels that are true; 0 when nothing is found."""
     mine = np.count_nonzero(found)

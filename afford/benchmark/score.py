@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.benchmark import calibration, compat, measures, modes
 from afford.benchmark.answers import Answer
+from afford.metrics.masks import iou
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case, MethodScores, Sheet
 from schemas.hands import SIDES
@@ -84,7 +85,7 @@ def score_case(case: Case, said: Answer, floor: float) -> Row:
         **dict(zip(("hd_px", "hd_symmetric_px"), measures.hausdorff(union, truth), strict=True)),
         "map": float(np.mean([_best_precision(cut[0] | cut[1], case.modes) for cut in said.cuts])),
         **_per_hand(said.top, mode),
-        "first_mode_iou": measures.iou(union, case.modes[0, 0] | case.modes[0, 1]),
+        "first_mode_iou": iou(union, case.modes[0, 0] | case.modes[0, 1]),
         "best_mode_iou": modes.best_mode_iou(table),
         "best_hypothesis_iou": modes.best_hypothesis_iou(table),
         **_hands(said, case.modes, mode),

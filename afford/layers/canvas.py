@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from afford.layers.outline import signed_distance
+from afford.metrics.masks import iou
 
 MARGIN = 0.35
 MEMORY = 0.85
@@ -57,8 +58,7 @@ class Canvas:
         both = (self.look(known.view(np.uint8), pose, nearest=True) > 0) & (self.seen > 0.05)
         here = (self.look(visible.view(np.uint8), pose, nearest=True) > 0) & both
         mine = self.shape() & both
-        union = np.count_nonzero(here | mine)
-        return np.count_nonzero(here & mine) / union if union else 0.0
+        return iou(here, mine)
 
     def learn(self, grey: np.ndarray, visible: np.ndarray, known: np.ndarray, pose: np.ndarray) -> None:
         """Take in one frame: grey (h, w) float32, visible and known (h, w) bool."""

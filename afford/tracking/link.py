@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from afford.metrics.masks import iou
 from afford.tracking.keys import Key
 from schemas.clip import Annotation
 from schemas.hands import SIDES
@@ -85,10 +86,6 @@ def _continue(last: Key, key: Key, known: dict[int, int], here: list[int], carry
     if not known or not here:
         return {}
     carried = carry(last, key, last.masks[list(known)])
-    iou = np.array([[_iou(mask, key.masks[i]) for i in here] for mask in carried])
+    overlap = np.array([[iou(mask, key.masks[i]) for i in here] for mask in carried])
     numbers = list(known.values())
-    return {here[j]: numbers[m] for m, j in zip(*linear_sum_assignment(-iou), strict=True) if iou[m, j] >= min_iou}
-
-
-def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a | b)), 1)
+    return {here[j]: numbers[m] for m, j in zip(*linear_sum_assignment(-overlap), strict=True) if overlap[m, j] >= min_iou}
