@@ -8,12 +8,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from blake3 import blake3
 
+from afford.dataset.files import tree
 from afford.encode import jpeg
 from afford.figures import Figure
 from afford.report.sheet import JPEG_QUALITY, TITLES, decode_jpeg
-from schemas.files import FileRef, FileTree
+from schemas.files import FileTree
 from schemas.report import ClipScores
 
 ROWS: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -126,12 +126,3 @@ def sheet(scores: tuple[ClipScores, ...]) -> np.ndarray:
     for i, title in enumerate(TITLES):
         cv2.putText(head, title, (i * width // len(TITLES) + 6, 17), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
     return np.vstack([head, *rows])
-
-
-def tree(name: str, folder: Path) -> FileTree:
-    """Every file of `folder` as a FileTree."""
-    refs = []
-    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        data = path.read_bytes()
-        refs.append(FileRef(path.relative_to(folder).as_posix(), blake3(data).hexdigest(), len(data), path))
-    return FileTree(name, tuple(refs))
