@@ -9,7 +9,7 @@ import av
 import numpy as np
 
 from afford.video.number import shown
-from afford.video.probe import Probe, probe
+from afford.video.probe import Probe, packets, probe
 from afford.video.size import shrink
 
 Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -83,12 +83,7 @@ def _frames(container: av.container.InputContainer, start: int | None) -> Iterat
     stream.codec_context.thread_count = 1
     if start is not None:
         container.seek(start, stream=stream)
-    packets = container.demux(stream)
-    while True:
-        try:
-            packet = next(packets)
-        except (StopIteration, av.error.FFmpegError):
-            return
+    for packet in packets(container, stream):
         try:
             yield from packet.decode()
         except av.error.InvalidDataError:

@@ -46,7 +46,7 @@ def probe(path: Path) -> Probe:
 
 def _probe(container: av.container.InputContainer) -> Probe:
     stream = container.streams.video[0]
-    found = [(_time(p), p.dts, p.is_keyframe) for p in _packets(container, stream) if _time(p) is not None and not p.is_discard]
+    found = [(_time(p), p.dts, p.is_keyframe) for p in packets(container, stream) if _time(p) is not None and not p.is_discard]
     rate = stream.average_rate or stream.guessed_rate
     if not found or stream.time_base is None or not rate:
         raise ValueError("no frames" if not found else "no frame rate")
@@ -69,12 +69,12 @@ def _time(packet: av.Packet) -> int | None:
     return packet.pts if packet.pts is not None else packet.dts
 
 
-def _packets(container: av.container.InputContainer, stream: av.VideoStream) -> Iterator[av.Packet]:
-    """Packets up to the end, or to where the data of a truncated file end."""
-    packets = container.demux(stream)
+def packets(container: av.container.InputContainer, stream: av.VideoStream) -> Iterator[av.Packet]:
+    """Its packets up to the end, or to where the data of a truncated file end."""
+    found = container.demux(stream)
     while True:
         try:
-            packet = next(packets)
+            packet = next(found)
         except (StopIteration, av.error.FFmpegError):
             return
         yield packet
