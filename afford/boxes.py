@@ -9,6 +9,9 @@ import numpy as np
 Box = tuple[slice, slice]
 """rows, columns; stops not included"""
 
+BORDER = 50 / 855
+"""border of ActAffordance's crops, as a share of the longer side of the image"""
+
 
 def box(mask: np.ndarray, border_px: int | Sequence[int] = 0) -> Box:
     """The smallest box around the mask (h, w) bool, and a border inside the image: one width for all sides, or left, top, right,

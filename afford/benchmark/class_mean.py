@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from afford.benchmark.baselines import Baseline, said
-from afford.boxes import box
+from afford.boxes import BORDER, box
 from afford.dataset import load, masks
 from afford.dataset.columns import MASKS
 from schemas.benchmark import Case
@@ -24,8 +24,6 @@ from schemas.prediction import Prediction
 
 GRID = 64
 """side of the grid that masks are averaged on"""
-BORDER = 50 / 855
-"""border of a crop, as a share of the longer side of the image (ActAffordance)"""
 HANDS = ((True, False), (False, True), (True, True), (True, True))
 """hands of each taxonomy"""
 COLUMNS = ("verb", "noun", "height", "width", "taxonomy", *(f"{name}_rle" for name in MASKS))

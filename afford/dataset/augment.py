@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from afford.boxes import box
+from afford.boxes import BORDER, box
 from afford.dataset.load import Item
 from schemas.hands import OTHER
 
@@ -29,7 +29,7 @@ class Settings:
     """share of samples that are mirrored"""
     crop_share: float = 2 / 3
     """share of samples that are cropped around their object"""
-    crop_margin: float = 50 / 855
+    crop_margin: float = BORDER
     """border around the object's box, as a share of the longer image side"""
     crop_words: tuple[str, ...] = ("something", "things")
     """narrations with one of these words are always cropped: only the picture tells what is meant"""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.boxes import box
+from afford.boxes import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 
@@ -23,7 +23,7 @@ class Views:
     """share of samples that are mirrored"""
     crop_share: float = 2 / 3
     """share of samples that are cropped around their objects"""
-    margin: float = 50 / 855
+    margin: float = BORDER
     """border around the objects' box in validation, as a share of the longer image side"""
     margin_range: tuple[float, float] = (0.02, 0.2)
     """borders in training, each side drawn by itself"""
