@@ -26,6 +26,8 @@ class Taxonomy(IntEnum):
 
 TAXONOMY = tuple(one.name.lower() for one in Taxonomy if one is not Taxonomy.NONE)
 """left, right, both_same, both_different: names of the four classes, in their order"""
+TAKES = ((True, False), (False, True), (True, True), (True, True))
+"""whether each class takes the (left, right) hand"""
 
 
 class Rejection(IntEnum):

@@ -16,7 +16,7 @@ from PIL import Image
 from afford.benchmark.layout import ANNOTATION, IMAGE, MODES, CaseFiles
 from afford.readers.errors import SourceError
 from afford.readers.strict_json import entry, parse
-from schemas.affordance import TAXONOMY, Taxonomy
+from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef
 from schemas.hands import SIDES
@@ -155,8 +155,7 @@ def _taxonomy(record: Any, where: str) -> int:
 def _disagreement(mode: np.ndarray, taxonomy: int) -> str:
     """What to note when the annotated class and the masks that exist do not fit."""
     seen = tuple(bool(mask.any()) for mask in mode)
-    fits = {-1: seen, 0: (True, False), 1: (False, True), 2: (True, True), 3: (True, True)}[taxonomy]
-    if seen == fits:
+    if taxonomy == Taxonomy.NONE or seen == TAKES[taxonomy]:
         return ""
     hands = " and ".join(side for side, here in zip(SIDES, seen, strict=True) if here)
     return f"taxonomy disagrees: it says {TAXONOMY[taxonomy]}, the masks say {hands}"

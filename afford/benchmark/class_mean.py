@@ -19,13 +19,12 @@ from afford.benchmark.baselines import Baseline, said
 from afford.boxes import BORDER, box
 from afford.dataset import load, masks
 from afford.dataset.columns import MASKS
+from schemas.affordance import TAKES
 from schemas.benchmark import Case
 from schemas.prediction import Prediction
 
 GRID = 64
 """side of the grid that masks are averaged on"""
-HANDS = ((True, False), (False, True), (True, True), (True, True))
-"""hands of each taxonomy"""
 COLUMNS = ("verb", "noun", "height", "width", "taxonomy", *(f"{name}_rle" for name in MASKS))
 Key = tuple[str, str, str]
 """protocol, verb, noun; '' for any"""
@@ -42,7 +41,7 @@ class Mean:
     def add(self, planes: np.ndarray, taxonomy: int) -> None:
         """One sample: (2, GRID, GRID) shares of pixels."""
         self._sum += planes
-        self._count += HANDS[taxonomy]
+        self._count += TAKES[taxonomy]
         self._taxonomy[taxonomy] += 1
 
     def prediction(self, case: Case) -> Prediction:
@@ -52,7 +51,7 @@ class Mean:
         scaled = np.stack([_scaled(plane) for plane in mean]).astype(np.float32)
         planes = np.stack([cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in scaled])
         share = self._taxonomy / self._taxonomy.sum()
-        return said(case.task, planes, np.array(HANDS[int(share.argmax())]), share)
+        return said(case.task, planes, np.array(TAKES[int(share.argmax())]), share)
 
 
 def class_mean(dataset: Path | None) -> Baseline:
