@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import datasets
 import numpy as np
 import pytest
@@ -15,10 +14,10 @@ from PIL import Image
 from afford.dataset import export_2hands
 from afford.dataset.load import Dataset, Item
 from afford.training import cache, divide, sources
-from afford.training.batches import Batches
+from afford.training.batches import Batches, Boxes
 from afford.training.order import Order
 from afford.training.scores import THRESHOLDS, scores
-from afford.training.views import Views, cropped, view
+from afford.training.views import Views, centre, cropped, unnamed, view, whole
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
 
@@ -148,7 +147,7 @@ def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
     samples = list(sources.items(packed, "train"))
     order = Order([item.taxonomy for item in samples], 0.5, 3)
-    batches = Batches(samples, order, Views(), shrunk, shrunk_masks, 4, 3)
+    batches = Batches(samples, order, Views(), Boxes(SIZE), 4, 3)
     first = batches(7)
     batches(2)
     again = batches(7)
@@ -159,30 +158,68 @@ def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
     assert first.image.shape == (4, *SIZE, 3) and first.masks.dtype == bool and first.taxonomy.dtype == np.int64
 
 
-def shrunk(image: np.ndarray) -> np.ndarray:
-    return cv2.resize(image, SIZE[::-1], interpolation=cv2.INTER_NEAREST)
-
-
-def shrunk_masks(masks: np.ndarray) -> np.ndarray:
-    return np.stack([shrunk(mask.view(np.uint8)).view(bool) for mask in masks])
+def test_coarse_batches_are_the_same_at_half_the_size(packed: sources.Files) -> None:
+    """The first ones are small, with the same samples, words and places; sizes that have no half are refused."""
+    samples = list(sources.items(packed, "train"))
+    fine = Batches(samples, Order([0] * len(samples), 0, 3), Views(), Boxes((64, 96)), 4, 3)
+    coarse = replace(fine, coarse=2)
+    assert [coarse(n).image.shape for n in (1, 2)] == [(4, 32, 48, 3), (4, 64, 96, 3)]
+    assert coarse(1).task == fine(1).task and np.array_equal(coarse(1).centre, fine(1).centre)
+    areas = [np.mean(batches(1).masks, axis=(2, 3)) for batches in (coarse, fine)]
+    assert np.allclose(*areas, atol=0.01) and np.array_equal(coarse(2).image, fine(2).image)
+    with pytest.raises(ValueError, match="expected multiples of 32 when some steps come at half the size"):
+        replace(coarse, boxes=Boxes((48, 96)))(0)
 
 
 def test_views_are_seeded_and_keep_picture_and_masks_together(packed: sources.Files) -> None:
     """The same position gives the same view; a mirrored view swaps sides and words; a crop holds the objects whole."""
     samples = list(sources.items(packed, "train"))
+    plain = Views(colour_share=0, stretch_share=0)
     for n, item in enumerate(samples):
         painted = replace(item, image=np.where(item.masks[2:].any(0)[..., None], np.uint8(255), np.uint8(0)).repeat(3, 2))
-        seen = view(painted, Views(colour_share=0), 1, n)
-        assert np.array_equal(seen.image, view(painted, Views(colour_share=0), 1, n).image)
+        seen = view(painted, plain, 1, n).item
+        assert np.array_equal(seen.image, view(painted, plain, 1, n).item.image)
         assert np.array_equal(seen.image[..., 0] > 0, seen.masks[2:].any(0))
         assert sorted(seen.masks.sum((1, 2))) == sorted(item.masks.sum((1, 2)))
-    mirrored = view(samples[0], Views(1, 0, colour_share=0), 1, 0)
+    mirrored = view(samples[0], Views(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
     assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
     assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
-    box = cropped(samples[0], Views(margin=0)).masks[2:].any(0)
+    box = cropped(samples[0], Views(margin=0)).item.masks[2:].any(0)
     assert box[0].any() and box[-1].any() and box[:, 0].any() and box[:, -1].any()
     nothing = replace(samples[0], masks=np.zeros_like(samples[0].masks))
-    assert cropped(nothing, Views()).image.shape == nothing.image.shape
+    found = cropped(nothing, Views())
+    assert found.item.image.shape == nothing.image.shape and np.isnan(found.centre).all()
+
+
+def test_stretched_views_stay_whole(packed: sources.Files) -> None:
+    """As high, wider or narrower by at most the factors, with the same share of every mask."""
+    item = next(iter(sources.items(packed, "train")))
+    for n in range(8):
+        seen = view(item, Views(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0), 1, n).item
+        (height, width), (before, across) = seen.image.shape[:2], item.image.shape[:2]
+        assert height == before and across // 2 <= width <= 2 * across and seen.masks.shape == (4, height, width)
+        assert np.allclose(seen.masks.mean((1, 2)), item.masks.mean((1, 2)), atol=0.02)
+
+
+def test_a_view_knows_where_it_is_in_the_picture(packed: sources.Files) -> None:
+    """The centre is that of the objects in the whole picture, cropped or not, and is mirrored with it."""
+    assert centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
+    for n, item in enumerate(sources.items(packed, "train")):
+        wanted = whole(item).centre
+        assert np.array_equal(cropped(item, Views()).centre, wanted)
+        mirrored = view(item, Views(flip_share=1), 1, n).centre
+        assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
+
+
+def test_what_has_no_name_is_cropped(packed: sources.Files) -> None:
+    """Every name of a thing becomes a word of its own, all other words stay, and only its surroundings are shown."""
+    item = replace(next(iter(sources.items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
+                   object_right="mug", noun="can")  # fmt: skip
+    words = unnamed(item, np.random.default_rng(0)).narration.split()
+    assert words[:2] + words[3:4] + words[5:] == ["pour", "from", "into", "canned"]
+    assert words[2] != words[4].rstrip(",") and not {"can", "mug"} & {words[2], words[4].rstrip(",")}
+    seen = view(item, Views(0, 0, nameless_share=1, colour_share=0, stretch_share=0), 1, 0).item
+    assert seen.image.size < item.image.size and "mug" not in seen.narration.split()
 
 
 def test_scores_are_the_definitions() -> None:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from afford.models.twohands.batch import Output, Target
-from afford.models.twohands.losses import LossParams, bce, best_hypothesis, dice, focal, losses, shares, taxonomy_loss
+from afford.models.twohands.losses import LossParams, bce, best_hypothesis, centre_loss, dice, focal, losses, shares, taxonomy_loss
 
 
 def output(b: int = 3, k: int = 3, seed: int = 0) -> Output:
@@ -70,6 +70,19 @@ def test_objects_are_told_of_hands_that_act() -> None:
     one, two = (losses(wrong, told, LossParams(object_weight=weight)) for weight in (1.0, 2.0))
     assert (two["total"] - one["total"]).item() == pytest.approx(one["object"].item(), rel=1e-5) and one["object"] > 1
     assert "object" not in losses(wrong, t, LossParams()) and "object" not in losses(o, told, LossParams())
+
+
+def test_the_centre_costs_where_it_is_known() -> None:
+    """Near the truth the square over twice beta, far from it the distance; nothing where it is unknown, and no NaN anywhere."""
+    told = torch.tensor([[0.05, 0.0], [1.05, 0.0], [7.0, 7.0]], requires_grad=True)
+    truth = torch.tensor([[0.0, 0.0], [0.0, 0.0], [math.nan, math.nan]])
+    cost = centre_loss(told, truth)
+    assert cost.item() == pytest.approx((0.05**2 / 0.2 + 1.0) / 4, abs=1e-6)
+    cost.backward()
+    assert told.grad is not None and told.grad.isfinite().all() and not told.grad[2].any()
+    assert centre_loss(told, torch.full_like(truth, math.nan)).item() == 0
+    named = losses(output()._replace(centre=told), target()._replace(centre=truth), LossParams(centre_weight=0.5))
+    assert named["centre"].item() == pytest.approx(cost.item())
 
 
 def test_focal_without_focus_is_half_the_cross_entropy() -> None:

@@ -34,6 +34,25 @@ def test_shapes_of_every_ablation(change: dict[str, object]) -> None:
     assert o.text_loss is None and o.objects is not None and o.objects.shape == (2, 2, 16, 24)
 
 
+def test_half_the_size_is_the_same_place() -> None:
+    """The same picture at half the size: positions lie on those of the whole one, and an answer has half the size."""
+    model, b = build(TINY, 0).eval(), batch("open jar")
+    half = Batch(torch.nn.functional.avg_pool2d(b.image, 2), b.task)
+    assert model(half).logits.shape[-2:] == (8, 12)
+    whole, coarse = (model.get_submodule("encoder").place(image).unflatten(0, (-1, columns))
+                     for image, columns in ((b.image, 6), (half.image, 3)))  # fmt: skip
+    middle = whole.unflatten(0, (-1, 2)).unflatten(2, (-1, 2)).mean((1, 3))
+    assert torch.allclose(coarse[..., -4:], middle[..., -4:], atol=0.01)  # long waves of x, which are straight over two tokens
+
+
+def test_where_things_are_is_told_from_what_is_seen_of_them() -> None:
+    """What the words and the picture say beside the objects moves the centre no further than the objects themselves let it."""
+    o = build(TINY, 0)(batch("open jar", "lift bowl"))
+    assert o.centre is not None and o.centre.shape == (2, 2)
+    gradient = torch.autograd.grad(o.centre.sum(), o.objects, allow_unused=True)
+    assert gradient == (None,)  # the objects' masks are told where things are by nothing but the things
+
+
 def test_the_default_is_small() -> None:
     """One to four million parameters."""
     assert 1e6 < sum(p.numel() for p in build(ModelConfig(), 0).parameters()) < 4e6

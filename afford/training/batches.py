@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from afford.dataset.load import Item
+from afford.models.twohands.letterbox import letterbox, letterbox_masks
 from afford.training.order import Order
-from afford.training.views import Views, view
+from afford.training.views import Seen, Views, view
 
-Box = Callable[[np.ndarray], np.ndarray]
-"""(h, w, 3) image, or (n, h, w) masks, of any size -> the same at the size of the model"""
+
+class Boxes(NamedTuple):
+    """How samples come to the size of the model."""
+
+    size_px: tuple[int, int]
+
+    def image(self, image: np.ndarray) -> np.ndarray:
+        """(h, w, 3) uint8 -> (H, W, 3) uint8."""
+        return letterbox(image, self.size_px)
+
+    def masks(self, masks: np.ndarray) -> np.ndarray:
+        """(n, h, w) bool -> (n, H, W) bool."""
+        return letterbox_masks(masks, self.size_px)
+
+    def half(self) -> Boxes:
+        """The same at half the size. ValueError where that is no multiple of 16 px."""
+        if any(side % 32 for side in self.size_px):
+            raise ValueError(f"model_train.height_px, width_px: expected multiples of 32 when some steps come at half the size "
+                             f"(coarse_share), got {self.size_px}")  # fmt: skip
+        return Boxes((self.size_px[0] // 2, self.size_px[1] // 2))
 
 
 class Arrays(NamedTuple):
@@ -26,6 +45,8 @@ class Arrays(NamedTuple):
     task: tuple[str, ...]
     taxonomy: np.ndarray
     """(b,) int64, 0..3"""
+    centre: np.ndarray
+    """(b, 2) float32: centre of the things in the whole picture (`Seen.centre`)"""
 
 
 @dataclass(frozen=True)
@@ -35,26 +56,29 @@ class Batches:
     samples: Sequence[Item]
     order: Order
     views: Views
-    image_box: Box
-    mask_box: Box
+    boxes: Boxes
     size: int
     """samples per batch"""
     seed: int
+    coarse: int = 0
+    """so many batches come first at half the size"""
 
     def __call__(self, number: int) -> Arrays:
         drawn = [self._sample(number * self.size + n) for n in range(self.size)]
-        return stack(drawn, self.image_box, self.mask_box)
+        return stack(drawn, self.boxes.half() if number < self.coarse else self.boxes)
 
-    def _sample(self, position: int) -> Item:
+    def _sample(self, position: int) -> Seen:
         _, index = self.order.sample(position)
         return view(self.samples[index], self.views, self.seed, position)
 
 
-def stack(items: Sequence[Item], image_box: Box, mask_box: Box) -> Arrays:
+def stack(seen: Sequence[Seen], boxes: Boxes) -> Arrays:
     """Samples of any size -> arrays at the size of the model."""
+    items = [one.item for one in seen]
     return Arrays(
-        image=np.stack([image_box(item.image) for item in items]),
-        masks=np.stack([mask_box(item.masks) for item in items]),
+        image=np.stack([boxes.image(item.image) for item in items]),
+        masks=np.stack([boxes.masks(item.masks) for item in items]),
         task=tuple(item.narration for item in items),
         taxonomy=np.array([item.taxonomy for item in items], np.int64),
+        centre=np.stack([one.centre for one in seen]),
     )

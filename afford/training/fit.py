@@ -12,8 +12,8 @@ from afford.dataset.load import Item
 from afford.models.twohands.build import build
 from afford.models.twohands.model import TwoHands
 from afford.training import cache, divide
-from afford.training.batches import Batches
-from afford.training.hands import Boxes, Hands, judged_batches
+from afford.training.batches import Batches, Boxes
+from afford.training.hands import Hands, judged_batches
 from afford.training.job import Job
 from afford.training.loop import train
 from afford.training.order import Order
@@ -21,7 +21,7 @@ from afford.training.ranks import ALONE, Ranks
 from afford.training.sources import Files
 from afford.training.state import State
 from afford.training.task import Progress
-from afford.training.views import cropped
+from afford.training.views import Seen, cropped, whole
 
 
 @dataclass(frozen=True)
@@ -44,26 +44,27 @@ def prepare(job: Job, data: Files, scratch: Path) -> None:
 def fit(job: Job, scratch: Path, progress: Progress, ranks: Ranks = ALONE) -> Fitted:
     """Train, or go on where `scratch` says that an earlier process stopped. `prepare` comes first."""
     model = build(job.config, job.seed)
-    state = train(_task(job, model, scratch), job.plan, scratch, progress, ranks)
+    state = train(_task(job, model, scratch, ranks.count), job.plan, scratch, progress, ranks)
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     if "val.threshold" in found:
         model.config = replace(job.config, threshold=found["val.threshold"])
     return Fitted(model, state)
 
 
-def _task(job: Job, model: TwoHands, scratch: Path) -> Hands:
+def _task(job: Job, model: TwoHands, scratch: Path, processes: int) -> Hands:
     learned, boxes = cache.Cache(scratch / "train"), Boxes(job.config.size_px)
     order = Order([(row["verb"], row["taxonomy"]) for row in learned.rows], job.balance, job.seed)
-    batches = Batches(learned, order, job.views, boxes.image, boxes.masks, job.batch, job.seed)
+    coarse = round(job.coarse_share * job.plan.steps) * job.plan.accumulate * processes
+    batches = Batches(learned, order, job.views, boxes, job.batch, job.seed, coarse)
     judged = judged_batches(judges(cache.Cache(scratch / "val"), job), boxes, job.batch)
     return Hands(model, batches, judged, job.loss, job.target, job.plan.device)
 
 
-def judges(samples: Sequence[Item], job: Job) -> list[Item]:
+def judges(samples: Sequence[Item], job: Job) -> list[Seen]:
     """Samples spread over all of them, every second one cropped to its objects."""
     count = min(job.val_samples, len(samples))
     chosen = [samples[round(n * (len(samples) - 1) / max(count - 1, 1))] for n in range(count)]
-    return [cropped(item, job.views) if n % 2 else item for n, item in enumerate(chosen)]
+    return [cropped(item, job.views) if n % 2 else whole(item) for n, item in enumerate(chosen)]
 
 
 def about(scratch: Path) -> dict[str, dict[str, Any]]:

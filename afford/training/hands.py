@@ -4,37 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from afford.models.twohands.batch import Batch, Output, Target
-from afford.models.twohands.letterbox import letterbox, letterbox_masks
 from afford.models.twohands.letterbox import stack as stack_images
 from afford.models.twohands.losses import LossParams, losses
 from afford.models.twohands.model import TwoHands
 from afford.training import preview
-from afford.training.batches import Arrays, Batches, stack
+from afford.training.batches import Arrays, Batches, Boxes, stack
 from afford.training.scores import Said, measure
+from afford.training.views import Seen
 
 TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 """which two of a sample's four masks are learned"""
-
-
-class Boxes(NamedTuple):
-    """How samples come to the size of the model."""
-
-    size_px: tuple[int, int]
-
-    def image(self, image: np.ndarray) -> np.ndarray:
-        """(h, w, 3) uint8 -> (H, W, 3) uint8."""
-        return letterbox(image, self.size_px)
-
-    def masks(self, masks: np.ndarray) -> np.ndarray:
-        """(n, h, w) bool -> (n, H, W) bool."""
-        return letterbox_masks(masks, self.size_px)
 
 
 class Hands:
@@ -79,7 +64,8 @@ class Hands:
     def _truth(self, batch: Arrays) -> Target:
         masks, things = (torch.from_numpy(batch.masks[:, part]).to(self.device) for part in (self.learned, TARGETS["object"]))
         taxonomy = torch.from_numpy(batch.taxonomy).to(self.device)
-        return Target(masks.float(), masks.flatten(2).any(-1), taxonomy, things.float())
+        centre = torch.from_numpy(batch.centre).to(self.device)
+        return Target(masks.float(), masks.flatten(2).any(-1), taxonomy, things.float(), centre)
 
     def _answers(self, output: Output, batch: Arrays) -> list[Said]:
         """Probabilities at the size of the model, sample by sample."""
@@ -91,6 +77,6 @@ class Hands:
         return [Said.of(*row) for row in rows]
 
 
-def judged_batches(samples: Sequence, boxes: Boxes, size: int) -> list[Arrays]:
+def judged_batches(samples: Sequence[Seen], boxes: Boxes, size: int) -> list[Arrays]:
     """Samples in order, as batches."""
-    return [stack(samples[n : n + size], boxes.image, boxes.masks) for n in range(0, len(samples), size)]
+    return [stack(samples[n : n + size], boxes) for n in range(0, len(samples), size)]

@@ -25,6 +25,8 @@ class Job:
     views: Views
     batch: int
     """samples per micro-batch and process"""
+    coarse_share: float
+    """share of the steps that come first, at half the size"""
     balance: float
     """0: samples as they are; 1: every verb with its taxonomy as often as any other"""
     val_samples: int

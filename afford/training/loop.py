@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from afford.training import checkpoint, events
 from afford.training.ahead import ahead
+from afford.training.gradients import one_by_one, together
 from afford.training.ranks import ALONE, Ranks
 from afford.training.schedule import warmup_decay
 from afford.training.state import State, resume
@@ -51,7 +52,7 @@ def train(task: Task, plan: Plan, folder: Path, progress: Progress, ranks: Ranks
 def optimiser_of(model: nn.Module, plan: Plan) -> torch.optim.AdamW:
     """AdamW over what may be trained."""
     trainable = [parameter for parameter in model.parameters() if parameter.requires_grad]
-    return torch.optim.AdamW(trainable, plan.lr, betas=plan.betas, weight_decay=plan.weight_decay)
+    return torch.optim.AdamW(trainable, plan.lr, betas=plan.betas, weight_decay=plan.weight_decay, fused=True)
 
 
 def _batches(task: Task, plan: Plan, state: State, ranks: Ranks) -> Iterator[tuple[int, list[Any]]]:
@@ -69,14 +70,13 @@ def _step(task: Task, model: nn.Module, batches: list[Any], optimiser: torch.opt
     torch.manual_seed(seed_of(plan.seed, step, ranks.rank))
     model.train()
     optimiser.zero_grad(set_to_none=True)
-    mean: dict[str, Tensor] = {}
-    for part, batch in enumerate(batches, 1):
-        with ranks.quiet(model, part == len(batches)):
-            with _precision(plan):
-                found = task.loss(model, batch)
-            (found["total"] / len(batches)).backward()
-        for name, value in found.items():
-            mean[name] = mean.get(name, 0) + value.detach() / len(batches)
+
+    def loss(batch: Any) -> Mapping[str, Tensor]:
+        with _precision(plan):
+            return task.loss(model, batch)
+
+    found = together(loss, batches, model, plan.parallel) if plan.parallel > 1 else one_by_one(loss, batches, model, ranks)
+    mean = {name: torch.stack([each[name].detach() for each in found]).mean() for name in found[0]}
     lr = plan.lr * warmup_decay(step, plan.warmup, plan.steps)
     for group in optimiser.param_groups:
         group["lr"] = lr

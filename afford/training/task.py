@@ -51,6 +51,8 @@ class Plan:
     log_every: int = 10
     seed: int = 0
     device: str = "cpu"
+    parallel: int = 1
+    """micro-batches of a step that are computed at the same time: for models without dropout, in one process on a CPU"""
     workers: int = 1
     """threads that make batches; no effect on what comes out"""
 

@@ -27,6 +27,9 @@ class Target(NamedTuple):
     """(b,) int64: 0 left, 1 right, 2 both on one object, 3 both on different objects"""
     objects: Tensor | None = None
     """(b, 2, H, W) float32, 0 or 1: the complete object of each hand, where it is known"""
+    centre: Tensor | None = None
+    """(b, 2) float32: centre of the things in the whole picture, of which `image` may be a crop; x to the right and y down, -1..1;
+    NaN where it is not known"""
 
 
 class Output(NamedTuple):
@@ -42,3 +45,5 @@ class Output(NamedTuple):
     """scalar cross-entropy of the answer's words; None for models that do not write"""
     objects: Tensor | None = None
     """(b, 2, h, w) logits of the complete object of each hand; None for models that do not tell it"""
+    centre: Tensor | None = None
+    """(b, 2): centre of the things in the whole picture, as in `Target.centre`; None for models that do not tell it"""

@@ -80,8 +80,7 @@ def assemble(config: ModelConfig, pretrained: bool) -> Clip:
     """A `Clip` over config.backbones, or a tiny one from nothing."""
     size, width = config.size_px[0], config.widths[2]
     clip = backbone(CLIPModel, config.backbones, "clip", lambda: tiny_clip(size, width, 2, config.heads), pretrained=pretrained)
-    small = (size, width, config.depth, config.decoder_depth, config.heads)
-    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(*small), pretrained=pretrained)
+    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained)
     check_size(config.size_px, sam.config)
     regions = Regions(sam, config.decoders, config.hypotheses)
     return Clip(config, clip, tokens_of(config.backbones, "clip"), regions, sam.config)

@@ -52,9 +52,9 @@ def mlp(*widths: int) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
-def sines(height: int, width: int, channels: int) -> Tensor:
-    """(height * width, channels) fixed positions: sines and cosines of y and x at geometric wavelengths."""
+def sines(height: int, width: int, channels: int, step: float = 1.0) -> Tensor:
+    """(height * width, channels) fixed positions: sines and cosines of y and x, `step` apart, at geometric wavelengths."""
     frequency = 1000.0 ** (-torch.arange(channels // 4) / (channels // 4))
     y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
-    angles = [axis.flatten()[:, None] * frequency for axis in (y, x)]
+    angles = [step * axis.flatten()[:, None] * frequency for axis in (y, x)]
     return torch.cat([wave(angle) for angle in angles for wave in (torch.sin, torch.cos)], dim=1)

@@ -22,10 +22,12 @@ class ModelConfig:
     """height and width of the letter-boxed input; square for clip and vlm"""
     widths: tuple[int, int, int] = (32, 64, 128)
     """channels at stride 4, 8 and 16 (small); the last one is the width of the decoder and of the words"""
-    depth: int = 3
+    convolutions: int = 4
+    """convolutions at stride 16, each tuned by the words (small)"""
+    depth: int = 1
     """transformer blocks over the image at stride 16 (small)"""
-    decoder_depth: int = 2
-    """two-way blocks of the mask decoder"""
+    decoder_depth: int = 1
+    """two-way blocks of the mask decoder (small)"""
     heads: int = 4
     """attention heads everywhere in small"""
     text: bool = True

@@ -1,4 +1,5 @@
-"""Image encoder of the small model: convolutions down to stride 16, then a transformer that sees the words as well."""
+"""Image encoder of the small model: convolutions that are tuned by the words, down to stride 16, then a transformer that sees the
+words as well. Most are convolutions, because a CPU does three times as much of their work in the same time."""
 
 from __future__ import annotations
 
@@ -25,34 +26,47 @@ class Features(NamedTuple):
 class Encoder(nn.Module):
     """Image and words -> features at three strides."""
 
-    def __init__(self, size_px: tuple[int, int], widths: tuple[int, int, int], depth: int, heads: int, dropout: float) -> None:
+    def __init__(self, size_px: tuple[int, int], widths: tuple[int, int, int], convolutions: int, depth: int, heads: int,
+                 dropout: float) -> None:
         super().__init__()
         c4, c8, c16 = widths
-        self.stem = nn.Sequential(_conv(3, c4 // 2, stride=2), _conv(c4 // 2, c4, stride=2))
+        self.stem = nn.Sequential(nn.PixelUnshuffle(2), _conv(12, c4, stride=2))
         self.stage4 = Residual(c4)
         self.stage8 = nn.Sequential(_conv(c4, c8, stride=2), Residual(c8))
-        self.more8 = Residual(c8)
+        self.tune8, self.more8 = Tune(c16, c8), Residual(c8)
         self.stage16 = _conv(c8, c16, stride=2)
-        self.more16 = Residual(c16)
-        self.tune8, self.tune16 = Tune(c16, c8), Tune(c16, c16)
+        self.tune16 = nn.ModuleList(Tune(c16, c16) for _ in range(convolutions))
+        self.more16 = nn.ModuleList(Residual(c16) for _ in range(convolutions))
         self.blocks = nn.ModuleList(Block(c16, heads, ratio=2, dropout=dropout) for _ in range(depth))
         self.norm = nn.LayerNorm(c16)
-        self.place: Tensor
-        self.register_buffer("place", sines(size_px[0] // 16, size_px[1] // 16, c16), persistent=False)
+        self.size_px = size_px
+        self.at: Tensor
+        self.register_buffer("at", self._sines(*size_px), persistent=False)
 
     def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
         """image (b, 3, H, W) normalised, words (b, n, c16), keep (b, n) bool."""
-        stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
         text = (words * keep[..., None]).sum(1) / keep.sum(1, keepdim=True).clamp(min=1)
+        stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
         stride8 = self.more8(self.tune8(self.stage8(stride4), text))
-        coarse = self.more16(self.tune16(self.stage16(stride8), text))
-        tokens = coarse.flatten(2).transpose(1, 2) + self.place
+        coarse = self.stage16(stride8)
+        for tune, more in zip(self.tune16, self.more16, strict=True):
+            coarse = more(tune(coarse, text))
+        tokens = coarse.flatten(2).transpose(1, 2) + self.place(image)
         count = tokens.shape[1]
         x, seen = cat([tokens, words], dim=1), cat([keep.new_ones(len(keep), count), keep], dim=1)
         for block in self.blocks:
             x = block(x, seen)
         x = self.norm(x)
         return Features(stride4, stride8, x[:, :count], x[:, count:])
+
+    def place(self, image: Tensor) -> Tensor:
+        """(H/16 * W/16, c16): where the tokens of an image (b, 3, H, W) are, measured in tokens of an image of `size_px`, so that
+        the same picture at half the size has the same places."""
+        height, width = image.shape[-2:]
+        return self.at if (height, width) == self.size_px else self._sines(height, width).to(image.device)
+
+    def _sines(self, height: int, width: int) -> Tensor:
+        return sines(height // 16, width // 16, self.norm.normalized_shape[0], self.size_px[0] / height)
 
 
 class Tune(nn.Module):

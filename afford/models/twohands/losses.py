@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, interpolate, one_hot, softmax
+from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, interpolate, one_hot, smooth_l1_loss, softmax
 
 from afford.models.twohands.batch import Output, Target
 
@@ -38,6 +38,7 @@ class LossParams:
     text_weight: float = 1.0
     score_weight: float = 0.5
     object_weight: float = 1.0
+    centre_weight: float = 1.0
     focal_alpha: float = 0.25
     focal_gamma: float = 2.0
     dice_scale: float = 1000.0
@@ -50,7 +51,7 @@ class LossParams:
 
 
 def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tensor]:
-    """Named scalars: mask, dice, score, taxonomy, object and text where the model tells them, and `total`, their weighted sum."""
+    """Named scalars: mask, dice, score, taxonomy; object, centre, text where the model tells them; `total`, their weighted sum."""
     active = target.active.float()
     mask, overlap = mask_costs(output.logits, target.masks, active, params)
     best = best_hypothesis((params.mask_weight * mask + params.dice_weight * overlap).detach(), active, params.choice)
@@ -64,6 +65,8 @@ def losses(output: Output, target: Target, params: LossParams) -> dict[str, Tens
              "taxonomy": taxonomy_loss(output.taxonomy.float(), target.taxonomy, params.mode)}  # fmt: skip
     if output.objects is not None and target.objects is not None:
         named["object"] = object_loss(output.objects, target.objects, active, params)
+    if output.centre is not None and target.centre is not None:
+        named["centre"] = centre_loss(output.centre, target.centre)
     if output.text_loss is not None:
         named["text"] = output.text_loss
     weighted = [getattr(params, f"{name}_weight") * value for name, value in named.items()]
@@ -140,3 +143,9 @@ def object_loss(logits: Tensor, masks: Tensor, active: Tensor, params: LossParam
     logits, truth = on_one_grid(logits[:, :, None].float(), masks, params.grid)
     each = (bce(logits, truth) + dice(logits, truth, params.dice_scale, params.dice_eps))[..., 0]
     return (each * active).sum() / (active.sum() + 1e-8)
+
+
+def centre_loss(centre: Tensor, truth: Tensor) -> Tensor:
+    """Huber's loss of the centre of the things (b, 2), over samples where it is known; scalar."""
+    known = truth.isfinite().all(-1)
+    return smooth_l1_loss(centre[known], truth[known], reduction="sum", beta=0.1) / (2 * known.sum() + 1e-8)

@@ -13,6 +13,8 @@ from transformers.models.sam.modeling_sam import SamFeedForward, SamMaskDecoder
 
 TOKENS = 4
 """mask tokens of SAM's decoder: one for a single mask, three for several"""
+TINY_DEPTHS = 3, 2
+"""layers of the encoder and of the decoders of a SAM from nothing"""
 
 
 class HandDecoder(SamMaskDecoder):  # type: ignore[misc]  # transformers ships no types here
@@ -87,8 +89,9 @@ def check_size(size_px: tuple[int, int], config: Any) -> None:
         raise ValueError(f"ModelConfig.size_px: this SAM takes ({size}, {size}), got {size_px}")
 
 
-def tiny_sam(size_px: int, width: int, depth: int, decoder_depth: int, heads: int) -> SamConfig:
+def tiny_sam(size_px: int, width: int, heads: int) -> SamConfig:
     """A SAM that trains on a CPU: global attention everywhere, patches of 16 px."""
+    depth, decoder_depth = TINY_DEPTHS
     return SamConfig(
         vision_config={"hidden_size": width, "output_channels": width, "num_hidden_layers": depth, "num_attention_heads": heads,
                        "image_size": size_px, "global_attn_indexes": list(range(depth)), "window_size": 0, "mlp_ratio": 2.0,

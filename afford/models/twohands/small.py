@@ -1,4 +1,4 @@
-"""The embedded default: about a million parameters, trained from nothing on a CPU."""
+"""The embedded default: about two million parameters, trained from nothing on a CPU."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Small(TwoHands):
     def forward(self, batch: Batch) -> Output:
         words, keep = self._read(batch)
         features = self.encoder(normalised(batch.image), words, keep)
-        logits, score, tokens, objects = self.decoder(features, keep, self.encoder.place)
+        logits, score, tokens, objects, centre = self.decoder(features, keep, self.encoder.place(batch.image))
         both = (-1, 2, -1, -1, -1)
         return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)), None,
-                      objects.expand(both[:4]))
+                      objects.expand(both[:4]), centre)
 
     def _read(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Word vectors and which of them are real; no words at all for a model that does not read."""
@@ -42,6 +42,6 @@ def assemble(config: ModelConfig, _pretrained: bool) -> Small:
     """A `Small` with weights drawn from torch's current random state; it has no backbones that could be pretrained."""
     width, hands = config.widths[2], config.decoders
     words = Words(config.text_buckets, config.text_words, width) if config.text else None
-    encoder = Encoder(config.size_px, config.widths, config.depth, config.heads, config.dropout)
+    encoder = Encoder(config.size_px, config.widths, config.convolutions, config.depth, config.heads, config.dropout)
     decoder = Decoder(config.widths, config.heads, config.decoder_depth, hands, config.hypotheses)
     return Small(config, words, encoder, decoder, mlp((1 + config.hypotheses) * width, width, 4))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import interpolate
+from torch.nn.functional import avg_pool2d, interpolate
 
 from afford.models.twohands.common import Attention, mlp
 
@@ -30,7 +30,9 @@ class TwoWayBlock(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Features and words -> one mask for each hand and hypothesis, and one for the complete object of each hand."""
+    """Features and words -> one mask for each hand and hypothesis, one for the complete object of each hand, and where in the whole
+    picture the objects are. Which hand acts is a matter of where things are and how they stand: so what is seen of the objects
+    themselves goes into the first token of each hand, of which taxonomy and scores are told."""
 
     def __init__(self, widths: tuple[int, int, int], heads: int, depth: int, hands: int, hypotheses: int) -> None:
         super().__init__()
@@ -45,12 +47,13 @@ class Decoder(nn.Module):
         self.hyper = nn.ModuleList(mlp(c16, c16, c4 + 1) for _ in range(hands))
         self.thing = mlp(c16, c16, c4 + 1)
         self.score = mlp(c16, c16, 1)
+        self.seen, self.centre = mlp(2 * c16, c16, c16), mlp(c16, c16, 2)
 
     def forward(self, features: tuple[Tensor, Tensor, Tensor, Tensor], keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
         """features: stride 4, stride 8, stride-16 tokens, words; keep (b, n) bool of the words; place (p, c16).
 
-        Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16), and logits of the
-        complete objects (b, hands, H/4, W/4).
+        Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16), logits of the
+        complete objects (b, hands, H/4, W/4), and their common centre (b, 2) in the whole picture (`Output.centre`).
         """
         stride4, stride8, image, words = features
         count = self.hands * (2 + self.hypotheses)
@@ -61,9 +64,17 @@ class Decoder(nn.Module):
         own = tokens[:, :count].unflatten(1, (self.hands, -1))
         own, thing = own[:, :, :-1], self.thing(own[:, :, -1:])
         weight = torch.stack([hyper(own[:, hand, 1:]) for hand, hyper in enumerate(self.hyper)], dim=1)
-        score = self.score(own[:, :, 1:] + own[:, :, :1])[..., 0]
         drawn = weighed(torch.cat([weight, thing], dim=2), self._fine(stride4, stride8, image))
-        return drawn[:, :, :-1], score, own, drawn[:, :, -1]
+        seen = self._seen(drawn[:, :, -1], image, place)
+        first = own[:, :, :1] + seen[:, None, None]
+        score = self.score(own[:, :, 1:] + first)[..., 0]
+        return drawn[:, :, :-1], score, torch.cat([first, own[:, :, 1:]], dim=2), drawn[:, :, -1], self.centre(seen)
+
+    def _seen(self, objects: Tensor, image: Tensor, place: Tensor) -> Tensor:
+        """(b, c16): what the image tokens say, and where they are, on average over the objects; no gradient goes to their masks."""
+        found = avg_pool2d(objects.detach().sigmoid().amax(1, keepdim=True), 4).flatten(1)
+        share = found / found.sum(1, keepdim=True).clamp(min=1e-3)
+        return self.seen(torch.cat([torch.einsum("bp,bpc->bc", share, image), share @ place], dim=1))
 
     def _fine(self, stride4: Tensor, stride8: Tensor, image: Tensor) -> Tensor:
         """(b, c4, H/4, W/4): what the image tokens know, made sharp by the encoder's own fine features."""

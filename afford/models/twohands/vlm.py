@@ -109,10 +109,9 @@ def tiny_llava(size_px: int, width: int, heads: int) -> LlavaConfig:
 def assemble(config: ModelConfig, pretrained: bool) -> Vlm:
     """A `Vlm` over config.backbones, or a tiny one from nothing."""
     size, width = config.size_px[0], config.widths[2]
-    small = (size, width, config.depth, config.decoder_depth, config.heads)
     vlm = backbone(LlavaForConditionalGeneration, config.backbones, "vlm", lambda: tiny_llava(size, width, config.heads),
                    pretrained=pretrained)  # fmt: skip
-    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(*small), pretrained=pretrained)
+    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained)
     check_size(config.size_px, sam.config)
     tokens = tokens_of(config.backbones, "vlm")
     if tokens.id(IMAGE) != vlm.config.image_token_id:
