@@ -45,11 +45,11 @@ class Params:
     height_px: int = 128
     """height of the model's input"""
     width_px: int = 160
-    """width of the model's input"""
+    """width of the model's input; clip and vlm are square, as high as wide"""
     steps: int = 2000
     """steps of the optimiser, unless validation ends it earlier"""
     coarse_share: float = 0.4
-    """small: share of the steps that come first and see everything at half the size, four times as quickly"""
+    """small: share of the steps that come first and see everything at half the size"""
     batch: int = 8
     """samples per micro-batch and device"""
     accumulate: int = 2
@@ -145,7 +145,7 @@ def _job(p: Params):  # type: ignore[no-untyped-def]  # Job is a leaf's type, an
 
     return Job(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
-                           size_px=(p.height_px, p.width_px)),
+                           size_px=(p.height_px, p.width_px if p.variant == "small" else p.height_px), frozen=bool(p.backbones)),
         plan=Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, clip_norm=p.clip_norm,
                   accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every, patience=p.patience, seed=p.seed,
                   device=p.device, parallel=_parallel(p)),

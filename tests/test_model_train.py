@@ -93,6 +93,17 @@ def test_a_recipe_replaces_what_it_names(dataset: FileTree, tmp_path: Path) -> N
     assert found.log.best_step == 2 and "None: the last weights were kept" in found.files.find("card.md").path.read_text()
 
 
+def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_path: Path) -> None:
+    """2HAff-CLIP from nothing is square, one micro-batch after the other at its full size, and none of it stays as it was."""
+    params = replace(PARAMS, steps=1, warmup=1, validate_every=0, val_samples=2, height_px=32, width_px=64)
+    job = model_train._job(replace(params, variant="clip"))
+    assert (job.config.size_px, job.config.frozen, job.plan.parallel, job.coarse_share) == ((32, 32), False, 1, 0)
+    assert not job.config.frozen and model_train._job(replace(params, variant="clip", backbones="folder")).config.frozen
+    found = model_train.run(dataset, params, Scratch(tmp_path), Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5))
+    assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
+    assert model_train._parallel(PARAMS) == 2 and model_train._parallel(replace(PARAMS, devices=2)) == 1
+
+
 def test_a_job_travels_as_text() -> None:
     """What a process reads is what was sent."""
     job = model_train._job(PARAMS)

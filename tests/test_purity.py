@@ -37,7 +37,7 @@ from tests.test_ablation_report import scores
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
 SPEC = SceneSpec("P91_01", "carry", "kitchen", seed=3, frames=3, key_gap=2)
-TRAINING = model_train.Params(steps=2, batch=2, warmup=1, validate_every=2, val_samples=2, height_px=32, width_px=48)
+TRAINING = model_train.Params(steps=2, batch=2, warmup=1, validate_every=2, val_samples=2, height_px=32, width_px=64)
 OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",

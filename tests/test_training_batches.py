@@ -16,7 +16,7 @@ from afford.dataset.load import Dataset, Item
 from afford.training import cache, divide, sources
 from afford.training.batches import Batches, Boxes
 from afford.training.order import Order
-from afford.training.scores import THRESHOLDS, scores
+from afford.training.scores import THRESHOLDS, Said, measure, scores
 from afford.training.views import Views, centre, cropped, unnamed, view, whole
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
@@ -232,3 +232,18 @@ def test_scores_are_the_definitions() -> None:
         assert found[0, n] == pytest.approx((said & true).sum() / (said | true).sum())
         assert found[1, n] == pytest.approx((said & true).sum() / said.sum() if said.any() else 0)
     assert scores(np.zeros((2, 4, 4), np.float32), truth[:, :4, :4]).max() == 0
+
+
+def test_the_threshold_claims_no_more_than_it_must() -> None:
+    """Where several thresholds are equally good as far as the samples can tell, the highest; where one is best, that one."""
+    truth = np.zeros((2, 8, 8), bool)
+    truth[0, 2:6, 2:6] = True
+    rng = np.random.default_rng(0)
+
+    def said(inside: float, outside: float) -> Said:
+        noise = rng.uniform(-0.02, 0.02, truth.shape).astype(np.float32)
+        return Said((np.where(truth, np.float32(inside), np.float32(outside)) + noise)[None], truth, True)
+
+    sure = measure([said(0.93, 0.03) for _ in range(9)])
+    assert sure["threshold"] == 0.9 and sure["iou"] == 1.0
+    assert measure([said(0.385, 0.32) for _ in range(9)])["threshold"] == 0.35

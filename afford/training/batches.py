@@ -31,7 +31,7 @@ class Boxes(NamedTuple):
         """The same at half the size. ValueError where that is no multiple of 16 px."""
         if any(side % 32 for side in self.size_px):
             raise ValueError(f"model_train.height_px, width_px: expected multiples of 32 when some steps come at half the size "
-                             f"(coarse_share), got {self.size_px}")  # fmt: skip
+                             f"(coarse_share is not 0), got {self.size_px}")  # fmt: skip
         return Boxes((self.size_px[0] // 2, self.size_px[1] // 2))
 
 

@@ -1,7 +1,7 @@
 """The gradients of one step: its micro-batches one after the other, or at the same time, each in a thread of its own.
 
-On a CPU two micro-batches beside each other, with a thread each, take two thirds of the time that one after the other takes with
-two threads. Gradients are added in the order of the micro-batches either way.
+On a CPU two micro-batches beside each other, with a thread each, are done sooner than one after the other with two threads:
+small tensors do not divide well. Gradients are added in the order of the micro-batches either way.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """Image encoder of the small model: convolutions that are tuned by the words, down to stride 16, then a transformer that sees the
-words as well. Most are convolutions, because a CPU does three times as much of their work in the same time."""
+words as well. Most are convolutions, because a CPU does more of their work in the same time."""
 
 from __future__ import annotations
 
