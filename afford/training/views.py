@@ -18,6 +18,8 @@ from afford.boxes import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 
+MIRROR = np.array([-1, 1], np.float32)
+
 
 @dataclass(frozen=True)
 class Views:
@@ -57,9 +59,9 @@ def view(item: Item, views: Views, seed: int, position: int) -> Seen:
     flipped, crop, stretch, nameless, colour = rng.random(5) < [views.flip_share, views.crop_share, views.stretch_share,
                                                                 views.nameless_share, views.colour_share]  # fmt: skip
     factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*views.margin_range, 4)
-    if flipped:
-        item = flip(item)
     item, at = cut(item, margins) if crop or nameless else whole(item)
+    if flipped:
+        item, at = flip(item), at * MIRROR
     if stretch:
         item = stretched(item, float(np.exp(rng.uniform(*np.log(views.stretch_range)))))
     if nameless:
