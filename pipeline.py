@@ -12,12 +12,13 @@ from typing import NamedTuple
 from afford.training.recipes import recipes
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels
+from schemas.benchmark import MethodScores
 from schemas.clip import Clip
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.sample import Samples
 from schemas.scene import RenderedClip, SceneSpec
-from schemas.training import Trained
+from schemas.training import Recipe, Trained
 from schemas.video import Frames, Inpainted
 from stages import (
     ablation_report,
@@ -294,16 +295,29 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of the model is worth: rows of trainings over several seeds, on held-out stills"""
-    mine    = p.ablation_report
-    params  = replace(p.model_train, steps=mine.steps) if mine.steps else p.model_train
-    planned = g.leaf("recipes", recipes(mine.rows, mine.seeds))
+    planned = recipes(p.ablation_report.rows, p.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
-    trained = g.add(model_train.run,        dataset=stills_to_train(g, p), recipe=g.each(planned), params=params, ctx=g.ctx)
-    said    = g.add(predict_cases.run,      cases=cases,     model=g.pick(trained, lambda t: t.files),
-                    params=replace(p.predict_cases, name=""), ctx=g.ctx)  # fmt: skip
-    scores  = g.add(score_cases.run,        cases=cases,     predictions=said,        params=p.score_cases)
-    report  = g.add(ablation_report.run,    recipes=planned, scores=g.collect(scores), params=mine, ctx=g.ctx)
+    data    = {"stills": lambda: stills_to_train(g, p),
+               "extracted": lambda: pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)}
+    scores  = [retrain(g, cases, make(), tuple(recipe for recipe in planned if recipe.data == name), name, p)
+               for name, make in data.items() if name in {recipe.data for recipe in planned}]
+    others  = {"others": scores[1]} if scores[1:] else {}
+    report  = g.add(ablation_report.run, recipes=g.leaf("recipes", planned), scores=scores[0], params=p.ablation_report, ctx=g.ctx,
+                    **others)
     g.target("ablation", report, record_run(g, "ablation_report", report))
+
+
+def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...], data: str,
+            p: Settings) -> tuple[MethodScores, ...]:
+    """Every recipe trained on one data set, asked about the cases and scored."""
+    steps   = p.ablation_report.steps or p.model_train.steps
+    recipe  = g.each(g.leaf(f"recipes_{data}", planned))
+    trained = g.named(f"train_{data}").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
+                                           params=replace(p.model_train, steps=steps))
+    said    = g.named(f"predict_{data}").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
+                                             params=replace(p.predict_cases, name=""), ctx=g.ctx)
+    scores  = g.named(f"score_{data}").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)
+    return g.collect(scores)
 
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,

@@ -1,6 +1,6 @@
 """Train the two-hand model and its ablation, and write how good they are where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--ablation]
+    PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--ablation [--rows ROW,ROW] [--seeds N]]
 
 Writes the results block of docs/results.md (training, benchmark and, with --ablation, the ablation), the table of the README
 and docs/pictures/twohands.jpg. Without --ablation the ablation's part stays as it was. Nothing in those is typed by hand.
@@ -15,6 +15,8 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+from stages import ablation_report
 
 ROOT = Path(__file__).resolve().parent.parent
 MARK, END = "<!-- {}: written by benchmarks/bench_twohands.py -->", "<!-- end of {} -->"
@@ -71,6 +73,8 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--store")
     parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--rows", default=",".join(ablation_report.Params.rows))
+    parser.add_argument("--seeds", type=int, default=ablation_report.Params.seeds)
     asked = parser.parse_args()
     page, readme = ROOT / "docs" / "results.md", ROOT / "README.md"
     trained = make("train", asked.store)
@@ -82,7 +86,8 @@ def main() -> None:
     sheet = Path(found["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
     if asked.ablation:
-        report = Path(make("ablation", asked.store)["outputs"]["report"])
+        plan = ("--set", f"ablation_report.rows={asked.rows}", "--set", f"ablation_report.seeds={asked.seeds}")
+        report = Path(make("ablation", asked.store, *plan)["outputs"]["report"])
         into(page, "ablation", (report / "ablation.md").read_text().partition("\n\n")[2])
 
 

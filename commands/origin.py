@@ -21,7 +21,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if target in OWN_ROOMS:
         if source is not None:
             raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
-        return Origin(OWN_ROOMS[target]), None
+        return Origin(OWN_ROOMS[target], specs=_synthetic(target, settings).specs), None
     if target == "benchmark":
         return _benchmark(source, settings, digest), None
     if target == "train" and (source is None or _is_dataset(source)):

@@ -24,6 +24,7 @@ class Recipe(Schema):
     decoders: int = value("2, or 1: one region for whichever hand, as LISA has it")
     target: str = value("affordance, or object: the complete object of each hand")
     seed: int = value("seed of weights, order and augmentation")
+    data: str = value("what it learns from: stills, with exact labels, or extracted, labels taken from rendered videos")
 
 
 @dataclass(frozen=True)

@@ -25,18 +25,19 @@ MEMORY_GIB = 0.5
 @dataclass(frozen=True)
 class Params:
     rows: tuple[str, ...] = ("full", "no_text", "clip", "k1")
-    """what is trained: full, no_text, clip, k1, lisa, hotspot"""
+    """what is trained: full, no_text, clip, k1, lisa, hotspot, extracted"""
     seeds: int = 3
     """trainings of each row, with the seeds 0, 1, ..."""
-    steps: int = 2600
+    steps: int = 2200
     """steps of each training, fewer than those of model_train so that twelve end within the hour; 0 for as many"""
 
 
-def run(recipes: tuple[Recipe, ...], scores: tuple[MethodScores, ...], params: Params, ctx: Context) -> FileTree:
-    """One table of all rows."""
+def run(recipes: tuple[Recipe, ...], scores: tuple[MethodScores, ...], params: Params, ctx: Context,
+        others: tuple[MethodScores, ...] = ()) -> FileTree:  # fmt: skip
+    """One table of all rows; `others` are rows that learned from other data."""
     from afford.dataset.files import empty_folder, tree
     from afford.training import ablation
 
     root = empty_folder(ctx.scratch / "ablation")
-    ablation.write(root, recipes, scores)
+    ablation.write(root, recipes, (*scores, *others))
     return tree("ablation", root)

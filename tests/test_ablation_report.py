@@ -32,7 +32,7 @@ def test_means_and_spreads(tmp_path: Path) -> None:
     """Over seeds, of the mean over cropped kitchens; one seed of two is marked, a row without any as well."""
     planned = recipes(("full", "k1", "clip"), 2)
     done = (scores("full-0", 0.5), scores("full-1", 0.7), scores("k1-0", 0.3))
-    tree = ablation_report.run(planned, done, ablation_report.Params(), Scratch(tmp_path))
+    tree = ablation_report.run(planned, done[:1], ablation_report.Params(), Scratch(tmp_path), done[1:])
     metrics = json.loads(tree.find("metrics.json").path.read_text())
     assert metrics["full.iou"] == pytest.approx(0.6) and metrics["full.iou.sd"] == pytest.approx(0.2 / 2**0.5)
     assert metrics["full.taxonomy_accuracy"] == pytest.approx(0.6)
@@ -56,6 +56,7 @@ def test_recipes_begin_with_every_row() -> None:
     assert [recipe.seed for recipe in planned] == [0] * len(ROWS) + [1] * len(ROWS)
     by = {recipe.row: recipe for recipe in planned}
     assert by["full"].text and not by["no_text"].text and by["k1"].hypotheses == 1 and by["clip"].variant == "clip"
+    assert {recipe.data for recipe in planned if recipe.row != "extracted"} == {"stills"} and by["extracted"].data == "extracted"
     assert (by["lisa"].decoders, by["lisa"].target, by["hotspot"].text) == (1, "object", False)
     with pytest.raises(ValueError, match="expected rows of full, no_text"):
         recipes(("best",), 1)

@@ -86,7 +86,7 @@ def test_the_card_says_where_it_comes_from(dataset: FileTree, trained: Trained) 
 
 def test_a_recipe_replaces_what_it_names(dataset: FileTree, tmp_path: Path) -> None:
     """A row of an ablation trains another model under its own name; the rest is as the parameters say."""
-    recipe = Recipe("k1-7", "k1", "small", 1, False, 1, "object", 7)
+    recipe = Recipe("k1-7", "k1", "small", 1, False, 1, "object", 7, "stills")
     found = model_train.run(dataset, replace(PARAMS, steps=2, validate_every=0), Scratch(tmp_path), recipe)
     config = json.loads(found.files.find("model/config.json").path.read_text())
     assert (config["hypotheses"], config["text"], config["decoders"], found.log.name) == (1, False, 1, "k1-7")
@@ -99,7 +99,8 @@ def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_pa
     job = model_train._job(replace(params, variant="clip"))
     assert (job.config.size_px, job.config.frozen, job.plan.parallel, job.coarse_share) == ((32, 32), False, 1, 0)
     assert not job.config.frozen and model_train._job(replace(params, variant="clip", backbones="folder")).config.frozen
-    found = model_train.run(dataset, params, Scratch(tmp_path), Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5))
+    recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills")
+    found = model_train.run(dataset, params, Scratch(tmp_path), recipe)
     assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
     assert model_train._parallel(PARAMS) == 2 and model_train._parallel(replace(PARAMS, devices=2)) == 1
 

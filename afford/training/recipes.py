@@ -7,7 +7,8 @@ from typing import Any
 
 from schemas.training import Recipe
 
-FULL: dict[str, Any] = {"variant": "small", "hypotheses": 3, "text": True, "decoders": 2, "target": "affordance"}
+FULL: dict[str, Any] = {"variant": "small", "hypotheses": 3, "text": True, "decoders": 2, "target": "affordance",
+                        "data": "stills"}  # fmt: skip
 ROWS: dict[str, dict[str, Any]] = {
     "full": {},
     "no_text": {"text": False},
@@ -15,9 +16,10 @@ ROWS: dict[str, dict[str, Any]] = {
     "k1": {"hypotheses": 1},
     "lisa": {"hypotheses": 1, "decoders": 1, "target": "object"},
     "hotspot": {"hypotheses": 1, "decoders": 1, "text": False},
+    "extracted": {"data": "extracted"},
 }
 """full: the small model; no_text: it is not told the task; clip: 2HAff-CLIP; k1: one region per hand, the paper's model; lisa: one
-decoder and whole objects; hotspot: one heat map, no text"""
+decoder and whole objects; hotspot: one heat map, no text; extracted: labels that the extraction took from rendered videos"""
 
 
 def recipes(rows: Iterable[str], seeds: int) -> tuple[Recipe, ...]:
