@@ -209,7 +209,7 @@ def test_training_and_benchmark_share_no_room_and_no_thing() -> None:
 
 def test_training_never_shows_new_kinds_and_uses() -> None:
     """New kinds are not even in the pool; a new use of a known kind is not asked for."""
-    assert not set(NEW) & set(kinds("kitchen", "known")) and set(NEW) < set(kinds("kitchen", "new"))
+    assert not set(NEW) & set(kinds("kitchen", "known", "train")) and set(NEW) < set(kinds("kitchen", "new", "test"))
     for verb, kind in NEW_PAIRS:
         assert kind in KNOWN and is_new(verb, (kind,)) and not is_asked("known", is_new(verb, (kind,)))
         assert any(not is_new(verb, (other,)) for other in KNOWN) and not is_new("take", (kind,))

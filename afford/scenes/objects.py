@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from afford.scenes import objects_cooking, objects_desk, objects_package, objects_table, objects_workshop
+from afford.scenes import objects_cooking, objects_desk, objects_kitchen, objects_package, objects_table, objects_workshop
 from afford.scenes.asset import ObjectModel
 
 BUILDERS: dict[str, Callable[[np.random.Generator], ObjectModel]] = {
     **objects_table.BUILDERS,
     **objects_cooking.BUILDERS,
+    **objects_kitchen.BUILDERS,
     **objects_package.BUILDERS,
     **objects_workshop.BUILDERS,
     **objects_desk.BUILDERS,

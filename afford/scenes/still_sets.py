@@ -9,7 +9,11 @@ import numpy as np
 from schemas.scene import StillSpec
 
 KNOWN = ("mug", "bottle", "pan", "knife", "bowl", "board", "box", "jar", "plate", "spoon", "carton", "can")
-"""Kinds of things that stand in training kitchens."""
+"""Kinds of things that stand in training kitchens, and in those of the benchmark."""
+MORE = ("jug", "ladle", "fork", "whisk", "pot", "glass", "grinder", "brush")
+"""Kinds that only training kitchens have."""
+TRAINED = (*KNOWN, *MORE)
+"""Kinds that training shows."""
 NEW = ("kettle", "spatula", "water")
 """Kinds that training never shows, not even in the background."""
 NEW_PAIRS = (("shake", "jar"), ("pour", "carton"), ("stir", "pan"), ("move", "plate"), ("open", "box"))
@@ -25,15 +29,17 @@ BENCHMARK = (("P95", "kitchen", "known", 12), ("P96", "kitchen", "new", 6), ("wo
 """(participant, setting, what is asked, share of the rooms): kitchens have ids that begin with P, as EPIC's have."""
 
 
-def kinds(setting: str, asks: str) -> tuple[str, ...]:
-    """Kinds of things that may stand in such a room."""
+def kinds(setting: str, asks: str, split: str) -> tuple[str, ...]:
+    """Kinds of things that may stand in such a room; kitchens of the splits train and val have more than those of test."""
+    if setting == "kitchen" and split != "test":
+        return TRAINED
     return (*POOLS[setting], *NEW) if asks == "new" else POOLS[setting]
 
 
 def is_new(verb: str, things: tuple[str, ...]) -> bool:
     """Whether training never shows one of these kinds, or never this verb with the first of them (where a tool is used, with
     what it is used on)."""
-    return any(kind not in KNOWN for kind in things) or any((verb, kind) in NEW_PAIRS for kind in things)
+    return any(kind not in TRAINED for kind in things) or any((verb, kind) in NEW_PAIRS for kind in things)
 
 
 def is_asked(asks: str, new: bool) -> bool:

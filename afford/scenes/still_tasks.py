@@ -13,11 +13,12 @@ HOLD: dict[str, tuple[str, ...]] = {
     "glue": ("body",), "paint": ("body", "rim"), "stapler": ("body",), "book": ("edge",), "laptop": ("edge",),
     "cup": ("body", "rim"), "phone": ("edge", "side"), "screwdriver": ("handle",), "bowl": ("edge",), "plate": ("edge",),
     "tape": ("rim", "body"), "wood": ("body",), "drill": ("handle",),
+    "glass": ("body", "rim"), "grinder": ("body",),
 }  # fmt: skip
 """Parts by which a thing is taken up; kinds that are not named: any part."""
 WIDE: dict[str, tuple[str, ...]] = {
     "bowl": ("edge",), "plate": ("edge",), "board": ("edge",), "box": ("side",), "toolbox": ("body",), "laptop": ("side",),
-    "book": ("side",), "wood": ("body",), "pan": ("handle",),
+    "book": ("side",), "wood": ("body",), "pan": ("handle",), "pot": ("handle",),
 }  # fmt: skip
 """Kinds that two hands carry where there is room on both sides, and where they take them."""
 OTHER_END = {"pan": ("pan rim",)}
@@ -61,7 +62,7 @@ class Use:
     must: bool = True
 
 
-POURED = ("bottle", "carton", "water", "jar", "can")
+POURED = ("bottle", "carton", "water", "jar", "can", "kettle", "jug")
 USES = (
     Use("shake", ("shake {0}",), ("bottle", "jar", "carton", "can", "water", "glue"), ("body",)),
     Use("check", ("check {0}", "inspect {0}"), ("can", "jar", "carton", "phone", "book"), ("body", "edge")),
@@ -78,15 +79,18 @@ USES = (
     Use("open", ("open {0}",), ("glue",), ("tip",), ("body",)),
     Use("press", ("press {0}", "push {0}"), ("stapler",), ("arm",)),
     Use("tighten", ("tighten with {0}",), ("wrench",), ("handle",)),
-    Use("pour", ("pour from {0}",), (*POURED, "kettle"), ("body", "handle")),
-    Use("pour", ("pour from {0} into {1}", "pour {0} into {1}"), (*POURED, "kettle"), ("body", "handle"), ("body", "handle"),
-        ("mug", "cup"), must=False),
-    Use("pour", ("pour from {0} into {1}",), (*POURED, "kettle"), ("body", "handle"), None, ("bowl", "pan")),
-    Use("stir", ("stir {1} with {0}", "stir in {1} with {0}"), ("spoon", "spatula"), (), ("edge", "handle", "body"),
-        ("bowl", "pan", "mug")),
+    Use("turn", ("turn {0}",), ("grinder",), ("head",), ("body",)),
+    Use("pour", ("pour from {0}",), POURED, ("body", "handle")),
+    Use("pour", ("pour from {0} into {1}", "pour {0} into {1}"), POURED, ("body", "handle"), ("body", "handle"),
+        ("mug", "cup", "glass"), must=False),
+    Use("pour", ("pour from {0} into {1}",), POURED, ("body", "handle"), None, ("bowl", "pan", "pot")),
+    Use("stir", ("stir {1} with {0}", "stir in {1} with {0}"), ("spoon", "spatula", "ladle", "whisk"), (),
+        ("edge", "handle", "body"), ("bowl", "pan", "mug", "pot")),
     Use("cut", ("cut on {1} with {0}", "chop on {1} with {0}"), ("knife",), ("handle",), ("edge",), ("board",)),
-    Use("put", ("put {0} on {1}", "put {0} onto {1}"), ("knife", "spoon", "can", "mug", "spatula"), (), None,
+    Use("put", ("put {0} on {1}", "put {0} onto {1}"), ("knife", "spoon", "can", "mug", "spatula", "fork", "glass"), (), None,
         ("board", "plate")),
+    Use("wash", ("wash {1} with {0}", "clean {1} with {0}"), ("brush",), ("handle",), ("edge", "body", "handle"),
+        ("plate", "bowl", "pan", "mug", "glass", "pot", "board")),
     Use("hammer", ("hammer {1} with {0}",), ("hammer",), ("handle",), ("body",), ("wood",)),
     Use("screw", ("screw into {1} with {0}",), ("screwdriver",), ("handle",), ("body",), ("wood",)),
     Use("cut", ("cut {1} with {0}",), ("saw",), ("handle",), ("body",), ("wood",)),

@@ -15,8 +15,8 @@ from afford.scenes.motion import Pose, about, pose
 from afford.scenes.still_layout import Placed, height_at, heights
 from afford.scenes.world import elbow
 
-ROUND = ("mug", "bottle", "water", "jar", "can", "bowl", "plate", "glue", "paint", "tape", "cup")
-"""Kinds whose body, rim, neck or lid can be taken from all around."""
+ROUND = ("mug", "bottle", "water", "jar", "can", "bowl", "plate", "glue", "paint", "tape", "cup", "glass", "grinder")
+"""Kinds whose body, rim, neck, head or lid can be taken from all around."""
 SQUARE = ("carton",)
 """Kinds that can be taken from four sides."""
 FIXED_PARTS = ("handle",)

@@ -60,7 +60,7 @@ class StillWorld:
 
     def _pool(self) -> list[str]:
         """Kinds of the things, each called by another noun."""
-        allowed = kinds(self.spec.setting, self.spec.asks)
+        allowed = kinds(self.spec.setting, self.spec.asks, self.spec.split)
         order = [str(kind) for kind in self.rng.permutation(allowed)]
         if self.spec.asks == "new":
             order = [*NEW, *(kind for kind in order if kind not in (*NEW, "bottle"))]
