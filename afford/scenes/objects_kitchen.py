@@ -121,13 +121,13 @@ def glass(rng: np.random.Generator) -> ObjectModel:
     """A tumbler, round or with facets, straight or wider at the top."""
     r, h, sides = rng.uniform(0.030, 0.036), rng.uniform(0.095, 0.14), [8, 10, 12, 48][rng.integers(4)]
     top, wall, base = r * rng.uniform(1.0, 1.22), 0.0025, rng.uniform(0.008, 0.016)
-    outer = lathe(np.array([(0, 0), (r - 0.002, 0), (r, 0.003), (top, h)]), sides, crease_deg=25.0)
-    inner = lathe(np.array([(top, h), (top - wall, h - 0.001), (r - wall, base), (0, base)]), sides, crease_deg=25.0)
+    outer = lathe(np.array([(0, 0), (r - 0.002, 0), (r, 0.003), (top, h - 0.001), (top - wall / 2, h)]), sides, crease_deg=25.0)
+    inner = lathe(np.array([(top - wall / 2, h), (top - wall, h - 0.001), (r - wall, base), (0, base)]), sides, crease_deg=25.0)
     tint = TINTS[rng.integers(len(TINTS))]
     clear = replace(materials.plastic(rng, tint), specular=0.10, roughness=0.12)
     deep = replace(materials.plastic(rng, tuple(int(0.82 * c) for c in tint)), specular=0.08, roughness=0.2)
     middle = (r + top) / 2
-    grips = (*around("body", middle, 0.5 * h), *over("rim", top, 0.92 * h))
+    grips = (*around("body", middle, 0.5 * h), *over("rim", top, 0.97 * h))
     return ObjectModel("glass", "glass", (Part("body", outer, clear), Part("inside", inner, deep)), grips, spins=True,
                        opening=(0.0, 0.0, h))  # fmt: skip
 
