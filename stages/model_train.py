@@ -46,7 +46,7 @@ class Params:
     """height of the model's input"""
     width_px: int = 160
     """width of the model's input; clip and vlm are square, as high as wide"""
-    steps: int = 6600
+    steps: int = 6000
     """steps of the optimiser, unless validation ends it earlier"""
     coarse_share: float = 0.6
     """small: share of the steps that come first and see everything at half the size"""
@@ -64,7 +64,7 @@ class Params:
     """largest norm of the gradient, 0 for any"""
     bf16: bool = False
     """mixed precision; pays on GPUs"""
-    validate_every: int = 1100
+    validate_every: int = 1000
     """steps between two validations"""
     patience: int = 0
     """validations without a better one that end the training, 0 for never"""
