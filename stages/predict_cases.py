@@ -2,8 +2,8 @@
 
 Reads   a benchmark in ActAffordance's layout; a model: config.json and model.safetensors, as model_train writes them
 Writes  predictions.parquet: probabilities of every hypothesis and hand, scores, taxonomy, chosen hands, threshold
-Method  one image and its task at a time. `shuffled` gives every case the task of another one, `removed` an empty task: what the
-        words are worth
+Method  one image and its task at a time, small things in a second look. `shuffled` gives every case the task of another one,
+        `removed` an empty task: what the words are worth
 Fails   when a case or the model cannot be read
 Paper   2HandedAfforder, benchmark and ablations
 """
@@ -34,6 +34,8 @@ class Params:
     """the task the model is told: the case's own, that of another case, or none"""
     hands: Literal["auto", "left", "right", "both"] = "auto"
     """auto: the taxonomy head chooses which hands are returned; else these are, always"""
+    looks: int = 2
+    """2: a thing that fills little of the picture is looked at again in its crop, by models that tell what the thing is; 1: not"""
     seed: int = 0
     """seed of the shuffling"""
     device: str = "cpu"
@@ -53,7 +55,7 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
     def rows() -> Iterator[tuple[str, Prediction]]:
         told = words.tasks([task(files) for files in listed], params.text, params.seed)
         for n, (files, said) in enumerate(zip(listed, told, strict=True)):
-            yield files.where, predictor.predict(picture(files), said, params.hands)
+            yield files.where, predictor.predict(picture(files), said, params.hands, params.looks)
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from afford.models.twohands.batch import Batch
+from afford.models.twohands.closer import Told, joined, window
 from afford.models.twohands.files import load
 from afford.models.twohands.letterbox import letterbox, stack, unletterbox
 from afford.models.twohands.model import TwoHands
@@ -30,33 +31,52 @@ class Predictor:
         loaded = model if isinstance(model, TwoHands) else load(Path(model))
         self.model, self.device = loaded.to(device).eval(), device
 
-    def predict(self, image: np.ndarray, task: str, hands: str = "auto") -> Prediction:
-        """One (h, w, 3) uint8 RGB image and its task. `hands`: auto, left, right or both (see select.py).
+    def predict(self, image: np.ndarray, task: str, hands: str = "auto", looks: int = 2) -> Prediction:
+        """One (h, w, 3) uint8 RGB image and its task. `hands`: auto, left, right or both (see select.py). `looks`: 2 asks again
+        about the crop around the thing where it fills little of the picture and the model tells what it is (see closer.py).
 
         ValueError when the image has another shape or dtype.
         """
-        return self.predict_batch([image], [task], hands)[0]
+        return self.predict_batch([image], [task], hands, looks)[0]
 
-    def predict_batch(self, images: Sequence[np.ndarray], tasks: Sequence[str], hands: str = "auto") -> list[Prediction]:
-        """The same for several images, each of its own size, in one pass through the model."""
+    def predict_batch(self, images: Sequence[np.ndarray], tasks: Sequence[str], hands: str = "auto",
+                      looks: int = 2) -> list[Prediction]:  # fmt: skip
+        """The same for several images, each of its own size, in one pass through the model for each look."""
         if len(images) != len(tasks):
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
             _check(image)
+        told = self._look(images, tasks)
+        if looks > 1:
+            told = self._again(images, tasks, told)
+        return [self._one(task, one, hands) for task, one in zip(tasks, told, strict=True)]
+
+    def _look(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[Told]:
         size = self.model.config.size_px
         batch = Batch(stack([letterbox(image, size) for image in images]).to(self.device), tuple(tasks))
         with torch.inference_mode():
             output = self.model(batch)
         taxonomy = output.taxonomy.float().softmax(-1).cpu().numpy()
-        rows = zip(images, tasks, output.logits.float().cpu(), output.score.float().cpu(), taxonomy, strict=True)
-        return [self._one(*row, hands) for row in rows]
+        objects = [None] * len(images) if output.objects is None else output.objects.float().cpu()
+        rows = zip(images, output.logits.float().cpu(), output.score.float().cpu(), taxonomy, objects, strict=True)
+        return [Told(self._probability(image, logits), *rest) for image, logits, *rest in rows]
 
-    def _one(self, image: np.ndarray, task: str, logits: Tensor, score: Tensor, taxonomy: np.ndarray, hands: str) -> Prediction:
-        height, width = image.shape[:2]
-        chosen = select_hands(taxonomy, hands)
-        masks = unletterbox(logits.flatten(0, 1), height, width, self.model.config.size_px)
-        probability = masks.sigmoid().unflatten(0, logits.shape[:2]).numpy()
-        return Prediction(task, probability, ranked(score, bool(chosen.all())).numpy(), taxonomy, chosen,
+    def _again(self, images: Sequence[np.ndarray], tasks: Sequence[str], told: list[Told]) -> list[Told]:
+        """A second look at what is small, beside the first look at what is not."""
+        at = [window(one, self.model.config.size_px) for one in told]
+        crops = {n: np.ascontiguousarray(images[n][where]) for n, where in enumerate(at) if where}
+        closer = dict(zip(crops, self._look(list(crops.values()), [tasks[n] for n in crops]), strict=True)) if crops else {}
+        return [joined(one, closer[n], where) if where else one for n, (one, where) in enumerate(zip(told, at, strict=True))]
+
+    def _probability(self, image: np.ndarray, logits: Tensor) -> np.ndarray:
+        """Logits (2, k, h', w') over the letter-box -> (2, k, h, w) float32 at the image's own size."""
+        masks = unletterbox(logits.flatten(0, 1), image.shape[0], image.shape[1], self.model.config.size_px)
+        found: np.ndarray = masks.sigmoid().unflatten(0, logits.shape[:2]).numpy()
+        return found
+
+    def _one(self, task: str, told: Told, hands: str) -> Prediction:
+        chosen = select_hands(told.taxonomy, hands)
+        return Prediction(task, told.probability, ranked(told.score, bool(chosen.all())).numpy(), told.taxonomy, chosen,
                           self.model.config.threshold)  # fmt: skip
 
 

@@ -1,0 +1,72 @@
+"""A second look: where the thing fills little of a picture, the model is asked again about the crop around it.
+
+Half of what a model from nothing learns are crops, in which a handle is more than a few pixels; in a whole picture it finds the
+thing, but hardly its parts. Where the thing stands, and so which hand is nearer, only the whole picture tells: both looks vote.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from torch import Tensor
+
+from afford.boxes import BORDER, Box, box
+from afford.models.twohands.letterbox import content_size
+
+FILLED = 0.5
+"""share of the picture from which the box of the thing is close enough"""
+IDLE = 0.3
+"""a hand that acts with less probability is not asked what it takes"""
+SPECK = 0.2
+"""parts of the object smaller than this share of its largest one are not the object"""
+
+
+class Told(NamedTuple):
+    """What a model says of one picture."""
+
+    probability: np.ndarray
+    """(2, k, h, w) float32 at the picture's own size"""
+    score: Tensor
+    """(2, k) logits"""
+    taxonomy: np.ndarray
+    """(4,) float32 probabilities"""
+    objects: Tensor | None
+    """(2, h', w') logits of the complete objects, over the whole letter-box; None where the model does not tell them"""
+
+
+def window(told: Told, size_px: tuple[int, int]) -> Box | None:
+    """Where to look again: the box of the object with ActAffordance's border; None when the first look was close enough, or
+    nothing was found."""
+    if told.objects is None:
+        return None
+    height, width = told.probability.shape[2:]
+    found = _object(told, content_size(height, width, size_px), size_px)
+    if not found.any():
+        return None
+    large = cv2.resize(found.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).view(bool)
+    rows, columns = box(large, round(BORDER * max(height, width)))
+    filled = (rows.stop - rows.start) * (columns.stop - columns.start) / (height * width)
+    return None if filled > FILLED else (rows, columns)
+
+
+def joined(first: Told, closer: Told, at: Box) -> Told:
+    """Regions of the second look in the first one's picture, nothing outside; the taxonomies' geometric mean."""
+    probability = np.zeros((*closer.probability.shape[:2], *first.probability.shape[2:]), np.float32)
+    probability[:, :, at[0], at[1]] = closer.probability
+    taxonomy = np.sqrt(first.taxonomy * closer.taxonomy)
+    return Told(probability, closer.score, taxonomy / max(taxonomy.sum(), np.finfo(np.float32).tiny), closer.objects)
+
+
+def _object(told: Told, inner: tuple[int, int], size_px: tuple[int, int]) -> np.ndarray:
+    """(h', w') bool: the objects of the hands that act, without specks and without what lies in the padding."""
+    assert told.objects is not None
+    acts = np.array([1 - told.taxonomy[1], 1 - told.taxonomy[0]]) > IDLE
+    found = np.asarray(((told.objects > 0).cpu().numpy() & acts[:, None, None]).any(axis=0))
+    rows, columns = (-(-side * shown // whole) for side, shown, whole in zip(inner, found.shape, size_px, strict=True))
+    found = found[:rows, :columns]
+    _, label, stats, _ = cv2.connectedComponentsWithStats(np.ascontiguousarray(found).view(np.uint8))
+    area = np.where(np.arange(len(stats)) > 0, stats[:, cv2.CC_STAT_AREA], 0)
+    enough = np.asarray(area >= max(SPECK * area.max(), 1))
+    return enough[label]
