@@ -12,7 +12,7 @@ from afford.training.ranks import ALONE
 
 def net() -> nn.Module:
     torch.manual_seed(0)
-    return nn.Sequential(nn.Conv2d(3, 8, 3), nn.ReLU(), nn.Flatten(), nn.Linear(8 * 36, 5))
+    return nn.Sequential(nn.Conv2d(3, 8, 3), nn.ReLU(), nn.Conv2d(8, 8, 3), nn.Flatten(), nn.Linear(8 * 16, 5))
 
 
 @pytest.mark.parametrize("parts", [1, 2, 3])
@@ -29,8 +29,31 @@ def test_together_is_one_by_one(parts: int) -> None:
 
         scalars = together(loss, batches, model, threads) if threads else one_by_one(loss, batches, model, ALONE)
         assert model.get_parameter("unused").grad is None
-        found.append([each["total"].item() for each in scalars] + [p.grad.numpy().tobytes() for p in model[:4].parameters()])
+        found.append([each["total"].item() for each in scalars] + [p.grad.numpy().tobytes() for p in model[:5].parameters()])
     assert found[0] == found[1] == found[2] == found[3]
+
+
+def test_gradients_lie_in_memory_as_the_parameters_do() -> None:
+    """Also where pictures are channels last: a fused optimiser goes through both in step, so that its steps are the same."""
+    batches = [torch.randn(4, 3, 8, 8).contiguous(memory_format=torch.channels_last) for _ in range(2)]
+    made = []
+    for threads in (0, 2):
+        model = net()
+        optimiser = torch.optim.AdamW(model.parameters(), 0.1, fused=True)
+        for _ in range(3):
+            optimiser.zero_grad(set_to_none=True)
+
+            def loss(batch: torch.Tensor, model: nn.Module = model) -> dict[str, torch.Tensor]:
+                return {"total": model(batch).square().mean()}
+
+            if threads:
+                together(loss, batches, model, threads)
+            else:
+                one_by_one(loss, batches, model, ALONE)
+            assert all(p.grad is not None and p.grad.stride() == p.stride() for p in model.parameters())
+            optimiser.step()
+        made.append(b"".join(p.detach().numpy().tobytes() for p in model.parameters()))
+    assert made[0] == made[1]
 
 
 def test_a_failure_in_a_thread_is_the_failure_of_the_step() -> None:

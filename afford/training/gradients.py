@@ -42,5 +42,14 @@ def together(loss: Loss, batches: Sequence[Any], model: nn.Module, threads: int)
         parts = list(pool.map(one, batches))
     for parameter, *gradients in zip(learned, *(gradients for _, gradients in parts), strict=True):
         known = [gradient for gradient in gradients if gradient is not None]
-        parameter.grad = sum(known[1:], start=known[0]) if known else None
+        parameter.grad = _sum(parameter, known) if known else None
     return [found for found, _ in parts]
+
+
+def _sum(parameter: Tensor, gradients: list[Tensor]) -> Tensor:
+    """In their order, in the memory layout of the parameter: `backward` sees to that, `grad` does not, and a fused optimiser goes
+    through both as they lie."""
+    total = torch.zeros_like(parameter)
+    for gradient in gradients:
+        total += gradient
+    return total
