@@ -46,9 +46,9 @@ class Params:
     """height of the model's input"""
     width_px: int = 160
     """width of the model's input; clip and vlm are square, as high as wide"""
-    steps: int = 6000
+    steps: int = 5200
     """steps of the optimiser, unless validation ends it earlier"""
-    coarse_share: float = 0.6
+    coarse_share: float = 0.58
     """small: share of the steps that come first and see everything at half the size"""
     batch: int = 8
     """samples per micro-batch and device"""
@@ -64,7 +64,7 @@ class Params:
     """largest norm of the gradient, 0 for any"""
     bf16: bool = False
     """mixed precision; pays on GPUs"""
-    validate_every: int = 1000
+    validate_every: int = 1300
     """steps between two validations"""
     patience: int = 0
     """validations without a better one that end the training, 0 for never"""

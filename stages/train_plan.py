@@ -22,7 +22,7 @@ MEMORY_GIB = 0.2
 class Params:
     seed: int = 1
     """seed of the training stills; each room draws its own from it"""
-    rooms: int = 60
+    rooms: int = 54
     """training rooms, each with things of its own; about 60 samples each"""
     val_rooms: int = 5
     """rooms of the validation split"""
