@@ -79,7 +79,8 @@ def main() -> None:
     page, readme = ROOT / "docs" / "results.md", ROOT / "README.md"
     trained = make("train", asked.store)
     if trained["ran"].get("model_train"):
-        into(page, "training", f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, its stills included.\n")
+        stills = "its stills included" if trained["ran"].get("still_render") else "its stills made before"
+        into(page, "training", f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
     found = make("benchmark", asked.store)
     into(page, "benchmark", benchmark_text(found["metrics"]))
     into(readme, "twohands", table(found["metrics"], ""))

@@ -28,7 +28,7 @@ class Params:
     """what is trained: full, no_text, clip, k1, lisa, hotspot, extracted"""
     seeds: int = 3
     """trainings of each row, with the seeds 0, 1, ..."""
-    steps: int = 2000
+    steps: int = 1800
     """steps of each training, fewer than those of model_train so that twelve end within the hour; 0 for as many"""
 
 

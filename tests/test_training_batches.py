@@ -16,7 +16,7 @@ from afford.dataset.load import Dataset, Item
 from afford.training import cache, divide, sources
 from afford.training.batches import Batches, Boxes
 from afford.training.order import Order
-from afford.training.scores import THRESHOLDS, Said, measure, scores
+from afford.training.scores import THRESHOLDS, scores
 from afford.training.views import Views, centre, cropped, unnamed, view, whole
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
@@ -158,15 +158,18 @@ def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
     assert first.image.shape == (4, *SIZE, 3) and first.masks.dtype == bool and first.taxonomy.dtype == np.int64
 
 
-def test_coarse_batches_are_the_same_at_half_the_size(packed: sources.Files) -> None:
-    """The first ones are small, with the same samples, words and places; sizes that have no half are refused."""
+def test_coarse_batches_come_first_and_lose_no_sample(packed: sources.Files) -> None:
+    """Twice as many samples at half the size, then the rest of the same sequence; sizes that have no half are refused."""
     samples = list(sources.items(packed, "train"))
     fine = Batches(samples, Order([0] * len(samples), 0, 3), Views(), Boxes((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
-    assert [coarse(n).image.shape for n in (1, 2)] == [(4, 32, 48, 3), (4, 64, 96, 3)]
-    assert coarse(1).task == fine(1).task and np.array_equal(coarse(1).centre, fine(1).centre)
-    areas = [np.mean(batches(1).masks, axis=(2, 3)) for batches in (coarse, fine)]
-    assert np.allclose(*areas, atol=0.01) and np.array_equal(coarse(2).image, fine(2).image)
+    assert [coarse(n).image.shape for n in (1, 2)] == [(8, 32, 48, 3), (4, 64, 96, 3)]
+    wanted = [fine(n) for n in range(6)]
+    assert sum((coarse(n).task for n in range(4)), ()) == sum((batch.task for batch in wanted), ())
+    assert np.array_equal(coarse(2).image, wanted[4].image)
+    assert np.array_equal(coarse(1).centre, np.concatenate([batch.centre for batch in wanted[2:4]]))
+    areas = [coarse(0).masks.mean((2, 3)), np.concatenate([batch.masks.mean((2, 3)) for batch in wanted[:2]])]
+    assert np.allclose(*areas, atol=0.01)
     with pytest.raises(ValueError, match="expected multiples of 32 when some steps come at half the size"):
         replace(coarse, boxes=Boxes((48, 96)))(0)
 
@@ -232,18 +235,3 @@ def test_scores_are_the_definitions() -> None:
         assert found[0, n] == pytest.approx((said & true).sum() / (said | true).sum())
         assert found[1, n] == pytest.approx((said & true).sum() / said.sum() if said.any() else 0)
     assert scores(np.zeros((2, 4, 4), np.float32), truth[:, :4, :4]).max() == 0
-
-
-def test_the_threshold_claims_no_more_than_it_must() -> None:
-    """Where several thresholds are equally good as far as the samples can tell, the highest; where one is best, that one."""
-    truth = np.zeros((2, 8, 8), bool)
-    truth[0, 2:6, 2:6] = True
-    rng = np.random.default_rng(0)
-
-    def said(inside: float, outside: float) -> Said:
-        noise = rng.uniform(-0.02, 0.02, truth.shape).astype(np.float32)
-        return Said((np.where(truth, np.float32(inside), np.float32(outside)) + noise)[None], truth, True)
-
-    sure = measure([said(0.93, 0.03) for _ in range(9)])
-    assert sure["threshold"] == 0.9 and sure["iou"] == 1.0
-    assert measure([said(0.385, 0.32) for _ in range(9)])["threshold"] == 0.35

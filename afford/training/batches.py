@@ -61,11 +61,13 @@ class Batches:
     """samples per batch"""
     seed: int
     coarse: int = 0
-    """so many batches come first at half the size"""
+    """so many batches come first, of twice as many samples at half the size: of small pictures a few are hardly dearer than one"""
 
     def __call__(self, number: int) -> Arrays:
-        drawn = [self._sample(number * self.size + n) for n in range(self.size)]
-        return stack(drawn, self.boxes.half() if number < self.coarse else self.boxes)
+        first = self.size * (number + min(number, self.coarse))
+        if number < self.coarse:
+            return stack([self._sample(first + n) for n in range(2 * self.size)], self.boxes.half())
+        return stack([self._sample(first + n) for n in range(self.size)], self.boxes)
 
     def _sample(self, position: int) -> Seen:
         _, index = self.order.sample(position)

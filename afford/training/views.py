@@ -37,7 +37,7 @@ class Views:
     """share of samples that are made wider or narrower"""
     stretch_range: tuple[float, float] = (0.8, 1.25)
     """by a factor from this range"""
-    nameless_share: float = 0.12
+    nameless_share: float = 0.0
     """share of samples whose things are called by a word that means nothing: they are cropped, and only the picture tells"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""

@@ -15,8 +15,8 @@ from torch import Tensor
 from afford.boxes import BORDER, Box, box
 from afford.models.twohands.letterbox import content_size
 
-FILLED = 0.5
-"""share of the picture from which the box of the thing is close enough"""
+FILLED = 0.2
+"""share of the picture from which the box of the thing is close enough: crops are not cropped again"""
 IDLE = 0.3
 """a hand that acts with less probability is not asked what it takes"""
 SPECK = 0.2
@@ -46,9 +46,9 @@ def window(told: Told, size_px: tuple[int, int]) -> Box | None:
     if not found.any():
         return None
     large = cv2.resize(found.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).view(bool)
-    rows, columns = box(large, round(BORDER * max(height, width)))
+    rows, columns = box(large)
     filled = (rows.stop - rows.start) * (columns.stop - columns.start) / (height * width)
-    return None if filled > FILLED else (rows, columns)
+    return None if filled > FILLED else box(large, round(BORDER * max(height, width)))
 
 
 def joined(first: Told, closer: Told, at: Box) -> Told:
