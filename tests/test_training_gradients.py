@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 import torch
 from torch import nn
 
 from afford.training.gradients import one_by_one, together
 from afford.training.ranks import ALONE
+from afford.training.repeatable import repeatable
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Bytes are promised for one number of threads inside an operation."""
+    with repeatable(1, "cpu"):
+        yield
 
 
 def net() -> nn.Module:
