@@ -31,14 +31,17 @@ def one_by_one(loss: Loss, batches: Sequence[Any], model: nn.Module, ranks: Rank
 
 
 def together(loss: Loss, batches: Sequence[Any], model: nn.Module, threads: int) -> list[Mapping[str, Tensor]]:
-    """The same in one process, `threads` micro-batches at a time. The model must draw nothing at random and keep nothing."""
+    """The same in one process, `threads` micro-batches at a time. The model must draw nothing at random and keep nothing.
+
+    Inside an operation each has as many threads as the caller: a new thread must be told, else OpenMP gives it all there are.
+    """
     learned = [parameter for parameter in model.parameters() if parameter.requires_grad]
 
     def one(batch: Any) -> tuple[Mapping[str, Tensor], Gradients]:
         found = loss(batch)
         return found, torch.autograd.grad(found["total"] / len(batches), learned, allow_unused=True)
 
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)) as pool:
         parts = list(pool.map(one, batches))
     for parameter, *gradients in zip(learned, *(gradients for _, gradients in parts), strict=True):
         known = [gradient for gradient in gradients if gradient is not None]
