@@ -223,9 +223,12 @@ def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
     """What a model learns from: the data set or the videos that the user gives, else rendered stills."""
     if origin.dataset:
         return g.leaf("dataset", origin.dataset)
-    if origin.videos:
-        return pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)
-    return stills_to_train(g, p)
+    return mined(g, origin, p) if origin.videos else stills_to_train(g, p)
+
+
+def mined(g: Graph, origin: Origin, p: Settings) -> FileTree:
+    """Videos -> a data set whose labels the extraction took from them."""
+    return pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)
 
 
 def learn(g: Graph, dataset: FileTree, p: Settings) -> Trained:
@@ -297,26 +300,25 @@ def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of the model is worth: rows of trainings over several seeds, on held-out stills"""
     planned = recipes(p.ablation_report.rows, p.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
-    data    = {"stills": lambda: stills_to_train(g, p),
-               "extracted": lambda: pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)}
-    scores  = [retrain(g, cases, make(), tuple(recipe for recipe in planned if recipe.data == name), name, p)
-               for name, make in data.items() if name in {recipe.data for recipe in planned}]
+    by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
+    learned = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}
+    scores  = [retrain(g, cases, learned[name](g, p), mine, p) for name, mine in by_data.items() if mine]
     others  = {"others": scores[1]} if scores[1:] else {}
-    report  = g.add(ablation_report.run, recipes=g.leaf("recipes", planned), scores=scores[0], params=p.ablation_report, ctx=g.ctx,
+    report  = g.add(ablation_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=p.ablation_report, ctx=g.ctx,
                     **others)
     g.target("ablation", report, record_run(g, "ablation_report", report))
 
 
-def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...], data: str,
-            p: Settings) -> tuple[MethodScores, ...]:
+def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> tuple[MethodScores, ...]:
     """Every recipe trained on one data set, asked about the cases and scored."""
+    of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
     steps   = p.ablation_report.steps or p.model_train.steps
-    recipe  = g.each(g.leaf(f"recipes_{data}", planned))
-    trained = g.named(f"train_{data}").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
-                                           params=replace(p.model_train, steps=steps))
-    said    = g.named(f"predict_{data}").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
-                                             params=replace(p.predict_cases, name=""), ctx=g.ctx)
-    scores  = g.named(f"score_{data}").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)
+    recipe  = g.each(g.leaf(f"{of}recipes", planned))
+    trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
+                                              params=replace(p.model_train, steps=steps))
+    said    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
+                                                params=replace(p.predict_cases, name=""), ctx=g.ctx)
+    scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)
     return g.collect(scores)
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -13,6 +14,8 @@ import pytest
 from mcap.reader import make_reader
 
 from afford.recording.summary import summarise
+from pipeline import Origin, Settings, build
+from schemas.scene import SceneSpec
 from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made
 from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations
 
@@ -226,3 +229,19 @@ def test_garbage_goes_and_what_is_in_use_stays(mine: Made) -> None:
     assert swept.code == 0 and swept.json["files"] > 0 and swept.json["bytes"] > 0
     assert mine.run("dataset").json["ran"] == mine.run("extraction-report").json["ran"] == {}
     assert mine.run("recordings", "--set", "affordance_intersect.dilate_px855=0").json["ran"]["affordance_intersect"] == 2
+
+
+def test_the_ablation_learns_from_what_its_rows_ask_for() -> None:
+    """Videos are extracted for the row that learns from them, and for no other; each row's scores come into one table."""
+    spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
+    stages = {}
+    for rows in (("full", "k1"), ("extracted",), ("full", "extracted")):
+        settings = Settings(ablation_report=replace(Settings.ablation_report, rows=rows))
+        graph = build("ablation", Origin("ablation", specs=(spec,)), settings)
+        stages[rows] = {node.name: dict(node.inputs) for node in graph.stages()}
+    of_stills = {"train_pack", "model_train", "score_cases"}
+    of_videos = {"dataset_pack", "extracted_model_train", "extracted_score_cases"}
+    assert stages["full", "k1"].keys() >= of_stills and not stages["full", "k1"].keys() & of_videos
+    assert stages["extracted",].keys() >= of_videos and not stages["extracted",].keys() & of_stills
+    assert stages["full", "extracted"].keys() >= of_stills | of_videos
+    assert ["others" in stages[rows]["ablation_report"] for rows in stages] == [False, False, True]

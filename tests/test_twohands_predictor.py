@@ -15,7 +15,7 @@ from afford.models.twohands.files import save
 from afford.models.twohands.letterbox import content_size, letterbox, letterbox_masks, unletterbox
 from afford.models.twohands.model import TwoHands
 from afford.models.twohands.predictor import Predictor, ranked
-from afford.models.twohands.select import select_hands, three_way
+from afford.models.twohands.select import select_hands, taking, three_way
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 16, 32), depth=1, decoder_depth=1, text_buckets=64, threshold=0.4)
 
@@ -100,6 +100,11 @@ def test_the_taxonomy_selects_and_force_overrides(likeliest: int, chosen: list[b
     assert select_hands(taxonomy).tolist() == chosen
     forced = [select_hands(taxonomy, hands).tolist() for hands in ("left", "right", "both")]
     assert forced == [[True, False], [False, True], [True, True]]
+
+
+def test_a_hand_takes_part_in_its_own_class_and_in_both() -> None:
+    """0.1 left, 0.2 right, 0.3 and 0.4 both: left 0.8, right 0.9."""
+    assert taking(np.array([0.1, 0.2, 0.3, 0.4], np.float32)).tolist() == pytest.approx([0.8, 0.9])
 
 
 def test_three_way_sums_the_single_hands() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from afford.benchmark.cases import Size, grey, resize_mask
 from afford.benchmark.compat import Grey
+from afford.models.twohands.select import taking
 from schemas.files import FileRef
 from schemas.hands import SIDES
 from schemas.prediction import Prediction
@@ -66,13 +67,14 @@ def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...], propo
     hands = said.hands[:, None, None]
     files = tuple(_as_files(said, first, level) for level in levels)
     told = said.taxonomy if np.isfinite(said.taxonomy).all() else None
+    active = said.hands if told is None else taking(told)
     return Answer(
         cuts=np.stack([(best > level) & hands for level in levels]),
         files=files,
         top=(best > said.threshold) & hands,
         proposals=_proposed(fine > said.threshold, said.score, hands_told(said.hands, told), proposals),
         unselected=best > said.threshold,
-        marginal=np.einsum("skhw,sk->shw", fine, said.score) * _active(said.hands, told)[:, None, None],
+        marginal=np.einsum("skhw,sk->shw", fine, said.score) * active.astype(np.float32)[:, None, None],
         taxonomy=told,
     )
 
@@ -119,13 +121,6 @@ def _as_files(said: Prediction, first: list[int], level: float) -> tuple[Grey, G
     masks = [np.where(said.probability[side, first[side]] > level, np.uint8(255), np.uint8(0)) for side in range(2)]
     left, right = (mask if hand else None for mask, hand in zip(masks, said.hands, strict=True))
     return left, right
-
-
-def _active(hands: np.ndarray, taxonomy: np.ndarray | None) -> np.ndarray:
-    """(2,) probability that each hand takes part."""
-    if taxonomy is None:
-        return hands.astype(np.float32)
-    return np.array([1 - taxonomy[1], 1 - taxonomy[0]], np.float32)
 
 
 def _binary(mask: Grey, size: Size) -> np.ndarray:

@@ -1,6 +1,6 @@
 """A second look: where the thing fills little of a picture, the model is asked again about the crop around it.
 
-Half of what a model from nothing learns are crops, in which a handle is more than a few pixels; in a whole picture it finds the
+Most of what a model from nothing learns are crops, in which a handle is more than a few pixels; in a whole picture it finds the
 thing, but hardly its parts. Where the thing stands, and so which hand is nearer, only the whole picture tells: both looks vote.
 """
 
@@ -14,6 +14,7 @@ from torch import Tensor
 
 from afford.boxes import BORDER, Box, box
 from afford.models.twohands.letterbox import content_size
+from afford.models.twohands.select import taking
 
 FILLED = 0.2
 """share of the picture from which the box of the thing is close enough: crops are not cropped again"""
@@ -62,7 +63,7 @@ def joined(first: Told, closer: Told, at: Box) -> Told:
 def _object(told: Told, inner: tuple[int, int], size_px: tuple[int, int]) -> np.ndarray:
     """(h', w') bool: the objects of the hands that act, without specks and without what lies in the padding."""
     assert told.objects is not None
-    acts = np.array([1 - told.taxonomy[1], 1 - told.taxonomy[0]]) > IDLE
+    acts = taking(told.taxonomy) > IDLE
     found = np.asarray(((told.objects > 0).cpu().numpy() & acts[:, None, None]).any(axis=0))
     rows, columns = (-(-side * shown // whole) for side, shown, whole in zip(inner, found.shape, size_px, strict=True))
     found = found[:rows, :columns]

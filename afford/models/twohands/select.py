@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.affordance import Taxonomy
+from schemas.affordance import TAKES
 
 HANDS = ("auto", "left", "right", "both")
 """auto: by the taxonomy; left, right, both: forced. `both` is also the ablation without selection."""
@@ -17,10 +17,14 @@ def select_hands(taxonomy: np.ndarray, hands: str = "auto") -> np.ndarray:
     """
     if hands not in HANDS:
         raise ValueError(f"hands: expected one of {', '.join(HANDS)}, got {hands!r}")
-    likeliest = int(taxonomy.argmax())
     if hands == "auto":
-        hands = {Taxonomy.LEFT: "left", Taxonomy.RIGHT: "right"}.get(Taxonomy(likeliest), "both")
+        return np.array(TAKES[int(taxonomy.argmax())])
     return np.array([hands != "right", hands != "left"])
+
+
+def taking(taxonomy: np.ndarray) -> np.ndarray:
+    """(2,) float32: probability that the (left, right) hand takes part, from those of the four classes."""
+    return np.asarray(taxonomy @ np.array(TAKES, np.float32), np.float32)
 
 
 def three_way(taxonomy: np.ndarray) -> np.ndarray:
