@@ -28,6 +28,8 @@ TAXONOMY = tuple(one.name.lower() for one in Taxonomy if one is not Taxonomy.NON
 """left, right, both_same, both_different: names of the four classes, in their order"""
 TAKES = ((True, False), (False, True), (True, True), (True, True))
 """whether each class takes the (left, right) hand"""
+MIRRORED = (Taxonomy.RIGHT, Taxonomy.LEFT, Taxonomy.BOTH_SAME, Taxonomy.BOTH_DIFFERENT)
+"""each class in a mirror"""
 
 
 class Rejection(IntEnum):

@@ -2,8 +2,8 @@
 
 Reads   a benchmark in ActAffordance's layout; a model: config.json and model.safetensors, as model_train writes them
 Writes  predictions.parquet: probabilities of every hypothesis and hand, scores, taxonomy, chosen hands, threshold
-Method  one image and its task at a time, small things in a second look. `shuffled` gives every case the task of another one,
-        `removed` an empty task: what the words are worth
+Method  one image and its task at a time, together with its mirror image; small things in a second look. `shuffled` gives every
+        case the task of another one, `removed` an empty task: what the words are worth
 Fails   when a case or the model cannot be read
 Paper   2HandedAfforder, benchmark and ablations
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from schemas.prediction import Prediction
 
 LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "torch", "safetensors", "transformers", "tokenizers",
-             "peft", "blake3")  # fmt: skip
+             "peft", "scipy", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 2.0
 
@@ -36,6 +36,8 @@ class Params:
     """auto: the taxonomy head chooses which hands are returned; else these are, always"""
     looks: int = 2
     """2: a thing that fills little of the picture is looked at again in its crop, by models that tell what the thing is; 1: not"""
+    mirror: bool = True
+    """each picture is looked at together with its mirror image, and what is said of both averaged"""
     seed: int = 0
     """seed of the shuffling"""
     device: str = "cpu"
@@ -49,7 +51,8 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
     from afford.dataset.files import empty_folder, tree
     from afford.models.twohands.predictor import Predictor
 
-    predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
+    predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
+                          params.mirror)
     listed = layout.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:

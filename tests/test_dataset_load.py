@@ -84,16 +84,6 @@ def test_flip_swaps_the_hands(data):
     np.testing.assert_allclose(flipped.motion[1, :, 0], item.image.shape[1] - 1 - item.motion[0, :, 0])
 
 
-@pytest.mark.parametrize(("text", "swapped"), [
-    ("Left hand, RIGHT hand", "Right hand, LEFT hand"),
-    ("leftover bright copyright", "leftover bright copyright"),
-    ("top-left", "top-right"),
-])
-def test_only_whole_words_are_swapped(text, swapped):
-    """The case is kept, words that merely contain left or right are not touched."""
-    assert augment.swap_sides(text) == swapped
-
-
 def test_crop_keeps_masks_and_motion_together(data):
     """The object fills the frame, masks stay inside each other, and a point on the affordance stays on it."""
     item = data[0]

@@ -9,10 +9,11 @@ from torch.nn.functional import avg_pool2d
 
 from afford.boxes import BORDER
 from afford.models.twohands.batch import Batch, Output
-from afford.models.twohands.closer import Told, joined, window
+from afford.models.twohands.closer import joined, window
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.model import TwoHands
 from afford.models.twohands.predictor import Predictor
+from afford.models.twohands.told import Told
 
 SIZE = (64, 96)
 
@@ -51,7 +52,7 @@ def overlap(a: np.ndarray, b: np.ndarray) -> float:
 def test_a_small_thing_is_seen_more_exactly(at: tuple[int, int]) -> None:
     """Two passes; the region is nearer to the truth than after one, in the place of the whole picture, and nowhere else."""
     model, image = Bright(), picture(*at, 27)
-    once, twice = (Predictor(model).predict(image, "take it", looks=looks) for looks in (1, 2))
+    once, twice = (Predictor(model, mirror=False).predict(image, "take it", looks=looks) for looks in (1, 2))
     assert model.asked == 3 and twice.probability.shape == once.probability.shape == (2, 1, 128, 192)
     found = [overlap(said.mask("right"), inside(image)) for said in (once, twice)]
     assert found[1] > 0.9 and found[1] > found[0] + 0.02
@@ -65,17 +66,17 @@ def test_a_small_thing_is_seen_more_exactly(at: tuple[int, int]) -> None:
 def test_one_look_is_enough(image: np.ndarray, tells: bool) -> None:
     """Of what is large, what is not there, and by a model that does not tell the object: one pass, and the same answer."""
     model = Bright(tells)
-    once, twice = (Predictor(model).predict(image, "take it", looks=looks) for looks in (1, 2))
+    once, twice = (Predictor(model, mirror=False).predict(image, "take it", looks=looks) for looks in (1, 2))
     assert model.asked == 2 and np.array_equal(once.probability, twice.probability)
 
 
 def test_a_batch_looks_twice_only_at_what_is_small() -> None:
     """Answers come in the order of the questions, each as if asked alone."""
     model, images = Bright(), [picture(0, 0, 128), picture(50, 90, 27), picture(0, 0, 0), picture(10, 20, 30)]
-    together = Predictor(model).predict_batch(images, ["take it"] * 4)
+    together = Predictor(model, mirror=False).predict_batch(images, ["take it"] * 4)
     assert model.asked == 2
     for image, said in zip(images, together, strict=True):
-        assert np.allclose(said.probability, Predictor(model).predict(image, "take it").probability, atol=1e-6)
+        assert np.allclose(said.probability, Predictor(model, mirror=False).predict(image, "take it").probability, atol=1e-6)
 
 
 def test_both_looks_vote() -> None:

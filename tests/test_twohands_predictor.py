@@ -48,7 +48,7 @@ def test_a_region_lands_where_it_was(height: int, width: int) -> None:
     truth = np.zeros((height, width), bool)
     truth[height // 4 : height // 2, width // 3 : width - width // 6] = True
     image[truth] = (255, 0, 0)
-    found = Predictor(Red()).predict(image, "take the box")
+    found = Predictor(Red(), mirror=False).predict(image, "take the box")
     mask = found.mask("right")
     assert mask.shape == (height, width) and found.hands.tolist() == [False, True] and not found.mask("left").any()
     assert (mask & truth).sum() / (mask | truth).sum() > 0.85
@@ -114,7 +114,7 @@ def test_three_way_sums_the_single_hands() -> None:
 
 def test_bad_questions_are_refused() -> None:
     """Grey images, floats, unknown hands, unequal numbers."""
-    predictor, image = Predictor(Red()), np.zeros((10, 10, 3), np.uint8)
+    predictor, image = Predictor(Red(), mirror=False), np.zeros((10, 10, 3), np.uint8)
     with pytest.raises(ValueError, match="expected \\(h, w, 3\\) uint8 RGB, got uint8 \\(10, 10\\)"):
         predictor.predict(image[..., 0], "x")
     with pytest.raises(ValueError, match="got float64"):

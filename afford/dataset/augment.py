@@ -6,7 +6,6 @@ unseeded. A flip also swaps the words left and right, which the released code fo
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,10 +13,10 @@ import numpy as np
 
 from afford.boxes import BORDER, box
 from afford.dataset.load import Item
-from schemas.hands import OTHER
+from afford.sides import swap_sides
+from schemas.affordance import MIRRORED
 
-SIDE_WORDS = re.compile(r"\b(left|right)\b", re.IGNORECASE)
-SWAP_MASKS, SWAP_PATHS, SWAP_TAXONOMY = [1, 0, 3, 2], [1, 0, 3, 2], (1, 0, 2, 3)
+SWAP_MASKS, SWAP_PATHS = [1, 0, 3, 2], [1, 0, 3, 2]
 GREY = np.array([0.299, 0.587, 0.114], np.float32)
 
 
@@ -51,17 +50,6 @@ def augment(item: Item, settings: Settings, seed: int, epoch: int, index: int) -
     return replace(item, image=recolour(item.image, *factors)) if chance[2] < settings.colour_share else item
 
 
-def swap_sides(text: str) -> str:
-    """Exchange the whole words left and right; the case stays."""
-    return SIDE_WORDS.sub(lambda found: _like(found.group(), OTHER[found.group().lower()]), text)
-
-
-def _like(pattern: str, word: str) -> str:
-    if pattern.isupper():
-        return word.upper()
-    return word.capitalize() if pattern[0].isupper() else word
-
-
 def flip(item: Item) -> Item:
     """The sample in a mirror: picture, masks, motion, sides of hands and objects, taxonomy and words. Twice is the identity."""
     motion = item.motion[SWAP_PATHS].copy()
@@ -71,7 +59,7 @@ def flip(item: Item) -> Item:
         image=np.ascontiguousarray(item.image[:, ::-1]),
         masks=np.ascontiguousarray(item.masks[SWAP_MASKS, :, ::-1]),
         motion=motion,
-        taxonomy=SWAP_TAXONOMY[item.taxonomy],
+        taxonomy=int(MIRRORED[item.taxonomy]),
         narration=swap_sides(item.narration),
         verb=swap_sides(item.verb),
         noun=swap_sides(item.noun),

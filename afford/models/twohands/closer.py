@@ -6,15 +6,13 @@ thing, but hardly its parts. Where the thing stands, and so which hand is nearer
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
-from torch import Tensor
 
 from afford.boxes import BORDER, Box, box
 from afford.models.twohands.letterbox import content_size
 from afford.models.twohands.select import taking
+from afford.models.twohands.told import Told, agreed_taxonomy
 
 FILLED = 0.2
 """share of the picture from which the box of the thing is close enough: crops are not cropped again"""
@@ -22,19 +20,6 @@ IDLE = 0.3
 """a hand that acts with less probability is not asked what it takes"""
 SPECK = 0.2
 """parts of the object smaller than this share of its largest one are not the object"""
-
-
-class Told(NamedTuple):
-    """What a model says of one picture."""
-
-    probability: np.ndarray
-    """(2, k, h, w) float32 at the picture's own size"""
-    score: Tensor
-    """(2, k) logits"""
-    taxonomy: np.ndarray
-    """(4,) float32 probabilities"""
-    objects: Tensor | None
-    """(2, h', w') logits of the complete objects, over the whole letter-box; None where the model does not tell them"""
 
 
 def window(told: Told, size_px: tuple[int, int]) -> Box | None:
@@ -56,8 +41,7 @@ def joined(first: Told, closer: Told, at: Box) -> Told:
     """Regions of the second look in the first one's picture, nothing outside; the taxonomies' geometric mean."""
     probability = np.zeros((*closer.probability.shape[:2], *first.probability.shape[2:]), np.float32)
     probability[:, :, at[0], at[1]] = closer.probability
-    taxonomy = np.sqrt(first.taxonomy * closer.taxonomy)
-    return Told(probability, closer.score, taxonomy / max(taxonomy.sum(), np.finfo(np.float32).tiny), closer.objects)
+    return Told(probability, closer.score, agreed_taxonomy(first, closer), closer.objects)
 
 
 def _object(told: Told, inner: tuple[int, int], size_px: tuple[int, int]) -> np.ndarray:

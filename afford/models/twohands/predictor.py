@@ -10,11 +10,14 @@ import torch
 from torch import Tensor
 
 from afford.models.twohands.batch import Batch
-from afford.models.twohands.closer import Told, joined, window
+from afford.models.twohands.closer import joined, window
 from afford.models.twohands.files import load
 from afford.models.twohands.letterbox import letterbox, stack, unletterbox
+from afford.models.twohands.mirror import agreed, mirrored
 from afford.models.twohands.model import TwoHands
 from afford.models.twohands.select import select_hands
+from afford.models.twohands.told import Told
+from afford.sides import swap_sides
 from schemas.prediction import Prediction
 
 
@@ -26,10 +29,11 @@ class Predictor:
     >>> found.mask("left"), found.mask("right")
     """
 
-    def __init__(self, model: str | Path | TwoHands, device: str = "cpu") -> None:
-        """`model`: a folder that `files.save` wrote or a training published, or a model."""
+    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True) -> None:
+        """`model`: a folder that `files.save` wrote or a training published, or a model. `mirror`: it is asked about every
+        picture and its mirror image, and what it says of both is averaged (see mirror.py), for twice the time."""
         loaded = model if isinstance(model, TwoHands) else load(Path(model))
-        self.model, self.device = loaded.to(device).eval(), device
+        self.model, self.device, self.mirror = loaded.to(device).eval(), device, mirror
 
     def predict(self, image: np.ndarray, task: str, hands: str = "auto", looks: int = 2) -> Prediction:
         """One (h, w, 3) uint8 RGB image and its task. `hands`: auto, left, right or both (see select.py). `looks`: 2 asks again
@@ -52,6 +56,13 @@ class Predictor:
         return [self._one(task, one, hands) for task, one in zip(tasks, told, strict=True)]
 
     def _look(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[Told]:
+        """Of every picture, with its mirror image where that is asked for."""
+        if not self.mirror:
+            return self._told(images, tasks)
+        both = self._told([*images, *(mirrored(image) for image in images)], [*tasks, *(swap_sides(task) for task in tasks)])
+        return [agreed(*two) for two in zip(both[: len(images)], both[len(images) :], strict=True)]
+
+    def _told(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[Told]:
         size = self.model.config.size_px
         batch = Batch(stack([letterbox(image, size) for image in images]).to(self.device), tuple(tasks))
         with torch.inference_mode():
