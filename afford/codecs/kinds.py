@@ -8,11 +8,28 @@ import json
 
 from blake3 import blake3
 
-from schemas import affordance, benchmark, clip, files, masks, prediction, report, sample, scene, still, training, truth, video
+from schemas import (
+    affordance,
+    benchmark,
+    clip,
+    files,
+    masks,
+    mesh,
+    negative,
+    prediction,
+    report,
+    sample,
+    scene,
+    still,
+    training,
+    truth,
+    video,
+)
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, clip, files, masks, prediction, report, sample, scene, still, training, truth, video)
-BUNDLES = ("RenderedClip", "Trained")
+MODULES = (affordance, benchmark, clip, files, masks, mesh, negative, prediction, report, sample, scene, still, training, truth,
+           video)  # fmt: skip
+BUNDLES = ("PartedMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
 SHELVES = {"Samples": "samples"}
