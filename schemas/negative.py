@@ -66,3 +66,13 @@ class NegativeAffordance(Schema):
     negative: np.ndarray = array("n", "bool", "label of each point")
     N_t: np.ndarray = array("k 3", "float32", "negative points, farthest-point sampled; none when nothing is", unit="m",
                            frame="object")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DistanceField(Schema):
+    """Distance to the nearest negative point, on a grid."""
+
+    name: str = value("id of the object")
+    distance_m: np.ndarray = array("x y z", "float32", "at the nodes; infinite when nothing is negative", unit="m", encoding="zstd")
+    origin: np.ndarray = array("3", "float64", "node (0, 0, 0)", unit="m", frame="object")
+    spacing_m: float = value("between nodes", unit="m")

@@ -35,7 +35,7 @@ def mesh(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None, 
     points = np.ascontiguousarray(vertices, np.float32)
     corners = np.ascontiguousarray(faces, np.int32)
     coords = np.zeros((len(points), 2), np.float32) if uv is None else np.ascontiguousarray(uv, np.float32)
-    corners = corners[_area_normals(points, corners)[1] > 1e-14]
+    corners = corners[solid(points, corners)]
     normals = _corner_normals(points, corners, np.float32(np.cos(np.radians(crease_deg))))
     keys = np.concatenate([corners.reshape(-1, 1), np.round(normals.reshape(-1, 3) * 512).astype(np.int32)], axis=1)
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -43,6 +43,11 @@ def mesh(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None, 
     split = inverse.reshape(-1, 3).astype(np.int32)
     colour = np.ones((len(source), 3), np.float32)
     return Mesh(points[source], split, coords[source], normals.reshape(-1, 3)[first], colour)
+
+
+def solid(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(f,) bool: faces that have an area; `mesh` leaves the others out."""
+    return np.asarray(_area_normals(points, faces)[1] > 1e-14)
 
 
 def _area_normals(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
