@@ -26,7 +26,7 @@ from runner.modules import Modules
 from runner.store import Store, prepare_store
 from runner.traces import Trace, Traces
 from schemas.scene import SceneSpec
-from stages import ablation_report, dataset_pack, model_train, view_render
+from stages import ablation_report, dataset_pack, mask_propose, model_train, view_render
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
@@ -49,7 +49,7 @@ compiled code that every optimiser of torch loads); asks `uname` for the kind of
 ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("predict_cases", "baseline_cases", "score_cases", "benchmark"), "benchmarked"),
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
-             "view_render": "meshes",
+             **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -111,12 +111,13 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store in which a cup was looked at from all sides."""
+    """A store in which a cup was looked at from all sides and cut into regions."""
     store = tmp_path_factory.mktemp("meshes")
     use_kernel_cache(ROOT, store)
     graph = Graph()
-    looked = graph.add(view_render.run, mesh=graph.leaf("mesh", as_object(cup())), params=view_render.Params(size_px=64))
-    graph.target("views", looked)
+    mesh = graph.leaf("mesh", as_object(cup()))
+    looked = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64))
+    graph.target("views", graph.add(mask_propose.run, mesh=mesh, views=looked, params=mask_propose.Params()))
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "views")
     assert report.ok, report.failures
     return store

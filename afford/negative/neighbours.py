@@ -8,8 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-MERGE = 1e-6
-"""corners nearer than this share of the object's size are one place"""
+from afford.segments.borders import shared_edges
 
 
 def fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -34,18 +33,8 @@ def fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.n
 
 
 def adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-untyped-def]  # scipy has no types
-    """(f, f) sparse symmetric: faces that share an edge, weighted by its length over the mean one. Corners at one place are one, so
-    that seams of the texture do not part what lies together."""
-    size = float(np.ptp(vertices, axis=0).max())
-    place = np.unique(np.round(vertices / max(size * MERGE, 1e-30)), axis=0, return_inverse=True)[1].reshape(-1)[faces]
-    sides = ((0, 1), (1, 2), (2, 0))
-    ends = np.concatenate([place[:, side] for side in sides])
-    long = np.concatenate([np.linalg.norm(vertices[faces[:, a]] - vertices[faces[:, b]], axis=1) for a, b in sides])
-    owner = np.tile(np.arange(len(faces)), 3)
-    edge = np.unique(np.sort(ends, 1), axis=0, return_inverse=True)[1].reshape(-1)
-    order = np.argsort(edge, kind="stable")
-    same = edge[order][1:] == edge[order][:-1]
-    a, b, weight = owner[order][:-1][same], owner[order][1:][same], long[order][:-1][same]
-    weight = np.maximum(weight / max(float(weight.mean()) if len(weight) else 1.0, 1e-30), 1e-6)
+    """(f, f) sparse symmetric: faces that share an edge, weighted by its length over the mean one."""
+    (a, b), length = (found.T for found in shared_edges(vertices, faces))
+    weight = np.maximum(length / max(float(length.mean()) if len(length) else 1.0, 1e-30), 1e-6)
     both = coo_array((np.tile(weight, 2), (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(len(faces),) * 2)
     return both.tocsr()

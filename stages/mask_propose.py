@@ -1,0 +1,50 @@
+"""an object and its views -> masks in every view that may be one part.
+
+Reads   ObjectMesh; ObjectViews of the same mesh
+Writes  PartCandidates: masks by view, the most striking first
+Method  `regions` cuts the surface where it bends inwards, changes colour or thickness, merges regions of all scales and shows them
+        in every view; `sam` asks a Segment Anything model at a grid of points (weights needed). No two masks of a view overlap by
+        more than `nms_iou`
+Fails   when views and mesh do not fit together
+Paper   AffordDex, negative affordance: SAM on a 16 x 16 grid, non-maximum suppression at IoU 0.7
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.negative import PartCandidates
+
+LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {"regions": "afford.backends.candidates.regions:propose"}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "regions"
+    """regions"""
+    nms_iou: float = 0.7
+    """of two masks of a view that overlap more, the better one is kept"""
+    most: int = 20
+    """masks of a view"""
+    least_share: float = 0.004
+    """regions: of the object's area, for a part"""
+    most_share: float = 0.95
+    """of the object's area or of what a view shows of it, for a part"""
+    least_px: int = 60
+    """pixels of a mask"""
+
+
+def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartCandidates:
+    """Propose parts."""
+    from afford.registry import load
+
+    if views.visible_area.shape != mesh.faces.shape[:1]:
+        wanted, got = len(mesh.faces), len(views.visible_area)
+        raise ValueError(f"views of {views.name}: expected {wanted} faces as {mesh.name} has, got {got}; render the views again")
+    found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, params)
+    return found
