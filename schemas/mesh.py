@@ -52,6 +52,39 @@ class PartedMesh(Schema):
 
 
 @dataclass(frozen=True)
+class Repair(Schema):
+    """Something that was done to a mesh, or that could not be."""
+
+    what: str = value("what, e.g. holes filled")
+    count: int = value("how often; 1 or more")
+
+
+@dataclass(frozen=True)
+class MeshReport(Schema):
+    """How a mesh was read."""
+
+    name: str = value("id of the object")
+    source: str = value("file that it was read from")
+    unit: str = value("what the numbers of the file are taken for: m, cm, mm or inch")
+    decided: str = value("who said so: the user, the format, or its size")
+    scale: float = value("what they were multiplied by", unit="m")
+    repairs: tuple[Repair, ...] = value("in the order in which they were done; what was not needed is left out")
+    deviation_m: float = value("largest distance of the simplified surface from the original one; 0 when not simplified", unit="m")
+    watertight: bool = value("whether every edge has two faces that agree")
+    bodies: int = value("connected pieces")
+    size_m: tuple[float, float, float] = value("extent along x, y, z", unit="m")
+
+
+@dataclass(frozen=True)
+class ReadMesh(Schema):
+    """A mesh from a file; each field is an artifact of its own."""
+
+    mesh: ObjectMesh = value("its surface, in metres and repaired")
+    parts: MeshParts = value("its parts as the label file has them; every face -1 and no names where there is none")
+    report: MeshReport = value("what was decided and repaired")
+
+
+@dataclass(frozen=True)
 class ObjectViews(Schema):
     """An object seen from all sides, with the exact face behind every pixel."""
 

@@ -29,7 +29,7 @@ from schemas.spec import Schema
 
 MODULES = (affordance, benchmark, clip, files, masks, mesh, negative, prediction, report, sample, scene, still, training, truth,
            video)  # fmt: skip
-BUNDLES = ("PartedMesh", "RenderedClip", "Trained")
+BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
 SHELVES = {"Samples": "samples"}

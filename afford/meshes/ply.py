@@ -1,0 +1,74 @@
+"""PLY and STL files, decoded by trimesh; what it would leave out in silence is refused here."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+from trimesh.exchange.ply import load_ply
+from trimesh.exchange.stl import load_stl
+
+from afford.meshes.files import locate, picture
+from afford.meshes.surface import Surface, coloured, plain
+from afford.readers.errors import SourceError
+from schemas.files import FileRef, FileTree
+
+HEADER_BYTES = 1 << 16
+
+
+def read_ply(files: FileTree, file: FileRef) -> Surface:
+    """A surface with vertex or face colours, or with the image that a `TextureFile` comment names."""
+    header = file.path.open("rb").read(HEADER_BYTES).partition(b"end_header")[0].decode("latin-1")
+    found = _load(load_ply, file, skip_materials=True)
+    faces = found.get("faces")
+    if faces is None or not len(faces):
+        raise SourceError(file.name, "faces", "points only", "export the mesh with its faces")
+    quads = np.asarray(faces, np.int64)
+    faces = quads if quads.shape[1] == 3 else trimesh.geometry.triangulate_quads(quads)
+    surface = _ordered(plain(found["vertices"], faces), header)
+    image, uv = texture_name(header), getattr(found.get("visual"), "uv", None)
+    if image and uv is not None:
+        place = locate(files, file.name, image)
+        pixels = picture(place.path.read_bytes(), place.name)
+        return replace(surface, uv=np.asarray(uv, np.float64)[faces], images=(pixels,))
+    face, vertex = found.get("face_colors"), found.get("vertex_colors")
+    if vertex is not None:
+        return coloured(surface, _bytes(vertex)[faces])
+    if face is not None and len(face) == len(faces):
+        return coloured(surface, np.repeat(_bytes(face)[:, None], 3, axis=1))
+    return surface
+
+
+def read_stl(files: FileTree, file: FileRef) -> Surface:
+    """A grey surface: STL has no colours that programs agree on."""
+    found = _load(load_stl, file)
+    return plain(found["vertices"], found["faces"])
+
+
+def texture_name(header: str) -> str:
+    """The image that the header of a PLY names; '' for none."""
+    found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
+    return found.group(1) if found else ""
+
+
+def _load(reader, file: FileRef, **options):  # type: ignore[no-untyped-def]  # readers of trimesh have no common type
+    try:
+        with file.path.open("rb") as stream:
+            return reader(stream, **options)
+    except Exception as error:  # its readers fail in every way; all of them mean the same
+        raise SourceError(file.name, "a readable mesh", f"{type(error).__name__}: {error}", "export the file again") from error
+
+
+def _ordered(surface: Surface, header: str) -> Surface:
+    """The surface without face numbers where polygons were cut, which loses the order of the file."""
+    stated = re.search(r"^element\s+face\s+(\d+)", header, re.MULTILINE)
+    same = stated is not None and int(stated.group(1)) == len(surface.faces)
+    return surface if same else replace(surface, line=np.full(len(surface.faces), -1))
+
+
+def _bytes(colours: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8 of colours 0..255, or 0..1 when they are floats."""
+    values = np.asarray(colours)[:, :3]
+    return values.astype(np.uint8) if values.dtype.kind in "ui" else np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)

@@ -1,0 +1,44 @@
+"""A mesh file of any kind -> a surface, checked for what no repair can mend."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.meshes.files import MESH_SUFFIXES, URDF, main_file, suffix
+from afford.meshes.gltf import read_gltf
+from afford.meshes.obj import read_obj
+from afford.meshes.ply import read_ply, read_stl
+from afford.meshes.surface import Surface
+from afford.meshes.urdf import read_urdf
+from afford.readers.errors import SourceError
+from schemas.files import FileRef, FileTree
+
+
+def read(files: FileTree) -> Surface:
+    """The surface of one object in the unit of its file; SourceError names the file and what is wrong with it."""
+    file = main_file(files)
+    surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)
+    if not len(surface.faces) or not len(surface.vertices):
+        raise SourceError(file.name, "triangles", "none", "export the mesh again")
+    if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
+        bad = surface.faces.max() if surface.faces.min() >= 0 else surface.faces.min()
+        raise SourceError(file.name, f"vertex indices 0..{len(surface.vertices) - 1}", str(bad), "export the mesh again")
+    for what, values in (("vertices", surface.vertices), ("texture coordinates", surface.uv.reshape(-1, 2))):
+        broken = int((~np.isfinite(values)).any(axis=1).sum())
+        if broken:
+            raise SourceError(file.name, f"finite {what}", f"{broken} with NaN or infinity", "export the mesh again")
+    return surface
+
+
+def read_mesh(files: FileTree, file: FileRef) -> Surface:
+    """One mesh file by its ending."""
+    ending = suffix(file.name)
+    if ending == ".obj":
+        return read_obj(files, file)
+    if ending == ".ply":
+        return read_ply(files, file)
+    if ending == ".stl":
+        return read_stl(files, file)
+    if ending in (".glb", ".gltf"):
+        return read_gltf(files, file)
+    raise SourceError(file.name, f"a mesh ({', '.join(MESH_SUFFIXES)})", ending or "no ending", "convert it, e.g. to GLB")

@@ -1,0 +1,162 @@
+"""URDF files: all visual shapes at the places that their joints have at zero, in metres as the format says."""
+
+from __future__ import annotations
+
+import posixpath
+import xml.etree.ElementTree as Xml
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+from trimesh.transformations import euler_matrix
+
+from afford.meshes.files import SCHEME, locate, target, text
+from afford.meshes.surface import Surface, join, moved, plain
+from afford.readers.errors import SourceError
+from schemas.files import FileRef, FileTree
+
+ReadMesh = Callable[[FileTree, FileRef], Surface]
+PACKAGE = "package://"
+
+
+def parse(content: str, name: str) -> Xml.Element:
+    """The root element; SourceError when it is no URDF."""
+    try:
+        root = Xml.fromstring(content)
+    except Xml.ParseError as error:
+        raise SourceError(name, "XML", str(error), "was the file cut short? get it again") from error
+    if root.tag != "robot":
+        raise SourceError(name, "a <robot> element", f"<{root.tag}>", "give a URDF")
+    return root
+
+
+def mesh_names(root: Xml.Element, name: str, where: str) -> list[str]:
+    """References to meshes under `where`, which is visual or collision."""
+    return [_filename(mesh, name) for mesh in root.findall(f"link/{where}/geometry/mesh")]
+
+
+def candidates(base: str, reference: str) -> list[str]:
+    """Names that a reference may mean: a `package://` is looked for in the folder of the URDF and in those above it."""
+    if not reference.startswith(PACKAGE):
+        return [target(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
+    package, _, rest = reference.removeprefix(PACKAGE).partition("/")
+    folders, folder = [], posixpath.dirname(base)
+    while True:
+        folders.append(folder)
+        if not folder:
+            break
+        folder = posixpath.dirname(folder)
+    found = [posixpath.normpath(posixpath.join(f, tail)) for f in folders for tail in (f"{package}/{rest}", rest)]
+    inside = [name for name in found if not name.startswith("..") and not SCHEME.match(name)]
+    if len(inside) < len(found):
+        target(base, rest)
+    return inside
+
+
+def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
+    """One surface; the group of a face is the name of its link."""
+    root = parse(text(file), file.name)
+    poses = _poses(root, file.name)
+    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    found = []
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        for visual in link.findall("visual"):
+            shape = _shape(files, file, visual, read_mesh)
+            painted = _painted(shape, visual, colours, file.name)
+            found.append(replace(moved(painted, poses[name] @ _origin(visual, file.name)), groups=(name,),
+                                 group=np.zeros(len(shape.faces), np.int64)))
+    if not found:
+        raise SourceError(file.name, "a link with a <visual>", "none", "add the visual meshes")
+    return join(found, "m")
+
+
+def _shape(files: FileTree, file: FileRef, visual: Xml.Element, read_mesh: ReadMesh) -> Surface:
+    """The geometry of a visual, in its own frame."""
+    geometry = visual.find("geometry")
+    kind = next(iter(geometry), None) if geometry is not None else None
+    if kind is None:
+        raise SourceError(file.name, "a shape in <geometry>", "nothing", "name a mesh")
+    if kind.tag == "mesh":
+        names = candidates(file.name, _filename(kind, file.name))
+        found = next((f for f in (files.find(name) for name in names) if f is not None), None)
+        shape = read_mesh(files, found or locate(files, file.name, _filename(kind, file.name).removeprefix(PACKAGE)))
+        return moved(shape, np.diag([*_numbers(kind, "scale", (1.0, 1.0, 1.0), file.name), 1.0]))
+    solid = _solid(kind, file.name)
+    return plain(solid.vertices, solid.faces)
+
+
+def _solid(kind: Xml.Element, name: str) -> trimesh.Trimesh:
+    if kind.tag == "box":
+        return trimesh.creation.box(_numbers(kind, "size", None, name))
+    if kind.tag == "sphere":
+        return trimesh.creation.icosphere(3, float(_numbers(kind, "radius", None, name, 1)[0]))
+    if kind.tag == "cylinder":
+        return trimesh.creation.cylinder(_numbers(kind, "radius", None, name, 1)[0], _numbers(kind, "length", None, name, 1)[0])
+    raise SourceError(name, "a mesh, box, sphere or cylinder", f"<{kind.tag}>", "export it as a mesh")
+
+
+def _painted(shape: Surface, visual: Xml.Element, colours: dict[str, Xml.Element | None], name: str) -> Surface:
+    """Shapes of one grey colour take the colour of the URDF; images and colours of the mesh win."""
+    material = visual.find("material")
+    if material is None or any(image.size > 3 for image in shape.images) or (shape.paint < 0).any() or len(shape.images) > 1:
+        return shape
+    colour = material.find("color")
+    if colour is None:
+        colour = colours.get(material.get("name", ""))
+    if colour is None:
+        return shape
+    rgb = np.clip(_numbers(colour, "rgba", None, name, 4)[:3], 0, 1)
+    return replace(shape, images=tuple(np.round(rgb * 255).astype(np.uint8).reshape(1, 1, 3) for _ in shape.images))
+
+
+def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
+    """Link -> (4, 4) pose in the base, all joints at zero."""
+    joints = {}
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is None or child is None:
+            raise SourceError(name, "parent and child in every joint", f"joint {joint.get('name')!r} without", "correct the URDF")
+        joints[child.get("link", "")] = (parent.get("link", ""), _origin(joint, name))
+    out = {}
+    for link in (element.get("name", "") for element in root.findall("link")):
+        T, at, seen = np.eye(4), link, set()
+        while at in joints:
+            if at in seen:
+                raise SourceError(name, "joints that form a tree", f"a circle through link {at!r}", "correct the URDF")
+            seen.add(at)
+            at, step = joints[at]
+            T = step @ T
+        out[link] = T
+    return out
+
+
+def _origin(element: Xml.Element, name: str) -> np.ndarray:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    T = euler_matrix(*_numbers(origin, "rpy", (0.0, 0.0, 0.0), name), "sxyz")
+    T[:3, 3] = _numbers(origin, "xyz", (0.0, 0.0, 0.0), name)
+    return T
+
+
+def _filename(mesh: Xml.Element, name: str) -> str:
+    found = mesh.get("filename", "")
+    if not found:
+        raise SourceError(name, "filename in every <mesh>", "none", "name the mesh file")
+    return found
+
+
+def _numbers(element: Xml.Element, key: str, default: tuple[float, ...] | None, name: str, count: int = 3) -> np.ndarray:
+    """`count` numbers of an attribute; SourceError when they are not there."""
+    given = element.get(key)
+    if given is None and default is not None:
+        return np.array(default)
+    try:
+        values = np.array([float(word) for word in (given or "").split()])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise SourceError(f"{name}, <{element.tag}> {key}", f"{count} numbers", repr(given), "correct the URDF")
+    return values
