@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from schemas.mesh import ObjectMesh
 
-LIBRARIES = ("numpy", "scipy", "trimesh", "embreex", "opencv-python-headless", "numba", "xatlas")
+LIBRARIES = ("numpy", "scipy", "trimesh", "embreex", "opencv-python-headless", "numba")
 THREADS = 1
 MEMORY_GIB = 1.0
 

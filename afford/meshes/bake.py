@@ -1,4 +1,4 @@
-"""Coordinates of its own for every face of a mesh, and a texture painted point by point."""
+"""A texture painted point by point, and read again."""
 
 from __future__ import annotations
 
@@ -7,24 +7,9 @@ from collections.abc import Callable
 import cv2
 import numba
 import numpy as np
-import xatlas
 
 ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""
-PADDING = 4
-
-
-def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
-    """(f, 3, 2) float32 coordinates 0..1 in which no two faces overlap; (v, 3) vertices, (f, 3) faces."""
-    low, size = vertices.min(axis=0), np.ptp(vertices, axis=0).max()
-    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-    charts.max_iterations = 1
-    packing.resolution, packing.padding, packing.bruteForce, packing.create_image = side, PADDING, False, False
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(((vertices - low) / size).astype(np.float32), faces.astype(np.uint32))
-    atlas.generate(charts, packing)
-    _, index, coords = atlas[0]
-    return np.clip(coords[index.reshape(-1, 3)], 0, 1).astype(np.float32)
 
 
 def bake(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.meshes.bake import bake, unwrap
+from afford.meshes.bake import bake
 from afford.meshes.category import category_of
+from afford.meshes.charts import unwrap
 from afford.meshes.errors import MeshError
 from afford.meshes.files import main_file
 from afford.meshes.nearest import Nearest

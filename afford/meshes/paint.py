@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.meshes.atlas import pack
-from afford.meshes.bake import bake, sample, unwrap
+from afford.meshes.bake import bake, sample
+from afford.meshes.charts import unwrap
 from afford.meshes.surface import Surface
 
 FLAT_COLOURS = 256

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.spatial import cKDTree
 from trimesh import Trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
@@ -18,7 +19,7 @@ CONE_DEG, RAYS = 25.0, 6
 CREASE_DEG = 35.0
 SMOOTHING = 24
 """passes over the neighbours"""
-ALIKE = 0.55
+ALIKE = 0.4
 """clusters whose features are nearer than this are one"""
 PATCH = 0.03
 """share of the surface below which a patch is no region of its own"""
@@ -78,7 +79,8 @@ def regions(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndar
     features = _features(vertices, faces, area, thick, _bend(pairs, length, angle, area))
     for _ in range(SMOOTHING):
         features = mix @ features
-    label = _patched(_cluster(features, area, most), pairs, length, area)
+    middles = vertices[faces].mean(axis=1)
+    label = _patched(_cluster(_calm(features, area), area, most), pairs, length, area, middles)
     mean = np.bincount(label, thick * area) / np.bincount(label, area)
     order = np.argsort(mean, kind="stable")
     return np.argsort(order, kind="stable")[label], mean[order]
@@ -106,6 +108,17 @@ def _features(vertices: np.ndarray, faces: np.ndarray, area: np.ndarray, thick: 
     away = np.linalg.norm(local[:, 1:], axis=1)
     return np.stack([np.log2(thick / size + 0.01), local[:, 0] / size, 0.5 * np.log2(away / size + 0.03),
                      0.25 * np.log2(bend * size + 1)], axis=1)  # fmt: skip
+
+
+def _calm(features: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Features without outliers: held between what 2 % and 98 % of the surface have."""
+    out = features.copy()
+    for column in out.T:
+        order = np.argsort(column, kind="stable")
+        share = np.cumsum(area[order]) / area.sum()
+        low, high = column[order[np.searchsorted(share, (0.02, 0.98)).clip(0, len(order) - 1)]]
+        np.clip(column, low, high, out=column)
+    return out
 
 
 def _cluster(features: np.ndarray, area: np.ndarray, most: int) -> np.ndarray:
@@ -137,9 +150,13 @@ def _distance(features: np.ndarray, centres: np.ndarray) -> np.ndarray:
     return np.stack([((features - centre) ** 2).sum(axis=1) for centre in centres], axis=1)
 
 
-def _patched(label: np.ndarray, pairs: np.ndarray, length: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Labels from 0 without gaps, small patches given to the neighbour with the longest border."""
+def _patched(label: np.ndarray, pairs: np.ndarray, length: np.ndarray, area: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """Labels from 0 without gaps, small patches given to the neighbour with the longest border, loose ones to the nearest."""
     label = label.copy()
+    body = components(len(label), pairs)
+    loose = np.bincount(body, area)[body] < PATCH * area.sum()
+    if loose.any() and not loose.all():
+        label[loose] = label[~loose][cKDTree(middles[~loose]).query(middles[loose])[1]]
     for _ in range(len(label)):
         same = label[pairs[:, 0]] == label[pairs[:, 1]]
         patch = components(len(label), pairs[same])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.meshes.bake import bake, unwrap
+from afford.meshes.bake import bake
+from afford.meshes.charts import unwrap
 from afford.meshes.materials import CERAMIC, METAL, PLASTIC, RUBBER, WOOD, colours
 from afford.meshes.regions import main_axis, regions
 
 THIN = METAL
-THICK = (WOOD, RUBBER, PLASTIC, CERAMIC)
+DARK = (WOOD, RUBBER, PLASTIC)
+"""what stands out against metal"""
 
 
 def texture(vertices: np.ndarray, faces: np.ndarray, most: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -33,6 +35,6 @@ def texture(vertices: np.ndarray, faces: np.ndarray, most: int, side: int, seed:
 
 def _kinds(count: int, rng: np.random.Generator) -> list[int]:
     """A material for each region, thinnest first; no two the same as long as there are enough."""
-    others = [int(kind) for kind in rng.permutation(THICK)]
-    chosen = [THIN, *others] if count > 1 else others
+    dark = [int(kind) for kind in rng.permutation(DARK)]
+    chosen = [THIN, *dark, CERAMIC] if count > 1 else [*dark, CERAMIC]
     return [chosen[k % len(chosen)] for k in range(count)]
