@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from schemas.files import FileTree
 from schemas.mesh import ReadMesh
 
-LIBRARIES = ("numpy", "scipy", "trimesh", "pillow", "opencv-python-headless", "numba", "fast-simplification")
+LIBRARIES = ("numpy", "scipy", "trimesh", "pillow", "opencv-python-headless", "numba", "fast_simplification")
 THREADS = 1
 MEMORY_GIB = 2.0
 

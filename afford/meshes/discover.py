@@ -43,7 +43,8 @@ def discover(root: Path, digest: Digest) -> Meshes:
     if not root.is_dir():
         raise SourceError(str(root), "a folder of meshes", "a file" if root.exists() else "nothing", "give the folder")
     found = {entry.name: entry for entry in entries(root)}
-    trees, refused = [], []
+    trees: list[FileTree] = []
+    refused: list[Refused] = []
     for name, mains in _objects(found).items():
         try:
             trees.append(_tree(name, mains, found, digest))
@@ -56,7 +57,8 @@ def discover(root: Path, digest: Digest) -> Meshes:
 
 def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
     """Object name -> the files that may be it: exactly one, if all is well."""
-    claimed, out = set(), {}
+    claimed: set[str] = set()
+    out: dict[str, list[Entry]] = {}
     for entry in found.values():
         if entry.suffix == URDF:
             out.setdefault(entry.stem, []).append(entry)

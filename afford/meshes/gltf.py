@@ -106,7 +106,8 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
     if len(data) < 12 or struct.unpack_from("<I", data)[0] != MAGIC:
         tree, body = strict_json.parse(data, name), b""
     else:
-        parts, at = {}, 12
+        parts: dict[int, bytes] = {}
+        at = 12
         while at + 8 <= len(data):
             length, kind = struct.unpack_from("<II", data, at)
             parts.setdefault(kind, data[at + 8 : at + 8 + length])

@@ -34,8 +34,8 @@ def collisions(name: str, path: Path) -> list[str]:
 
 def _references(kind: str, path: Path) -> list[str]:
     if kind == ".obj":
-        found = re.findall(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE)
-        return [name.decode("utf-8", "replace") for name in found]
+        named = re.findall(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE)
+        return [name.decode("utf-8", "replace") for name in named]
     if kind == ".mtl":
         return [image_name(rest, str(path.name)) for _, word, rest in statements(_text(path)) if word == "map_Kd"]
     if kind == ".ply":

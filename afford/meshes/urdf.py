@@ -136,7 +136,8 @@ def _origin(element: Xml.Element, name: str) -> np.ndarray:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    T = euler_matrix(*_numbers(origin, "rpy", (0.0, 0.0, 0.0), name), "sxyz")
+    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0), name)
+    T = euler_matrix(roll, pitch, yaw, "sxyz")
     T[:3, 3] = _numbers(origin, "xyz", (0.0, 0.0, 0.0), name)
     return T
 
