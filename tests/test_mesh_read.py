@@ -10,7 +10,7 @@ import pytest
 
 from afford.codecs.structure import load_folder, save
 from stages import mesh_read
-from tests.made_meshes import box, tree, write_labels, write_obj
+from tests.mesh_files import box, tree, write_labels, write_obj
 
 
 def write(folder: Path) -> None:

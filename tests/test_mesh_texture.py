@@ -10,7 +10,7 @@ import pytest
 
 from schemas.mesh import ObjectMesh
 from stages import mesh_texture
-from tests.made_meshes import box, checks
+from tests.mesh_files import box, checks
 
 
 def plain() -> ObjectMesh:

@@ -11,7 +11,7 @@ import trimesh
 from afford.meshes.category import category_of
 from afford.readers.errors import SourceError
 from schemas.mesh import ReadMesh
-from tests.made_meshes import box, mended, write_labels, write_obj
+from tests.mesh_files import box, mended, write_labels, write_obj
 
 
 def wrong(found: ReadMesh, low: str, high: str) -> float:

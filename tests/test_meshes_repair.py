@@ -17,7 +17,7 @@ from afford.meshes.orient import winding
 from afford.meshes.repair import Counts, repair
 from afford.readers.errors import SourceError
 from afford.render.solids import grid_faces
-from tests.made_meshes import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
+from tests.mesh_files import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
 
 
 def count(done: Counts, what: str) -> int:

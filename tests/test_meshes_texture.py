@@ -10,7 +10,7 @@ from afford.meshes.bake import sample
 from afford.meshes.materials import cloud
 from afford.meshes.regions import main_axis, regions, thickness
 from afford.meshes.texture import texture
-from tests.made_meshes import box, places
+from tests.mesh_files import box, places
 
 
 def spoon() -> trimesh.Trimesh:

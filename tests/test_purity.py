@@ -26,12 +26,13 @@ from runner.modules import Modules
 from runner.store import Store, prepare_store
 from runner.traces import Trace, Traces
 from schemas.scene import SceneSpec
-from stages import ablation_report, dataset_pack, mask_propose, model_train, view_render
+from stages import ablation_report, dataset_pack, mask_propose, mesh_read, mesh_texture, model_train, view_render
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_meshes import as_object, cup
 from tests.made_samples import Scratch, clip
+from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
 from tests.test_ablation_report import scores
 
@@ -50,6 +51,7 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("predict_cases", "baseline_cases", "score_cases", "benchmark"), "benchmarked"),
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
+             **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -119,6 +121,21 @@ def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     looked = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64))
     graph.target("views", graph.add(mask_propose.run, mesh=mesh, views=looked, params=mask_propose.Params()))
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "views")
+    assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def read_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a grey box was read from its file, made simpler and textured."""
+    store, folder = tmp_path_factory.mktemp("read_meshes"), tmp_path_factory.mktemp("files")
+    use_kernel_cache(ROOT, store)
+    box(4).export(folder / "box.stl")
+    graph = Graph()
+    read = graph.add(mesh_read.run, files=graph.leaf("files", tree(folder)), params=mesh_read.Params(max_faces=1500))
+    mesh = graph.pick(read, lambda read: read.mesh)
+    graph.target("textured", graph.add(mesh_texture.run, mesh=mesh, params=mesh_texture.Params(side_px=128)))
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "textured")
     assert report.ok, report.failures
     return store
 
