@@ -52,7 +52,7 @@ def _volumes(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """(n,) signed volume of each body, m^3, holes closed by fans."""
     number = int(body.max()) + 1
     tri = net.vertices[net.faces]
-    centres = np.stack([np.bincount(body, tri[..., k].mean(axis=1), number) for k in range(3)], axis=1)
+    centres: np.ndarray = np.stack([np.bincount(body, tri[..., k].mean(axis=1), number) for k in range(3)], axis=1)
     centres = centres / np.bincount(body, minlength=number)[:, None]
     out = _determinants(tri - centres[body][:, None], body, number)
     return out + _fans(net, body, rim, centres, number) if len(rim) else out
@@ -64,7 +64,7 @@ def _fans(net: Net, body: np.ndarray, rim: np.ndarray, centres: np.ndarray, numb
     owner = body[rim // 3]
     names, index = np.unique(edges, return_inverse=True)
     hole = components(len(names), index.reshape(-1, 2))[index.reshape(-1, 2)[:, 0]]
-    middle = np.stack([np.bincount(hole, net.vertices[edges].mean(axis=1)[:, k]) for k in range(3)], axis=1)
+    middle: np.ndarray = np.stack([np.bincount(hole, net.vertices[edges].mean(axis=1)[:, k]) for k in range(3)], axis=1)
     middle = middle / np.maximum(np.bincount(hole), 1)[:, None]
     fan = np.stack([net.vertices[edges[:, 1]], net.vertices[edges[:, 0]], middle[hole]], axis=1)
     return _determinants(fan - centres[owner][:, None], owner, number)

@@ -106,8 +106,8 @@ def _features(vertices: np.ndarray, faces: np.ndarray, area: np.ndarray, thick: 
     local = (vertices[faces].mean(axis=1) - middle) @ axes.T
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     away = np.linalg.norm(local[:, 1:], axis=1)
-    thin, slim, curved = np.log2(thick / size + 0.01), np.log2(away / size + 0.08), np.log2(bend * size + 1)
-    return np.stack([thin, local[:, 0] / size, 0.5 * slim, 0.25 * curved], axis=1)
+    thin, curved = np.log2(thick / size + 0.01), 0.25 * np.log2(bend * size + 1)
+    return np.stack([thin, local[:, 0] / size, 1.6 * away / size, curved], axis=1)
 
 
 def _calm(features: np.ndarray, area: np.ndarray) -> np.ndarray:
