@@ -26,7 +26,17 @@ from runner.modules import Modules
 from runner.store import Store, prepare_store
 from runner.traces import Trace, Traces
 from schemas.scene import SceneSpec
-from stages import ablation_report, dataset_pack, mask_propose, mesh_read, mesh_texture, model_train, view_render
+from stages import (
+    ablation_report,
+    dataset_pack,
+    mask_propose,
+    mesh_read,
+    mesh_texture,
+    model_train,
+    object_build,
+    object_plan,
+    view_render,
+)
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
@@ -52,6 +62,7 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
+             **dict.fromkeys(("object_plan", "object_build"), "objects"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -80,6 +91,19 @@ def stills(tmp_path_factory: pytest.TempPathFactory) -> Path:
         graph = build(target, Origin("tiny"), small)
         report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, target)
         assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which an object of every unseen category was built."""
+    store, graph = tmp_path_factory.mktemp("objects"), Graph()
+    use_kernel_cache(ROOT, store)
+    few = object_plan.Params(train_per_category=0, val_per_category=0, seen_per_category=0, unseen_per_category=1)
+    spec = graph.each(graph.add(object_plan.run, params=few))
+    graph.target("objects", graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=4000, atlas_px=64)))
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "objects")
+    assert report.ok, report.failures
     return store
 
 

@@ -1,0 +1,190 @@
+"""The lexicon: for each thing and task, the parts that a hand must not touch and those where it belongs, one line each.
+
+A row holds for one verb (see task.py; '' for any use) and one state (hot, cold; '' for either). `rule` takes the row that fits
+best: verb and state, then the verb alone, then the state alone, then any use. Parts are those of afford/objects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from afford.backends.describe.task import parse
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One line of the table."""
+
+    verb: str
+    state: str
+    negative: tuple[str, ...]
+    positive: tuple[str, ...]
+    reason: str
+
+
+def _row(verb: str, state: str, negative: str, positive: str, reason: str) -> Rule:
+    return Rule(verb, state, tuple(negative.split()), tuple(positive.split()), reason)
+
+
+SHARP, TAKES = "the edge is sharp and cuts the hand", "who takes it needs the handle free, and the giver keeps the danger"
+BURNS, SPINS = "it is hot and burns the hand", "it spins and catches the hand"
+EATEN, DIRTY = "it touches food", "it is wet or dirty in use"
+
+# fmt: off
+LEXICON: dict[str, tuple[Rule, ...]] = {
+    # verb, state, must not be touched, where the hand belongs, why
+    "knife": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "cleaver": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "scissors": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "saw": (
+        _row("",           "",     "blade",                "handle",       "the teeth tear the skin"),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "chisel": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "razor": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle blade",         "head",         TAKES),
+    ),
+    "axe": (
+        _row("",           "",     "blade",                "handle",       SHARP),
+        _row("hand over",  "",     "handle blade",         "head",         TAKES),
+    ),
+    "hammer": (
+        _row("",           "",     "face",                 "handle",       "it strikes: a finger there is crushed"),
+        _row("pull",       "",     "claw",                 "handle",       "the claw grips the nail: a finger there is pinched"),
+        _row("hand over",  "",     "handle",               "head",         TAKES),
+    ),
+    "screwdriver": (
+        _row("",           "",     "shaft tip",            "handle",       "the tip slips off the screw and stabs"),
+        _row("hand over",  "",     "handle",               "shaft",        TAKES),
+    ),
+    "drill": (
+        _row("",           "",     "chuck bit",            "handle",       SPINS),
+        _row("change bit", "",     "trigger",              "chuck body",   "a touch of the trigger starts it"),
+        _row("hand over",  "",     "handle trigger bit",   "body battery", TAKES),
+    ),
+    "soldering_iron": (
+        _row("",           "",     "shaft tip",            "handle",       BURNS),
+        _row("",           "cold", "tip",                  "handle",       "grease on the tip keeps the solder off"),
+        _row("hand over",  "",     "shaft tip handle",     "guard",        "the tip burns, and who takes it needs the handle"),
+        _row("hand over",  "cold", "handle",               "shaft",        TAKES),
+    ),
+    "trowel": (
+        _row("",           "",     "blade",                "handle",       DIRTY),
+        _row("hand over",  "",     "handle",               "blade",        TAKES),
+    ),
+    "mug": (
+        _row("",           "",     "rim",                  "handle body",  "the lips touch the rim"),
+        _row("",           "hot",  "body rim",             "handle",       BURNS),
+        _row("hand over",  "",     "rim handle",           "body",         TAKES),
+        _row("hand over",  "hot",  "body rim",             "handle",       BURNS),
+    ),
+    "pan": (
+        _row("",           "",     "body",                 "handle",       BURNS),
+        _row("",           "cold", "",                     "handle body",  "a cold pan may be held anywhere"),
+        _row("wash",       "",     "",                     "handle body",  "it is washed cold, and held where it is easy"),
+        _row("wash",       "hot",  "body neck",            "handle",       BURNS),
+        _row("hand over",  "",     "body",                 "handle",       BURNS),
+        _row("hand over",  "cold", "handle",               "body",         TAKES),
+    ),
+    "pot": (
+        _row("",           "",     "body lid",             "handle",       BURNS),
+        _row("",           "cold", "",                     "handle body",  "a cold pot may be held anywhere"),
+        _row("wash",       "",     "",                     "handle body",  "it is washed cold, and held where it is easy"),
+        _row("hand over",  "cold", "handle",               "body",         TAKES),
+    ),
+    "kettle": (
+        _row("",           "",     "body spout opening lid", "handle",     BURNS),
+        _row("",           "cold", "opening",              "handle body",  "what is drunk later passes the opening"),
+        _row("fill",       "",     "opening",              "handle body",  "what is drunk later passes the opening"),
+        _row("fill",       "hot",  "body spout opening lid", "handle",     BURNS),
+        _row("wash",       "",     "",                     "handle body",  "it is washed cold, and held where it is easy"),
+        _row("hand over",  "cold", "handle",               "body",         TAKES),
+    ),
+    "ladle": (
+        _row("",           "",     "bowl",                 "handle",       EATEN),
+        _row("wash",       "",     "",                     "handle bowl",  "it is washed all over"),
+        _row("hand over",  "",     "handle bowl",          "",             TAKES),
+    ),
+    "iron": (
+        _row("",           "",     "plate",                "handle",       BURNS),
+        _row("",           "cold", "cord",                 "handle body",  "a cord that is pulled breaks"),
+        _row("wash",       "",     "cord",                 "handle body",  "a plug or cord must not be wet"),
+        _row("hand over",  "cold", "handle",               "body",         TAKES),
+    ),
+    "hair_dryer": (
+        _row("",           "",     "nozzle",               "handle",       BURNS),
+        _row("",           "cold", "switch",               "handle body",  "a touch of the switch starts it"),
+        _row("hand over",  "",     "nozzle handle",        "body",         "the nozzle burns, and who takes it needs the handle"),
+    ),
+    "brush": (
+        _row("",           "",     "bristles",             "handle",       DIRTY),
+        _row("hand over",  "",     "handle bristles",      "head",         TAKES),
+    ),
+    "spatula": (
+        _row("",           "",     "head",                 "handle",       EATEN),
+        _row("wash",       "",     "",                     "handle head",  "it is washed all over"),
+        _row("hand over",  "",     "handle head",          "shaft",        TAKES),
+    ),
+    "fork": (
+        _row("",           "",     "tines",                "handle",       "the tines are pointed and touch food"),
+        _row("wash",       "",     "tines",                "handle",       "the tines are pointed"),
+        _row("hand over",  "",     "handle tines",         "neck",         TAKES),
+    ),
+}
+# fmt: on
+
+TASKS: dict[str, tuple[str, ...]] = {
+    "knife": ("cut bread", "wash the knife", "hand over the knife"),
+    "cleaver": ("chop meat", "hand over the cleaver"),
+    "scissors": ("cut paper", "hand over the scissors"),
+    "saw": ("saw a board", "hand over the saw"),
+    "chisel": ("carve a joint", "hand over the chisel"),
+    "razor": ("shave", "hand over the razor"),
+    "axe": ("split wood", "hand over the axe"),
+    "hammer": ("drive a nail", "pull out a nail", "hand over the hammer"),
+    "screwdriver": ("drive a screw", "hand over the screwdriver"),
+    "drill": ("drill a hole", "change the bit"),
+    "soldering_iron": ("solder a wire", "hand over the cold soldering iron"),
+    "trowel": ("spread mortar", "hand over the trowel"),
+    "mug": ("drink hot tea", "drink cold water"),
+    "pan": ("fry in the hot pan", "carry the cold pan", "hand over the cold pan"),
+    "pot": ("carry the hot pot", "wash the pot", "hand over the cold pot"),
+    "kettle": ("pour from the hot kettle", "fill the cold kettle"),
+    "ladle": ("serve soup", "hand over the ladle"),
+    "iron": ("iron a shirt", "hand over the cold iron"),
+    "hair_dryer": ("blow-dry hair", "put away the cold hair dryer"),
+    "brush": ("scrub a plate", "hand over the brush"),
+    "spatula": ("flip an egg", "hand over the spatula"),
+    "fork": ("eat pasta", "hand over the fork"),
+}
+"""The tasks that are evaluated, by category."""
+
+
+def rule(category: str, task: str) -> Rule:
+    """The row for a task in words; KeyError for a category that the table does not have."""
+    said, rows = parse(task), {(row.verb, row.state): row for row in LEXICON[category]}
+    wanted = ((said.verb, said.state), (said.verb, ""), ("", said.state), ("", ""))
+    return next(rows[key] for key in wanted if key in rows)
+
+
+def changes(category: str, part: str, negative: bool) -> bool:
+    """Whether another row of the table judges this part the other way."""
+    return any((part in row.negative) != negative for row in LEXICON[category])
+
+
+def truth(category: str, task: str) -> frozenset[str]:
+    """The negative parts, for evaluation; KeyError for a category that the table does not have."""
+    return frozenset(rule(category, task).negative)
