@@ -101,7 +101,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> Path:
     use_kernel_cache(ROOT, store)
     few = object_plan.Params(train_per_category=0, val_per_category=0, seen_per_category=0, unseen_per_category=1)
     spec = graph.each(graph.add(object_plan.run, params=few))
-    graph.target("objects", graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=4000, atlas_px=64)))
+    graph.target("objects", graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=9000, atlas_px=64)))
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "objects")
     assert report.ok, report.failures
     return store
