@@ -17,7 +17,7 @@ from schemas.mesh import ReadMesh
 
 LIBRARIES = ("numpy", "scipy", "trimesh", "pillow", "opencv-python-headless", "numba", "fast_simplification")
 THREADS = 1
-MEMORY_GIB = 2.0
+MEMORY_GIB = 3.0
 
 
 @dataclass(frozen=True)

@@ -156,6 +156,19 @@ def test_too_many_faces_are_simplified_and_painted_anew(tmp_path: Path) -> None:
     assert again.mesh.texture.tobytes() == found.mesh.texture.tobytes() and again.mesh.faces.tobytes() == found.mesh.faces.tobytes()
 
 
+@pytest.mark.parametrize("size_m", [1e-3, 0.1, 10.0])
+def test_the_nearest_place_is_exact_at_every_size(size_m: float) -> None:
+    """Points on fine triangles are on them, points off them as far as they were moved."""
+    ball = trimesh.creation.icosphere(5, size_m)
+    face, _, points = places(ball.vertices, ball.faces)
+    off = points + 1e-3 * size_m * ball.face_normals[face]
+    nearest = Nearest(ball.vertices, ball.faces)
+    assert nearest(points)[2].max() < 1e-9 * size_m
+    found, there, away = nearest(off)
+    assert away == pytest.approx(1e-3 * size_m, rel=1e-2)
+    assert np.abs(np.einsum("nk,nkc->nc", there, ball.triangles[found]) - points).max() < 1e-4 * size_m
+
+
 def test_what_cannot_be_simplified_is_refused(tmp_path: Path) -> None:
     """Loose triangles cannot become fewer without going."""
     rng = np.random.default_rng(2)

@@ -1,7 +1,7 @@
 """The nearest place of a surface for many points.
 
 The surface is covered with samples closer together than its triangles need; the triangles of the nearest few samples are then
-measured exactly.
+measured exactly. Inside, a unit is a typical edge: trimesh takes whatever is below 1e-12, squared lengths too, for nothing.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ class Nearest:
     """Asks a surface of (v, 3) vertices and (f, 3) faces."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        self.tri = vertices[faces].astype(np.float64)
+        tri = vertices[faces].astype(np.float64)
+        self.unit = max(float(np.linalg.norm(tri - np.roll(tri, -1, axis=1), axis=2).mean()), 1e-30)
+        self.tri = tri / self.unit
         self.owner, points = _cover(self.tri)
         self.tree = cKDTree(points)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Face (n,), barycentric coordinates (n, 3) and distance (n,) of the nearest place to each of (n, 3) points."""
-        parts = [self._ask(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)]
+        parts = [self._ask(points[k : k + CHUNK] / self.unit) for k in range(0, len(points), CHUNK)]
         face, bary, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return face, bary, distance
+        return face, bary, distance * self.unit
 
     def _ask(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         few = min(CANDIDATES, len(self.owner))
