@@ -24,7 +24,7 @@ class Params:
     edge_m: float = 0.006
     """longest edge; an object that would need more than max_faces gets a longer one"""
     max_faces: int = 16_000
-    """most faces, before they are cut where a material ends (about a tenth more)"""
+    """most faces, before they are cut where a material ends (up to a fifth more)"""
     atlas_px: int = 512
     """side of the texture image, a power of two"""
 

@@ -38,13 +38,13 @@ def test_the_look_does_not_know_the_parts(monkeypatch: pytest.MonkeyPatch) -> No
 def test_mixed_looks_have_two_to_four_materials_and_plain_ones_one() -> None:
     """Counted over many seeds; every face lies in one tile, clear of its border."""
     counts = set()
-    for seed in range(12):
+    for seed in range(20):
         found = worn("mixed", seed)
         assert (tiles(found) == tiles(found)[:, :1]).all()
         counts.add(len(np.unique(tiles(found))))
         inside = np.abs((found.uv * 2) % 1 - 0.5).max()
         assert inside <= 0.5 - MARGIN * 2 / ATLAS_PX + 1e-6
-    assert counts <= {1, 2, 3, 4} and {2, 3} <= counts
+    assert counts <= {2, 3, 4} and {2, 3} <= counts
     one = worn("plain")
     assert len(one.faces) == len(library.shape("hammer", 1, edge_m=0.02).faces) and np.ptp(one.uv, axis=(0, 1)).max() > 0.5
 

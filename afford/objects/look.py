@@ -71,7 +71,8 @@ def level(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         far = np.linalg.norm(at - at[rng.integers(len(at))], axis=1)
         return far - rng.uniform(0.12, 0.4)
     waves = rng.normal(size=(4, 3)) * 5.0
-    return np.sin(at @ waves.T + rng.uniform(0, 2 * np.pi, 4)).sum(axis=1) - rng.uniform(-0.6, 0.6)
+    noise = np.sin(at @ waves.T + rng.uniform(0, 2 * np.pi, 4)).sum(axis=1)
+    return noise - np.quantile(noise, middle)
 
 
 def _uv(vertices: np.ndarray, faces: np.ndarray, tile: np.ndarray, across: int, atlas_px: int) -> np.ndarray:
