@@ -16,6 +16,8 @@ from schemas.benchmark import MethodScores
 from schemas.clip import Clip
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.negative import PartCandidates
 from schemas.sample import Samples
 from schemas.scene import RenderedClip, SceneSpec
 from schemas.training import Recipe, Trained
@@ -36,20 +38,31 @@ from stages import (
     hand_inpaint,
     key_thin,
     mask_densify,
+    mask_propose,
+    mask_score,
     model_train,
     narration_labelling,
+    negative_affordance_projection,
+    negative_affordance_report,
+    negative_affordance_score,
+    object_build,
     object_completion,
+    object_plan,
+    part_describe,
+    part_lessons,
     predict_cases,
     run_record,
     sample_assemble,
     scene_render,
     score_cases,
+    scorer_train,
     source_read,
     stage_record,
     still_render,
     still_sample,
     train_plan,
     training_record,
+    view_render,
 )
 
 
@@ -81,6 +94,17 @@ class Settings:
     score_cases: score_cases.Params = score_cases.Params()
     benchmark: benchmark.Params = benchmark.Params()
     ablation_report: ablation_report.Params = ablation_report.Params()
+    object_plan: object_plan.Params = object_plan.Params()
+    object_build: object_build.Params = object_build.Params()
+    view_render: view_render.Params = view_render.Params()
+    mask_propose: mask_propose.Params = mask_propose.Params()
+    part_lessons: part_lessons.Params = part_lessons.Params()
+    scorer_train: scorer_train.Params = scorer_train.Params()
+    part_describe: part_describe.Params = part_describe.Params()
+    mask_score: mask_score.Params = mask_score.Params()
+    negative_affordance_projection: negative_affordance_projection.Params = negative_affordance_projection.Params()
+    negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()
+    negative_affordance_report: negative_affordance_report.Params = negative_affordance_report.Params()
 
 
 class Origin(NamedTuple):
@@ -322,9 +346,55 @@ def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe,
     return g.collect(scores)
 
 
+class Looked(NamedTuple):
+    """Handles of an object that was looked at from all sides."""
+
+    spec: ObjectSpec
+    mesh: ObjectMesh
+    parts: MeshParts
+    views: ObjectViews
+    candidates: PartCandidates
+
+
+def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> Looked:
+    """Procedural objects of some splits -> their views and candidates."""
+    spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
+    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
+    mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
+    views   = g.named("view_render" if of == "object" else f"{of}_views").add(view_render.run, mesh=mesh, params=seen)
+    masks   = g.named("mask_propose" if of == "object" else f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,
+                                                                              params=p.mask_propose)
+    return Looked(spec, mesh, parts, views, masks)
+
+
+def teach(g: Graph, p: Settings) -> FileTree:
+    """Objects of the trained categories -> a scorer of parts."""
+    x = look(g, "lesson", replace(p.object_plan, splits=("train", "val")),
+             replace(p.view_render, size_px=256, most=10, directions=128), p)
+    lessons = g.add(part_lessons.run,       spec=x.spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    params=p.part_lessons)
+    trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.scorer_train, ctx=g.ctx)
+    return g.pick(trained, lambda t: t.files)
+
+
+def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
+    """where a hand must not go on objects, for their tasks, scored against exact parts"""
+    scorer  = teach(g, p)
+    x       = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
+    told    = g.add(part_describe.run,      mesh=x.mesh,                                             params=p.part_describe)
+    fit     = g.add(mask_score.run,         mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told, scorer=scorer,
+                    params=p.mask_score)
+    found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,
+                    scores=fit, params=p.negative_affordance_projection)
+    scores  = g.add(negative_affordance_score.run, spec=x.spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    descriptions=told, scores=fit, found=found, params=p.negative_affordance_score)
+    report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
+    g.target("negative-affordance", report, record_run(g, "negative_affordance_report", report))
+
+
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
            "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
-           "ablation": ablate}
+           "ablation": ablate, "negative-affordance": negative_affordance}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

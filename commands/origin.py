@@ -12,7 +12,8 @@ from pipeline import Origin, Settings
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
-OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation"}
+OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
+             "negative-affordance": "procedural-objects"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
 
 

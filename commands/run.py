@@ -26,6 +26,7 @@ from runner import Failure, LostError, Runner, RunReport
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
+NEGATIVE = ("view_render", "mask_propose", "part_describe", "mask_score", "negative_affordance_projection")
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage == "model_train.files":
                 out["model"] = str(publish(runner, digest, store / "models" / place.name))
-            elif stage in ("extraction_report", "benchmark", "ablation_report"):
+            elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "scene_render":
                 parts = dict(runner.children(digest) or ())
@@ -127,7 +128,7 @@ def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
     if "report" not in outputs:
         return {}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
-    more = {"benchmark": _per_image, "extraction_report": _per_frame}
+    more = {"benchmark": _per_image, "extraction_report": _per_frame, "negative_affordance_report": _per_object}
     spent = [more[stage](report, metrics) for stage in report.outputs if stage in more]
     return metrics | (spent[0] if spent else {})
 
@@ -136,6 +137,13 @@ def _per_image(report: RunReport, metrics: dict[str, float]) -> dict[str, float]
     """CPU time of the model's own prediction of a case: reading, network, full-size probabilities and writing."""
     spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name == "predict_given")
     return {"ms_per_image": 1000 * spent / metrics["cases"]}
+
+
+def _per_object(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
+    """CPU time of the stages that an object of one's own goes through, from looking at it to its negative surface."""
+    scored = {shard for name, shard in report.cpu_s if name == "negative_affordance_score"}
+    spent = sum(cpu for (name, shard), cpu in report.cpu_s.items() if name in NEGATIVE and shard in scored)
+    return {"cpu_s_per_object": spent / metrics["objects"]}
 
 
 def _per_frame(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from schemas.spec import Schema, array, value
 
@@ -17,8 +17,8 @@ class PartNote(Schema):
 
     part: str = value("name of the part, e.g. blade")
     phrase: str = value("the part in words for an image-text model, e.g. 'the sharp blade of a knife'")
-    negative: bool = value("True: a hand must not touch it; False: this is where a hand belongs")
-    reason: str = value("why, in a sentence")
+    role: Literal["negative", "positive", "neutral"] = value("a hand must not touch it; belongs there; or may, but need not")
+    reason: str = value("why, in a sentence; '' for neutral parts")
     confidence: float = value("0..1")
     task_changes: bool = value("whether another task would turn it round")
 
@@ -30,8 +30,21 @@ class PartDescription(Schema):
     name: str = value("id of the object")
     category: str = value("what the describer takes it for; 'unknown' for an object that it does not know")
     task: str = value("what is to be done, e.g. 'cut bread'; '' for any use")
-    notes: tuple[PartNote, ...] = value("negative parts first, then by confidence; none where nothing is known")
+    notes: tuple[PartNote, ...] = value("all parts that the describer knows of it; none where it knows nothing")
     backend: str = value("which describer said so")
+
+
+@dataclass(frozen=True)
+class PartDescriptions(Schema):
+    """What is said of one object, task by task."""
+
+    name: str = value("id of the object")
+    descriptions: tuple[PartDescription, ...] = value("one for each task")
+
+    @property
+    def notes(self) -> tuple[PartNote, ...]:
+        """All notes in order."""
+        return tuple(note for one in self.descriptions for note in one.notes)
 
 
 @dataclass(frozen=True)
@@ -49,23 +62,23 @@ class PartScores(Schema):
     """How well each candidate fits each note of a description."""
 
     name: str = value("id of the object")
-    score: np.ndarray = array("m k", "float32", "probability that candidate m shows the part of note k, 0..1")
+    share: np.ndarray = array("m k", "float32", "which share of candidate m shows the part of note k of PartDescriptions.notes")
+    overlap: np.ndarray = array("m k", "float32", "how well candidate m is that part as its view shows it (IoU), 0..1")
 
 
 @dataclass(frozen=True)
-class NegativeAffordance(Schema):
-    """Where a hand must not go, on the surface."""
+class PartLessons(Schema):
+    """What a scorer of parts learns from one object: candidates as it sees them, and what they show in truth."""
 
     name: str = value("id of the object")
-    task: str = value("what is to be done")
-    vertices: np.ndarray = array("v 3", "float32", "of the mesh that was asked about", unit="m", frame="object")
-    faces: np.ndarray = array("f 3", "int32", "vertex indices")
-    probability: np.ndarray = array("f", "float32", "0..1 that a face is negative")
-    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: not seen, judged by its neighbours")
-    points: np.ndarray = array("n 3", "float32", "evenly spread over the visible surface", unit="m", frame="object")
-    negative: np.ndarray = array("n", "bool", "label of each point")
-    N_t: np.ndarray = array("k 3", "float32", "negative points, farthest-point sampled; none when nothing is", unit="m",
-                           frame="object")  # fmt: skip
+    category: str = value("what it is")
+    split: str = value("train or val")
+    parts: tuple[str, ...] = value("p names of its parts")
+    crops: np.ndarray = array("m 2 c s s", "uint8", "each candidate close by and in the whole view (afford/models/parts/crops.py)",
+                              encoding="zstd")  # fmt: skip
+    traits: np.ndarray = array("m r", "float32", "numbers that come with it")
+    share: np.ndarray = array("m p", "float32", "which share of its pixels shows each part")
+    overlap: np.ndarray = array("m p", "float32", "IoU of it and the visible part in its view")
 
 
 @dataclass(frozen=True)
@@ -76,3 +89,52 @@ class DistanceField(Schema):
     distance_m: np.ndarray = array("x y z", "float32", "at the nodes; infinite when nothing is negative", unit="m", encoding="zstd")
     origin: np.ndarray = array("3", "float64", "node (0, 0, 0)", unit="m", frame="object")
     spacing_m: float = value("between nodes", unit="m")
+
+
+@dataclass(frozen=True)
+class NegativeAffordance(Schema):
+    """Where a hand must not go for one task."""
+
+    task: str = value("what is to be done")
+    probability: np.ndarray = array("f", "float32", "0..1 that a face is negative")
+    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: not seen, judged by its neighbours")
+    negative: np.ndarray = array("n", "bool", "label of each point of the object")
+    N_t: np.ndarray = array("k 3", "float32", "negative points, farthest-point sampled; none when nothing is", unit="m",
+                           frame="object")  # fmt: skip
+    field: DistanceField = value("how far places are from N_t")
+
+
+@dataclass(frozen=True)
+class NegativeAffordances(Schema):
+    """Where a hand must not go on one object, task by task."""
+
+    name: str = value("id of the object")
+    points: np.ndarray = array("n 3", "float32", "evenly spread over the visible surface", unit="m", frame="object")
+    tasks: tuple[NegativeAffordance, ...] = value("in the order of the descriptions")
+
+
+@dataclass(frozen=True)
+class NegativeScore(Schema):
+    """How one method did on one object and task."""
+
+    method: str = value("afford, or a baseline")
+    task: str = value("what is to be done")
+    iou: float = value("of the negative surface, weighted by visible area; NaN where in truth nothing is negative")
+    precision: float = value("share of what was said that is negative in truth; 0 where nothing was said; NaN as iou")
+    recall: float = value("share of what is negative in truth that was said; NaN as iou")
+    point_recall: float = value("the same, of the object's points, counted; NaN as iou")
+    said: float = value("share of the visible surface that was said to be negative")
+
+
+@dataclass(frozen=True)
+class NegativeScores(Schema):
+    """How all methods did on one object."""
+
+    name: str = value("id of the object")
+    category: str = value("what it is")
+    split: str = value("seen or unseen")
+    look: str = value("mixed or plain")
+    seen_six: float = value("share of the visible surface that six views saw well")
+    seen_all: float = value("the same, of all views")
+    rows: tuple[NegativeScore, ...] = value("by method and task")
+    picture: np.ndarray = array("b", "uint8", "JPEG bytes: six views, red where a hand must not go for the first task")

@@ -110,7 +110,7 @@ class Params:
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.dataset import files
-    from afford.training import fit, launch, written
+    from afford.training import curves, fit, launch, written
     from afford.training.repeatable import repeatable
 
     job = _job(params if recipe is None else _with(params, recipe))
@@ -120,7 +120,7 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
     with repeatable(THREADS // job.plan.parallel, params.device):
         fitted = fit.fit(job, ctx.scratch, ctx.progress)
     name = recipe.name if recipe else params.variant
-    log = written.log(name, fitted.state)
+    log = curves.log(name, fitted.state)
     root = written.write(ctx.scratch, name, dataset, job, fitted, log)
     return Trained(files.tree(name, root), log)
 

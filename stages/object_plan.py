@@ -22,6 +22,10 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    splits: tuple[str, ...] = ("train", "val", "seen", "unseen")
+    """which splits"""
+    categories: tuple[str, ...] = ()
+    """which categories; none: all"""
     seed: int = 20264
     """seed of all objects; each draws its own from it"""
     train_per_category: int = 12
@@ -45,5 +49,11 @@ def run(params: Params) -> tuple[ObjectSpec, ...]:
             ("seen", TRAINED, params.seen_per_category, 2), ("unseen", UNSEEN, params.unseen_per_category, 2))  # fmt: skip
     if min(count for _, _, count, _ in rows) < 0 or plain < 0 or not any(count for _, _, count, _ in rows):
         raise ValueError(f"object_plan: expected numbers of 0 or more, and one object at least, got {params}")
-    return tuple(spec for split, categories, count, every in rows
-                 for spec in specs(split, categories, count, params.seed, every))  # fmt: skip
+    if unknown := set(params.splits) - {split for split, *_ in rows}:
+        raise ValueError(f"object_plan.splits: expected train, val, seen or unseen, got {', '.join(sorted(unknown))}")
+    if unknown := set(params.categories) - {*TRAINED, *UNSEEN}:
+        known = ", ".join((*TRAINED, *UNSEEN))
+        raise ValueError(f"object_plan.categories: expected some of {known}, got {', '.join(sorted(unknown))}")
+    return tuple(spec for split, categories, count, every in rows if split in params.splits
+                 for spec in specs(split, categories, count, params.seed, every)
+                 if spec.category in (params.categories or categories))  # fmt: skip

@@ -39,6 +39,16 @@ def test_more_of_one_split_or_category_changes_nothing_else() -> None:
     assert not {s.seed for s in few} & {s.seed for s in object_plan.run(Params(seed=1, train_per_category=1))}
 
 
+def test_some_splits_and_categories_are_some_of_all() -> None:
+    """The same objects as in the whole plan; what does not exist is refused by name."""
+    plan = object_plan.run(Params())
+    some = object_plan.run(Params(splits=("val", "unseen"), categories=("mug", "axe")))
+    assert some == tuple(s for s in plan if s.split in ("val", "unseen") and s.category in ("mug", "axe"))
+    for wrong in (Params(splits=("spoon",)), Params(categories=("spoon",))):
+        with pytest.raises(ValueError, match="got spoon"):
+            object_plan.run(wrong)
+
+
 @pytest.mark.parametrize("wrong", [{"val_per_category": -1}, {"train_plain_every": -2},
                                    dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category",
                                                   "unseen_per_category"), 0)])  # fmt: skip

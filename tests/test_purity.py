@@ -63,6 +63,8 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
              **dict.fromkeys(("object_plan", "object_build"), "objects"),
+             **dict.fromkeys(("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
+                              "negative_affordance_score", "negative_affordance_report"), "negatives"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -160,6 +162,23 @@ def read_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mesh = graph.pick(read, lambda read: read.mesh)
     graph.target("textured", graph.add(mesh_texture.run, mesh=mesh, params=mesh_texture.Params(side_px=128)))
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "textured")
+    assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def negatives(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a scorer was trained on one screwdriver and asked about another."""
+    store = tmp_path_factory.mktemp("negatives")
+    use_kernel_cache(ROOT, store)
+    few = dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category", "unseen_per_category"), 1)
+    small = Settings(object_plan=replace(Settings.object_plan, categories=("screwdriver",), **few),
+                     object_build=replace(Settings.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
+                     view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
+                     mask_propose=replace(Settings.mask_propose, least_px=12),
+                     scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))
+    graph = build("negative-affordance", Origin("tiny"), small)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "negative-affordance")
     assert report.ok, report.failures
     return store
 

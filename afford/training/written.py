@@ -1,9 +1,8 @@
-"""What a training leaves: the folder of model, card, curves and pictures, and the curves as a value."""
+"""What a training leaves: the folder of model, card, curves and pictures."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -14,25 +13,12 @@ from afford.codecs.identity import digest
 from afford.dataset.files import empty_folder
 from afford.models.twohands import files
 from afford.training import card
-from afford.training.events import Point
 from afford.training.fit import Fitted, about
 from afford.training.job import Job
-from afford.training.state import State
 from schemas.files import FileTree
-from schemas.training import Curve, TrainingLog
+from schemas.training import TrainingLog
 
 MODEL, CARD, HISTORY = "model", "card.md", "history.parquet"
-
-
-def log(name: str, state: State) -> TrainingLog:
-    """The curves of a training."""
-    names = sorted({point.name for point in state.points})
-    return TrainingLog(name, tuple(_curve(curve, state.points) for curve in names), state.best_step, state.step)
-
-
-def _curve(name: str, points: Iterable[Point]) -> Curve:
-    own = [point for point in points if point.name == name]
-    return Curve(name, np.array([point.step for point in own], np.int64), np.array([point.value for point in own], np.float64))
 
 
 def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted, curves: TrainingLog) -> Path:

@@ -1,0 +1,43 @@
+"""From scored candidates to what each pixel says: is a hand unwelcome here?
+
+The parts of an object compete for each candidate: what fits a blade better than a handle is blade, even where neither fits well.
+Several candidates cover a pixel, small and large ones; those that are sure count most, those that fit no part do not count.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schemas.negative import PartCandidates, PartDescription, PartScores
+
+SHARPEN = 2.0
+"""exponent of the scores before parts compete"""
+REJECTED = 0.1
+"""a candidate that fits no part better than this says nothing"""
+UNSURE = 0.02
+"""what a candidate counts that fits all parts alike"""
+
+
+def pixels(candidates: PartCandidates, scores: PartScores, description: PartDescription,
+           shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
+    no candidate covers it."""
+    value, sure = judged(scores, description)
+    said, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    for view, mask, v, w in zip(candidates.view, candidates.masks, value, sure, strict=True):
+        said[view][mask] += v * w
+        weight[view][mask] += w
+    return np.divide(said, weight, out=said, where=weight > 0), weight
+
+
+def judged(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) float32 share of each candidate that is negative, and how much it counts."""
+    count = len(description.notes)
+    if not count:
+        return np.zeros(len(scores.share), np.float32), np.zeros(len(scores.share), np.float32)
+    fit = scores.share.astype(np.float64) ** SHARPEN
+    share = fit / np.maximum(fit.sum(1, keepdims=True), 1e-12)
+    value = share[:, [note.role == "negative" for note in description.notes]].sum(1)
+    sure = np.ones(len(share)) if count == 1 else (share.max(1) - 1 / count) / (1 - 1 / count)
+    counts = np.where(scores.share.max(1) > REJECTED, UNSURE + sure, 0)
+    return value.astype(np.float32), counts.astype(np.float32)

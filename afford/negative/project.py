@@ -1,0 +1,56 @@
+"""From what the views say to the surface: probability of faces, labels of points, N_t, distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.negative.distance import field
+from afford.negative.fuse import pixels
+from afford.negative.neighbours import fill
+from afford.negative.points import farthest, sample
+from afford.negative.votes import squareness, vote
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.negative import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+
+DENSE = 20
+"""points that are drawn for each of N_t, so that the farthest of them cover the region"""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of the result."""
+
+    threshold: float
+    points: int
+    negative_points: int
+    spacing_m: float
+    margin_m: float
+    seed: int
+
+
+def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
+            wish: Wish) -> NegativeAffordances:  # fmt: skip
+    """Where a hand must not go, for every task that is described."""
+    points, face = sample(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
+    square, tasks, at = squareness(mesh, views), [], 0
+    for one in descriptions.descriptions:
+        mine = slice(at, at := at + len(one.notes))
+        said = PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
+        value, weight = pixels(candidates, said, one, views.face.shape)
+        voted, evidence = vote(views.face, value, weight * square, len(mesh.faces))
+        probability = fill(mesh.vertices, mesh.faces, voted, evidence > 0)
+        tasks.append(labelled(mesh, views, one.task, probability, evidence, face, wish))
+    return NegativeAffordances(mesh.name, points, tuple(tasks))
+
+
+def labelled(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
+             wish: Wish) -> NegativeAffordance:  # fmt: skip
+    """Probabilities of faces (f,) -> everything that is told of a task; `face` (n,) is that of each point of the object."""
+    bad = probability > wish.threshold
+    rng = np.random.default_rng((wish.seed, 1))
+    dense, _ = sample(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
+    N_t = dense[farthest(dense, wish.negative_points)]
+    grid = field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
+    return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

@@ -1,0 +1,84 @@
+"""Scores of many objects as metrics, tables and a sheet of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from afford.dataset.files import empty_folder, tree, write_json
+from afford.encode import jpeg
+from afford.negative.score import METHODS
+from afford.negative.sheet import QUALITY
+from schemas.files import FileTree
+from schemas.negative import NegativeScores
+
+MEASURES = ("iou", "precision", "recall", "point_recall")
+
+
+def write(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
+    """metrics.json, report.md and sheet.jpg; ValueError when nothing was scored."""
+    if not scores:
+        raise ValueError("negative_affordance_report: expected scored objects, got none")
+    folder = empty_folder(scratch / "negative_affordance")
+    measured = metrics(scores)
+    write_json(folder / "metrics.json", measured)
+    (folder / "report.md").write_text(markdown(scores, measured), encoding="utf-8")
+    chosen = _shown(scores, per_category)
+    pictures = [cv2.imdecode(one.picture, cv2.IMREAD_COLOR)[..., ::-1] for one in chosen]
+    (folder / "sheet.jpg").write_bytes(jpeg(np.concatenate(pictures), QUALITY).tobytes())
+    return tree("negative_affordance", folder)
+
+
+def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
+    """Flat: our own scores by split, those of others under their names, looks, and what the views saw."""
+    out = {"objects": float(len(scores)), "seen_area.six": float(np.mean([one.seen_six for one in scores])),
+           "seen_area.adaptive": float(np.mean([one.seen_all for one in scores]))}  # fmt: skip
+    for split in sorted({one.split for one in scores}):
+        mine = [one for one in scores if one.split == split]
+        for method in METHODS:
+            name = split if method == "afford" else f"{method}.{split}"
+            out |= {f"{name}.{measure}": mean(mine, method, measure) for measure in MEASURES}
+        for look in sorted({one.look for one in mine}):
+            out[f"{split}.{look}.iou"] = mean([one for one in mine if one.look == look], "afford", "iou")
+    return {name: value for name, value in out.items() if np.isfinite(value)}
+
+
+def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
+    """Over objects, of the mean over tasks that have a negative part; NaN where no object has one."""
+    rows = ([getattr(row, measure) for row in one.rows if row.method == method and np.isfinite(row.iou)] for one in scores)
+    each = [float(np.mean(row)) for row in rows if row]
+    return float(np.mean(each)) if each else float("nan")
+
+
+def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> str:
+    """Methods by split, then categories, then tasks."""
+    splits = sorted({one.split for one in scores})
+    lines = ["# Negative affordances", "", f"{len(scores)} objects; six views see {measured['seen_area.six']:.3f} of the visible "
+             f"surface well, all views {measured['seen_area.adaptive']:.3f}.", ""]  # fmt: skip
+    lines += _table("method", [(method, split, [one for one in scores if one.split == split], method)
+                               for split in splits for method in METHODS])  # fmt: skip
+    kinds = sorted({(one.split, one.category) for one in scores})
+    lines += _table("category", [(kind, split, [one for one in scores if (one.split, one.category) == (split, kind)], "afford")
+                                 for split, kind in kinds])  # fmt: skip
+    return "\n".join(lines)
+
+
+def _table(head: str, rows: Sequence[tuple[str, str, list[NegativeScores], str]]) -> list[str]:
+    lines = [f"| {head} | split | {' | '.join(MEASURES)} |", f"|---|---|{'--:|' * len(MEASURES)}"]
+    for name, split, mine, method in rows:
+        found = [mean(mine, method, measure) for measure in MEASURES]
+        lines.append(f"| {name.replace('_', ' ')} | {split} | {' | '.join('' if np.isnan(f) else f'{f:.3f}' for f in found)} |")
+    return [*lines, ""]
+
+
+def _shown(scores: Sequence[NegativeScores], per_category: int) -> list[NegativeScores]:
+    out, count = [], dict[tuple[str, str], int]()
+    for one in scores:
+        key = one.split, one.category
+        count[key] = count.get(key, 0) + 1
+        if count[key] <= per_category:
+            out.append(one)
+    return out

@@ -1,0 +1,37 @@
+"""candidates and descriptions -> how well each candidate fits each part that is spoken of.
+
+Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer
+Writes  PartScores: which share of each candidate shows the part, and how well they overlap
+Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all
+Fails   when the scorer's files cannot be read
+Paper   AffordDex, negative affordance: CLIP picks the mask that fits best, one in every view
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.negative import PartCandidates, PartDescriptions, PartScores
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "embreex")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {"parts": "afford.backends.score.parts:score"}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "parts"
+    """parts"""
+
+
+def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
+        params: Params) -> PartScores:  # fmt: skip
+    """Score every candidate."""
+    from afford.registry import load
+
+    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, params)
+    return found

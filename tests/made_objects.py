@@ -1,0 +1,59 @@
+"""Small procedural objects, looked at from all sides: the beginning of every test of negative affordances."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
+from stages import (
+    mask_propose,
+    negative_affordance_projection,
+    object_build,
+    part_describe,
+    part_lessons,
+    view_render,
+)
+
+VIEWS = view_render.Params(size_px=96, directions=64, most=8)
+
+
+class Looked(NamedTuple):
+    """An object, its views and candidates, and what its table says."""
+
+    spec: ObjectSpec
+    mesh: ObjectMesh
+    parts: MeshParts
+    views: ObjectViews
+    candidates: PartCandidates
+    told: PartDescriptions
+
+    def lessons(self, most: int = 60) -> PartLessons:
+        return part_lessons.run(self.spec, self.mesh, self.parts, self.views, self.candidates, part_lessons.Params(most))
+
+
+@cache
+def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -> Looked:
+    """Made once for all tests of a process."""
+    spec = ObjectSpec(f"{category}_{seed}", category, seed, "mixed", split)
+    built = object_build.run(spec, object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=128))
+    views = view_render.run(built.mesh, VIEWS)
+    found = mask_propose.run(built.mesh, views, mask_propose.Params(least_px=12))
+    return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, part_describe.Params()))
+
+
+def true_scores(x: Looked) -> PartScores:
+    """What a scorer would say that is never wrong."""
+    lessons = x.lessons(most=10_000)
+    columns = [lessons.parts.index(note.part) for note in x.told.notes]
+    share, overlap = (np.ascontiguousarray(found[:, columns]) for found in (lessons.share, lessons.overlap))
+    return PartScores(x.mesh.name, share, overlap)
+
+
+def projected(x: Looked, scores: PartScores | None = None) -> NegativeAffordances:
+    """Its negative surface, by true scores where none are given."""
+    params = negative_affordance_projection.Params(spacing_m=0.02, negative_points=40, points=500)
+    return negative_affordance_projection.run(x.mesh, x.views, x.candidates, x.told, scores or true_scores(x), params)
