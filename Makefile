@@ -13,10 +13,10 @@ RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train benchmark ablation demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup dataset stage report train benchmark ablation negative-affordance demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-10s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-20s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(READY): pyproject.toml constraints.txt
 	@echo "setting up $(VENV) (first time: a few minutes)"
@@ -45,6 +45,9 @@ benchmark: $(READY) ## score the trained model and the baselines on held-out sti
 
 ablation: $(READY) ## train every row of the ablation, three seeds each (about an hour; stop and go on at will)
 	@$(RUN) run ablation --store $(STORE) $(ARGS)
+
+negative-affordance: $(READY) ## where a hand must not go on objects, scored (SOURCE=DIR: on a folder of your meshes)
+	@$(RUN) run negative-affordance --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store $(STORE) $(ARGS)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from afford.backends.describe.looks import PARTS
 from afford.training.recipes import recipes
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels
@@ -40,6 +41,8 @@ from stages import (
     mask_densify,
     mask_propose,
     mask_score,
+    mesh_read,
+    mesh_texture,
     model_train,
     narration_labelling,
     negative_affordance_projection,
@@ -96,6 +99,8 @@ class Settings:
     ablation_report: ablation_report.Params = ablation_report.Params()
     object_plan: object_plan.Params = object_plan.Params()
     object_build: object_build.Params = object_build.Params()
+    mesh_read: mesh_read.Params = mesh_read.Params()
+    mesh_texture: mesh_texture.Params = mesh_texture.Params()
     view_render: view_render.Params = view_render.Params()
     mask_propose: mask_propose.Params = mask_propose.Params()
     part_lessons: part_lessons.Params = part_lessons.Params()
@@ -116,6 +121,7 @@ class Origin(NamedTuple):
     cases: FileTree | None = None
     predictions: tuple[FileTree, ...] = ()
     dataset: FileTree | None = None
+    meshes: tuple[FileTree, ...] = ()
 
 
 class Extracted(NamedTuple):
@@ -349,45 +355,57 @@ def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe,
 class Looked(NamedTuple):
     """Handles of an object that was looked at from all sides."""
 
-    spec: ObjectSpec
     mesh: ObjectMesh
     parts: MeshParts
     views: ObjectViews
     candidates: PartCandidates
 
 
-def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> Looked:
+def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
     """Procedural objects of some splits -> their views and candidates."""
     spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
     built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
-    views   = g.named("view_render" if of == "object" else f"{of}_views").add(view_render.run, mesh=mesh, params=seen)
-    masks   = g.named("mask_propose" if of == "object" else f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,
-                                                                              params=p.mask_propose)
-    return Looked(spec, mesh, parts, views, masks)
+    views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
+    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose)
+    return spec, Looked(mesh, parts, views, masks)
+
+
+def given(g: Graph, origin: Origin, p: Settings) -> Looked:
+    """The user's meshes -> their views and candidates; their parts where label files name them."""
+    files   = g.each(g.leaf("meshes", origin.meshes))
+    read    = g.add(mesh_read.run,          files=files,                   params=replace(p.mesh_read, categories=tuple(PARTS)))
+    mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.mesh_texture)
+    views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.view_render)
+    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.mask_propose)
+    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks)
 
 
 def teach(g: Graph, p: Settings) -> FileTree:
     """Objects of the trained categories -> a scorer of parts."""
-    x = look(g, "lesson", replace(p.object_plan, splits=("train", "val")),
-             replace(p.view_render, size_px=256, most=10, directions=128), p)
-    lessons = g.add(part_lessons.run,       spec=x.spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+    spec, x = look(g, "lesson", replace(p.object_plan, splits=("train", "val")),
+                   replace(p.view_render, size_px=256, most=10, directions=128), p)
+    lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     params=p.part_lessons)
     trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.scorer_train, ctx=g.ctx)
     return g.pick(trained, lambda t: t.files)
 
 
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
-    """where a hand must not go on objects, for their tasks, scored against exact parts"""
+    """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
     scorer  = teach(g, p)
-    x       = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
+    known: dict[str, ObjectSpec] = {}
+    if origin.meshes:
+        x = given(g, origin, p)
+    else:
+        known["spec"], x = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
     told    = g.add(part_describe.run,      mesh=x.mesh,                                             params=p.part_describe)
     fit     = g.add(mask_score.run,         mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told, scorer=scorer,
                     params=p.mask_score)
     found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,
                     scores=fit, params=p.negative_affordance_projection)
-    scores  = g.add(negative_affordance_score.run, spec=x.spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
-                    descriptions=told, scores=fit, found=found, params=p.negative_affordance_score)
+    scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    descriptions=told, scores=fit, found=found, params=p.negative_affordance_score, **known)
     report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
     g.target("negative-affordance", report, record_run(g, "negative_affordance_report", report))
 

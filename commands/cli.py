@@ -14,8 +14,8 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
                   help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
 
 Target = Annotated[str, typer.Argument(help="dataset, train, benchmark, ablation, extraction-report, "
-                                        "recordings, scenes, train-set or benchmark-set")]  # fmt: skip
-SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC-format root or your own folder; default: rendered clips")]
+                                        "recordings, scenes, train-set, benchmark-set or negative-affordance")]  # fmt: skip
+SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, your own videos, or meshes; default: rendered")]
 Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
 ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.readers.discover import Source, discover
+from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
 from commands.errors import UsageError
 from pipeline import Origin, Settings
@@ -19,6 +19,8 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> tuple[Origin, Source | None]:
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
+    if target == "negative-affordance" and source is not None:
+        return _meshes(source, digest)
     if target in OWN_ROOMS:
         if source is not None:
             raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
@@ -50,6 +52,18 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
     except ValueError as error:
         raise UsageError(str(error)) from error
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
+
+
+def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:
+    """The objects of a folder of meshes."""
+    from afford.meshes.discover import discover as find
+
+    try:
+        found = find(source, digest)
+    except ValueError as error:
+        raise UsageError(f"--source {source}: {error}") from error
+    refused = tuple(Refused(one.name, one.reason) for one in found.refused)
+    return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
 
 
 def _is_dataset(source: Path) -> bool:

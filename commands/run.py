@@ -26,7 +26,8 @@ from runner import Failure, LostError, Runner, RunReport
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
-NEGATIVE = ("view_render", "mask_propose", "part_describe", "mask_score", "negative_affordance_projection")
+NEGATIVE = ("mesh_read", "mesh_texture", "object_views", "object_masks", "part_describe", "mask_score",
+            "negative_affordance_projection")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,9 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
 def _refused(report: RunReport, source: Source | None) -> None:
     """Videos that the source refused count as failures of the reader."""
     for refused in source.refused if source else ():
-        report.failures.append(Failure("source_read", refused.video_id, refused.reason))
-        report.failed["source_read"] = report.failed.get("source_read", 0) + 1
+        stage = "mesh_read" if source and source.kind == "meshes" else "source_read"
+        report.failures.append(Failure(stage, refused.video_id, refused.reason))
+        report.failed[stage] = report.failed.get(stage, 0) + 1
 
 
 def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:

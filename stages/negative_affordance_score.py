@@ -1,10 +1,10 @@
 """a negative surface and exact part truth -> scores, beside those of simpler recipes.
 
-Reads   ObjectSpec; mesh, parts, views, candidates, descriptions and scores of one object; NegativeAffordances
+Reads   mesh, parts, views, candidates, descriptions and scores of one object; NegativeAffordances; ObjectSpec of a procedural one
 Writes  NegativeScores: IoU, precision, recall and point recall of every method and task; a row of pictures
 Method  faces are weighted by the area that can be seen from outside; `paper_recipe` has the same candidates and scores, six views,
         one mask in each and a z-buffer of points; `whole_object` and `random_candidate` need no scorer
-Fails   when the table has no such category
+Fails   never: what has no labels, or is in no table, has no scores
 Paper   AffordDex evaluates grasps, not its negative affordances: these measures are ours
 """
 
@@ -28,18 +28,20 @@ class Params:
     """seed of the random candidate and of the points that are counted"""
 
 
-def run(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates,
-        descriptions: PartDescriptions, scores: PartScores, found: NegativeAffordances,
-        params: Params) -> NegativeScores:  # fmt: skip
-    """Score one object."""
+def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions,
+        scores: PartScores, found: NegativeAffordances, params: Params, spec: ObjectSpec | None = None) -> NegativeScores:
+    """Score one object; `spec` is that of a procedural one."""
     from afford.backends.describe.lexicon import truth
+    from afford.backends.describe.rules import known
     from afford.encode import jpeg
     from afford.negative.score import score
     from afford.negative.sheet import QUALITY, row
 
-    true = {one.task: truth(mesh.category, one.task) for one in descriptions.descriptions}
+    kind, split, look = known(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
+    true = {one.task: truth(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
     rows = score(mesh, parts, views, candidates, descriptions, scores, found, true, params.threshold, params.seed)
     six, every = float(views.seen_area[5]), float(views.seen_area[-1])
-    title = f"{mesh.category.replace('_', ' ')}, {found.tasks[0].task}", f"{spec.split}, {spec.look}", f"IoU {rows[0].iou:.2f}"
-    picture = jpeg(row(views, found, title), QUALITY)
-    return NegativeScores(mesh.name, mesh.category, spec.split, spec.look, six, every, rows, picture)
+    said = f"{(kind or 'unknown').replace('_', ' ')}, {found.tasks[0].task or 'any use'}"
+    measured = f"IoU {rows[0].iou:.2f}" if rows[0].iou == rows[0].iou else "no truth"
+    picture = jpeg(row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
+    return NegativeScores(mesh.name, kind or "unknown", split, look, six, every, rows, picture)

@@ -22,8 +22,8 @@ def scored(x: Looked, **changed: np.ndarray) -> NegativeScores:
     found = projected(x)
     if changed:
         found = replace(found, tasks=tuple(replace(one, **changed) for one in found.tasks))
-    return negative_affordance_score.run(x.spec, x.mesh, x.parts, x.views, x.candidates, x.told, true_scores(x), found,
-                                         negative_affordance_score.Params())  # fmt: skip
+    return negative_affordance_score.run(x.mesh, x.parts, x.views, x.candidates, x.told, true_scores(x), found,
+                                         negative_affordance_score.Params(), x.spec)  # fmt: skip
 
 
 def rows(found: NegativeScores, method: str) -> list[NegativeScore]:

@@ -39,7 +39,7 @@ class Source:
     """The videos of a source folder."""
 
     kind: str
-    """epic or own"""
+    """epic, own, or meshes (afford/meshes/discover.py)"""
     name: str
     """name of the folder"""
     videos: tuple[FileTree, ...]
