@@ -9,17 +9,13 @@ and docs/pictures/twohands.jpg. Without --ablation the ablation's part stays as 
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
+from benchmarks.pages import ROOT, into, make
 from stages import ablation_report
 
-ROOT = Path(__file__).resolve().parent.parent
-MARK, END = "<!-- {}: written by benchmarks/bench_twohands.py -->", "<!-- end of {} -->"
+SELF = Path(__file__).name
 METHODS = (("small", "small"), ("small_text_removed", "small, not told the task"),
            ("small_text_shuffled", "small, told another task"), ("whole_object", "whole object (oracle)"),
            ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
@@ -28,14 +24,6 @@ MEASURES = (("iou", "IoU"), ("precision", "precision"), ("map", "mAP"), ("hd_px"
 GROUPS = (("", "kitchens"), ("known.", "kitchens, kinds of things that training showed"),
           ("new.", "kitchens, kinds and uses that training never showed"), ("text_decides.", "kitchens where the text decides"),
           ("hands_from_image.", "hand not in the text"), ("shift.", "workshop and desk"))  # fmt: skip
-
-
-def make(target: str, store: str | None, *more: str) -> dict[str, Any]:
-    """The JSON summary of a target."""
-    command = [sys.executable, str(ROOT / "pipeline.py"), "run", target, "--json", *more, *(["--store", store] if store else [])]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
-    return found
 
 
 def table(metrics: dict[str, float], prefix: str) -> str:
@@ -60,15 +48,6 @@ def benchmark_text(metrics: dict[str, float]) -> str:
     return f"{metrics['ms_per_image']:.0f} ms an image on one core.\n\n" + "".join(parts)
 
 
-def into(page: Path, name: str, block: str) -> None:
-    """Replace what stands between the two markers of a page."""
-    start, end = MARK.format(name), END.format(name)
-    before, found, rest = page.read_text().partition(start)
-    if not found or end not in rest:
-        raise SystemExit(f"{page}: expected the marks of the part {name}")
-    page.write_text(f"{before}{start}\n{block}{end}{rest.partition(end)[2]}")
-
-
 def main() -> None:
     """Measure, then write."""
     parser = argparse.ArgumentParser()
@@ -81,16 +60,16 @@ def main() -> None:
     trained = make("train", asked.store)
     if trained["ran"].get("model_train"):
         stills = "its stills included" if trained["ran"].get("still_render") else "its stills made before"
-        into(page, "training", f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
+        into(page, "training", SELF, f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
     found = make("benchmark", asked.store)
-    into(page, "benchmark", benchmark_text(found["metrics"]))
-    into(readme, "twohands", table(found["metrics"], ""))
+    into(page, "benchmark", SELF, benchmark_text(found["metrics"]))
+    into(readme, "twohands", SELF, table(found["metrics"], ""))
     sheet = Path(found["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
     if asked.ablation:
         plan = ("--set", f"ablation_report.rows={asked.rows}", "--set", f"ablation_report.seeds={asked.seeds}")
         report = Path(make("ablation", asked.store, *plan)["outputs"]["report"])
-        into(page, "ablation", (report / "ablation.md").read_text().partition("\n\n")[2])
+        into(page, "ablation", SELF, (report / "ablation.md").read_text().partition("\n\n")[2])
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ import numpy as np
 from afford.backends.describe.lexicon import TASKS, rule
 from afford.objects.build import BUILDERS
 from afford.objects.split import UNSEEN
+from benchmarks.pages import ROOT, into
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "negative-affordance.md"
-MARK, END = "<!-- {}: written by benchmarks/negative_table.py -->", "<!-- end of {} -->"
+PAGE = ROOT / "docs" / "negative-affordance.md"
 
 
 def categories() -> str:
@@ -42,18 +42,10 @@ def _list(parts: tuple[str, ...]) -> str:
     return ", ".join(parts) or "nothing"
 
 
-def into(page: str, name: str, block: str) -> str:
-    """The page with another block between the two marks; SystemExit where they are missing."""
-    start, end = MARK.format(name), END.format(name)
-    before, found, rest = page.partition(start)
-    if not found or end not in rest:
-        raise SystemExit(f"docs/negative-affordance.md: expected the marks of the part {name}")
-    return f"{before}{start}\n{block}{end}{rest.partition(end)[2]}"
-
-
 def main() -> None:
     """Replace both tables."""
-    PAGE.write_text(into(into(PAGE.read_text(), "categories", categories()), "tasks", tasks()))
+    into(PAGE, "categories", Path(__file__).name, categories())
+    into(PAGE, "tasks", Path(__file__).name, tasks())
 
 
 if __name__ == "__main__":

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from pipeline import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
 from stages import (
@@ -18,6 +20,13 @@ from stages import (
     view_render,
 )
 
+FEW = dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category", "unseen_per_category"), 1)
+SMALL = Settings(object_plan=replace(Settings.object_plan, categories=("screwdriver",), **FEW),
+                 object_build=replace(Settings.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
+                 view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
+                 mask_propose=replace(Settings.mask_propose, least_px=12),
+                 scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
+"""the whole chain in some seconds"""
 VIEWS = view_render.Params(size_px=96, directions=64, most=8)
 
 

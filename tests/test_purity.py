@@ -41,6 +41,7 @@ from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_meshes import as_object, cup
+from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
@@ -171,13 +172,7 @@ def negatives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store in which a scorer was trained on one screwdriver and asked about another."""
     store = tmp_path_factory.mktemp("negatives")
     use_kernel_cache(ROOT, store)
-    few = dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category", "unseen_per_category"), 1)
-    small = Settings(object_plan=replace(Settings.object_plan, categories=("screwdriver",), **few),
-                     object_build=replace(Settings.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
-                     view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
-                     mask_propose=replace(Settings.mask_propose, least_px=12),
-                     scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))
-    graph = build("negative-affordance", Origin("tiny"), small)
+    graph = build("negative-affordance", Origin("tiny"), SMALL)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "negative-affordance")
     assert report.ok, report.failures
     return store

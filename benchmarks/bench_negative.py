@@ -1,0 +1,32 @@
+"""Find out where a hand must not go on objects with known parts, and write how right it is where people read it.
+
+    PYTHONPATH=. python benchmarks/bench_negative.py [--store DIR]
+
+Writes the results block of docs/negative-affordance.md and docs/pictures/negative.jpg. Nothing in those is typed by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+
+from benchmarks.pages import ROOT, into, make
+
+
+def main() -> None:
+    """Measure, then write."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--store")
+    found = make("negative-affordance", parser.parse_args().store)
+    report = Path(found["outputs"]["report"])
+    took = f"`make negative-affordance` took {found['seconds'] / 60:.1f} minutes on this machine, the scorer's training included; "
+    trained = took if found["ran"].get("scorer_train") else ""
+    head = f"{trained}{found['metrics']['cpu_s_per_object']:.1f} CPU seconds an object.\n\n"
+    into(ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name,
+         head + (report / "report.md").read_text().partition("\n\n")[2])  # fmt: skip
+    shutil.copyfile(report / "sheet.jpg", ROOT / "docs" / "pictures" / "negative.jpg")
+
+
+if __name__ == "__main__":
+    main()
