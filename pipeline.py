@@ -45,6 +45,7 @@ from stages import (
     mesh_texture,
     model_train,
     narration_labelling,
+    negative_affordance_files,
     negative_affordance_projection,
     negative_affordance_report,
     negative_affordance_score,
@@ -406,8 +407,10 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
                     scores=fit, params=p.negative_affordance_projection)
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     descriptions=told, scores=fit, found=found, params=p.negative_affordance_score, **known)
+    files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
+                    params=negative_affordance_files.Params())
     report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
-    g.target("negative-affordance", report, record_run(g, "negative_affordance_report", report))
+    g.target("negative-affordance", files, report, record_run(g, "negative_affordance_report", report))
 
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,

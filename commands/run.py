@@ -109,6 +109,9 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["model"] = str(publish(runner, digest, store / "models" / place.name))
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "negative_affordance_files":
+                publish(runner, digest, store / "negative" / place.name / clip)
+                out["negative"] = str(store / "negative" / place.name)
             elif stage == "scene_render":
                 parts = dict(runner.children(digest) or ())
                 for part in ("files", "truth"):
