@@ -2,7 +2,8 @@
 
     PYTHONPATH=. python benchmarks/bench_negative.py [--store DIR]
 
-Writes the results block of docs/negative-affordance.md and docs/pictures/negative.jpg. Nothing in those is typed by hand.
+Writes the results block of docs/negative-affordance.md, the table of the README and docs/pictures/negative.jpg. Nothing in those is
+typed by hand.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ def main() -> None:
     report = Path(found["outputs"]["report"])
     took = f"`make negative-affordance` took {found['seconds'] / 60:.1f} minutes on this machine, the scorer's training included; "
     trained = took if found["ran"].get("scorer_train") else ""
+    text = (report / "report.md").read_text().partition("\n\n")[2]
     head = f"{trained}{found['metrics']['cpu_s_per_object']:.1f} CPU seconds an object.\n\n"
-    into(ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name,
-         head + (report / "report.md").read_text().partition("\n\n")[2])  # fmt: skip
+    into(ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name, head + text)
+    into(ROOT / "README.md", "negative", Path(__file__).name, f"{text.split(chr(10) * 2)[1]}\n")
     shutil.copyfile(report / "sheet.jpg", ROOT / "docs" / "pictures" / "negative.jpg")
 
 
