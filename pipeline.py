@@ -52,6 +52,7 @@ from stages import (
     object_build,
     object_completion,
     object_plan,
+    object_record,
     part_describe,
     part_lessons,
     predict_cases,
@@ -409,8 +410,10 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
                     descriptions=told, scores=fit, found=found, params=p.negative_affordance_score, **known)
     files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())
+    record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
+                    params=object_record.Params(), ctx=g.ctx)
     report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
-    g.target("negative-affordance", files, report, record_run(g, "negative_affordance_report", report))
+    g.target("negative-affordance", files, record, report, record_run(g, "negative_affordance_report", report))
 
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,

@@ -99,7 +99,7 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
             elif stage == "benchmark_set":
                 out["benchmark"] = str(publish(runner, digest, store / "benchmarks" / place.name))
-            elif stage == "clip_record":
+            elif stage in ("clip_record", "object_record"):
                 publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage.startswith("record_"):

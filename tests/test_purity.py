@@ -65,7 +65,8 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
              **dict.fromkeys(("object_plan", "object_build"), "objects"),
              **dict.fromkeys(("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
-                              "negative_affordance_files", "negative_affordance_score", "negative_affordance_report"),
+                              "negative_affordance_files", "object_record", "negative_affordance_score",
+                              "negative_affordance_report"),
                              "negatives"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""

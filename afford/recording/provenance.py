@@ -10,6 +10,8 @@ from afford.codecs.kinds import kind_of, schema_version
 from afford.recording.content import Recording
 from schemas.clip import Clip
 from schemas.files import FileTree
+from schemas.mesh import ObjectViews
+from schemas.negative import NegativeAffordances
 from schemas.video import Frames
 
 
@@ -27,6 +29,16 @@ def of_files(recording: Recording, stage: str, files: FileTree) -> Recording:
     record = {"stage": stage, "files": files.name, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(files)}  # fmt: skip
     return replace(recording, metadata={**recording.metadata, f"provenance/{stage}": record})
+
+
+def of_object(recording: Recording, views: ObjectViews, found: NegativeAffordances) -> Recording:
+    """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
+    more = {}
+    for stage, value in (("view_render", views), ("negative_affordance_projection", found)):
+        kind = kind_of(value)
+        more[f"provenance/{stage}"] = {"stage": stage, "object": views.name, "schema": kind, "schema_version": schema_version(kind),
+                                       "artifact": digest(value)}  # fmt: skip
+    return replace(recording, metadata={**recording.metadata, **more})
 
 
 def of_clip(clip: Clip) -> dict[str, dict[str, str]]:

@@ -1,4 +1,5 @@
-"""A contact sheet of recordings: frame, masks, hands removed, complete objects, affordance and words, side by side."""
+"""A contact sheet of recordings: of clips, frame, masks, hands removed, complete objects, affordance and words, side by side; of
+objects, views, candidates and where a hand must not go (object_sheet.py)."""
 
 from __future__ import annotations
 
@@ -7,15 +8,16 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from afford.recording import of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
 from afford.recording.moments import Moment, moments
+from afford.recording.object_sheet import is_object, strips_of
+from afford.recording.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
 
-TILE_W, TEXT_W, HEAD, GAP = 304, 250, 30, 4
-BACK, INK, FAINT = (24, 26, 30), (236, 238, 240), (150, 156, 164)
+TEXT_W = 250
+FAINT = (150, 156, 164)
 WORDS_PER_LINE = 30
 INPAINTED = f"{of_inpainted.ROOM}/image"
 COLUMNS = (
@@ -31,13 +33,14 @@ STATE = f"{of_affordances.ROOM}/state"
 
 def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
     """Write a PNG with about `rows` rows spread over the recordings; ValueError when there is no picture in any."""
+    if objects := [path for path in paths if is_object(path)]:
+        return write_page(out, [strip for path in objects for strip in strips_of(path)])
     each = max(1, rows // len(paths))
     found = [(path, moment) for path in paths for moment in _chosen(path, each)]
     if not found:
         raise ValueError(f"{paths[0]}: expected pictures on {of_frames.IMAGE}, got none")
     strips = [_row(path.stem, moment) for path, moment in found]
-    out.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.concatenate([_titles(strips[0].shape[1]), *strips])).save(out)
+    write_page(out, [titles([title for title, _, _ in COLUMNS] + ["task"], strips[0].shape[1]), *strips])
 
 
 def _chosen(path: Path, rows: int) -> list[Moment]:
@@ -50,33 +53,11 @@ def _chosen(path: Path, rows: int) -> list[Moment]:
 
 
 def _row(name: str, moment: Moment) -> np.ndarray:
-    tiles = [_tile(moment, picture, overlay) for _, picture, overlay in COLUMNS]
+    tiles = [tile_of(moment, picture, overlay) for _, picture, overlay in COLUMNS]
     height = max(tile.shape[0] for tile in tiles if tile is not None)
     blank = np.full((height, TILE_W, 3), BACK, np.uint8)
     shown = [blank if tile is None else tile for tile in tiles] + [_words(name, moment, height)]
-    return np.concatenate([_framed(tile) for tile in shown], axis=1)
-
-
-def _tile(moment: Moment, picture: str, overlay: str) -> np.ndarray | None:
-    """One picture with its overlay, (h, TILE_W, 3); None when the moment does not have it."""
-    image = moment.picture(picture)
-    if image is None:
-        return None
-    layer = moment.picture(overlay) if overlay else None
-    if layer is not None:
-        image = _outlined(image, layer)
-    return cv2.resize(image, (TILE_W, round(image.shape[0] * TILE_W / image.shape[1])), interpolation=cv2.INTER_AREA)
-
-
-def _outlined(image: np.ndarray, layer: np.ndarray) -> np.ndarray:
-    """Lay an RGBA overlay over a picture, with its edges drawn at full strength."""
-    alpha = layer[..., 3:].astype(np.float32) / 255
-    mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
-    code = layer[..., :3].astype(np.int32) @ np.array([65536, 256, 1]) * (layer[..., 3] > 0)
-    edge = cv2.morphologyEx(code.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
-    edge &= layer[..., 3] > 0
-    mixed[edge] = layer[..., :3][edge]
-    return mixed
+    return np.concatenate([framed(tile) for tile in shown], axis=1)
 
 
 def _words(name: str, moment: Moment, height: int) -> np.ndarray:
@@ -102,15 +83,3 @@ def _lines(name: str, moment: Moment, state: Any) -> list[tuple[str, int, tuple[
         verdict = f"quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}".replace("_", " ")
         said += [(state.taxonomy.replace("_", " "), 14, INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
     return said
-
-
-def _titles(width: int) -> np.ndarray:
-    page = Image.new("RGB", (width, HEAD), BACK)
-    draw = ImageDraw.Draw(page)
-    for n, title in enumerate([title for title, _, _ in COLUMNS] + ["task"]):
-        draw.text((n * (TILE_W + GAP) + 8, 6), title, fill=INK, font=ImageFont.load_default(15))
-    return np.asarray(page)
-
-
-def _framed(tile: np.ndarray) -> np.ndarray:
-    return cv2.copyMakeBorder(tile, 0, GAP, 0, GAP, cv2.BORDER_CONSTANT, value=BACK)

@@ -1,0 +1,45 @@
+"""The contact sheet of an object: its six views, the candidates of each, and where a hand must not go, task by task."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+
+from afford.recording.moments import moments
+from afford.recording.of_object import CANDIDATES, ROOM, VIEW
+from afford.recording.tiles import framed, tile_of, titles
+
+SIX, SIDE, TASKS = 6, 190, 4
+"""views, width of a tile in px, tasks at most"""
+
+
+def is_object(path: Path) -> bool:
+    """Whether a recording is of an object and not of a clip."""
+    return VIEW in _topics(path)
+
+
+def strips_of(path: Path) -> list[np.ndarray]:
+    """A line of titles, then for views, candidates and each task a strip of six views."""
+    shown = list(moments(path))[:SIX]
+    tasks = sorted(topic for topic in _topics(path) if topic.startswith(f"{ROOM}/") and topic.endswith("/overlay"))[:TASKS]
+    layers = {path.stem: "", "candidates": CANDIDATES, **{_task(topic): topic for topic in tasks}}
+    strips = []
+    for title, overlay in layers.items():
+        shades = overlay.startswith(ROOM)
+        tiles = [framed(t) for moment in shown if (t := tile_of(moment, VIEW, overlay, SIDE, not shades)) is not None]
+        strip = np.concatenate(tiles, axis=1)
+        strips += [titles([title], strip.shape[1], SIDE), strip]
+    return strips
+
+
+def _task(topic: str) -> str:
+    """/negative_affordance/0_cut_bread/overlay -> not to be touched to: cut bread."""
+    return "not to be touched: " + topic.split("/")[2].partition("_")[2].replace("_", " ")
+
+
+def _topics(path: Path) -> set[str]:
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    return {channel.topic for channel in summary.channels.values()} if summary else set()

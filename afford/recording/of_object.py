@@ -1,0 +1,101 @@
+"""An object and what was found on it -> its views, candidates, scores, and where a hand must not go, as pictures and clouds.
+
+An object has no media time: view n comes n milliseconds after the fixed base of all recordings, what is said of the whole object
+with the first view.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+from afford.encode import png
+from afford.negative.files import colours, slug
+from afford.palette import Palette
+from afford.recording.content import EPOCH_NS, Channel, Message, Recording
+from afford.recording.own_types import Document
+from afford.recording.pictures import PNG, jpeg, overlay_png
+from afford.recording.topics import channel, image, image_channel, log, stamped
+from schemas.mesh import ObjectViews
+from schemas.negative import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+
+VIEW, CANDIDATES, SCORES = "/view_render/image", "/mask_propose/overlay", "/mask_score/scores"
+NOTES, NOTES_LOG = "/part_describe/notes", "/part_describe/log"
+ROOM = "/negative_affordance"
+STEP_NS = 1_000_000
+SHOWN: Palette = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0), (204, 121, 167))
+"""candidates in one picture, the most striking first (Okabe and Ito's colours)"""
+OPACITY = 150
+FRAME = "object"
+"""frame_id of clouds: the frame of the mesh, metres"""
+
+
+def record(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
+           found: NegativeAffordances) -> Recording:  # fmt: skip
+    """Everything about one object."""
+    rooms = [f"{ROOM}/{number}_{slug(one.task)}" for number, one in enumerate(found.tasks)]
+    channels: list[Channel] = [image_channel(VIEW, views=list(views.views)), image_channel(CANDIDATES), channel(SCORES, Document),
+                               channel(NOTES, Document), channel(NOTES_LOG, Log)]  # fmt: skip
+    for room, one in zip(rooms, found.tasks, strict=True):
+        channels += [image_channel(f"{room}/overlay", task=one.task), channel(f"{room}/points", PointCloud),
+                     channel(f"{room}/N_t", PointCloud)]  # fmt: skip
+    return Recording(tuple(channels), _messages(views, candidates, told, scores, found, rooms))
+
+
+def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
+              found: NegativeAffordances, rooms: list[str]) -> Iterator[Message]:  # fmt: skip
+    yield from _words(told)
+    for room, one in zip(rooms, found.tasks, strict=True):
+        yield cloud(f"{room}/points", found.points, one.negative)
+        yield cloud(f"{room}/N_t", one.N_t, np.ones(len(one.N_t), bool))
+    for view in range(len(views.views)):
+        time_ns, mine = EPOCH_NS + view * STEP_NS, np.flatnonzero(candidates.view == view)
+        yield image(VIEW, time_ns, jpeg(views.rgb[view]), "jpeg")
+        yield image(CANDIDATES, time_ns, overlay_png(candidates.masks[mine[: len(SHOWN)]][::-1], SHOWN[: len(mine)][::-1]))
+        yield _document(SCORES, time_ns, views.views[view], _scored(mine, candidates, told, scores))
+        for room, one in zip(rooms, found.tasks, strict=True):
+            yield image(f"{room}/overlay", time_ns, _overlay(views.face[view], one))
+
+
+def cloud(topic: str, points: np.ndarray, negative: np.ndarray) -> Message:
+    """Points (n, 3) with their labels (n,) as colours: red where a hand must not go."""
+    rows = np.empty(len(points), [("xyz", "<f4", 3), ("rgba", "u1", 4)])
+    rows["xyz"], rows["rgba"] = points, colours(negative.astype(np.float32))
+    kind = PackedElementField.NumericType
+    fields = [PackedElementField(name=axis, offset=4 * k, type=kind.Value("FLOAT32")) for k, axis in enumerate("xyz")]
+    fields += [PackedElementField(name=name, offset=12 + k, type=kind.Value("UINT8"))
+               for k, name in enumerate(("red", "green", "blue", "alpha"))]  # fmt: skip
+    message = PointCloud(frame_id=FRAME, point_stride=rows.itemsize, fields=fields, data=rows.tobytes())
+    message.pose.orientation.w = 1.0
+    return stamped(topic, EPOCH_NS, message)
+
+
+def _words(told: PartDescriptions) -> Iterator[Message]:
+    tasks = [{"task": one.task, "category": one.category, "notes": [vars(note) for note in one.notes]} for one in told.descriptions]
+    yield _document(NOTES, EPOCH_NS, told.name, tasks)
+    for one in told.descriptions:
+        bad = ", ".join(note.part for note in one.notes if note.role == "negative") or "nothing"
+        yield log(NOTES_LOG, EPOCH_NS, f"{one.category}, {one.task or 'any use'}: not {bad}", told.name)
+
+
+def _scored(mine: np.ndarray, candidates: PartCandidates, told: PartDescriptions, scores: PartScores) -> list[dict[str, object]]:
+    """Candidates of a view with how well they fit the parts; a part that several tasks speak of is told once."""
+    column = {note.part: k for k, note in enumerate(told.notes)}
+    return [{"area_px": int(candidates.masks[n].sum()), "quality": round(float(candidates.quality[n]), 4),
+             "share": {part: round(float(scores.share[n, k]), 4) for part, k in column.items()}} for n in mine]  # fmt: skip
+
+
+def _document(topic: str, time_ns: int, name: str, value: object) -> Message:
+    return stamped(topic, time_ns, Document(name=name, media_type="application/json", text=json.dumps(value, sort_keys=True)))
+
+
+def _overlay(face: np.ndarray, one: NegativeAffordance) -> bytes:
+    """Transparent beside the object; on it from green to red."""
+    paint = colours(np.append(one.probability, np.float32(0)))
+    paint[:, 3], paint[-1] = OPACITY, 0
+    return png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()

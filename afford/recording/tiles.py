@@ -1,0 +1,60 @@
+"""What contact sheets are made of: a picture with its overlay, titles, gaps, a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from afford.recording.moments import Moment
+
+TILE_W, HEAD, GAP = 304, 30, 4
+BACK, INK = (24, 26, 30), (236, 238, 240)
+
+
+def tile_of(moment: Moment, picture: str, overlay: str, width: int = TILE_W, edges: bool = True) -> np.ndarray | None:
+    """One picture with its overlay, (h, width, 3); None when the moment does not have it. `edges`: drawn at full strength."""
+    image = moment.picture(picture)
+    if image is None:
+        return None
+    layer = moment.picture(overlay) if overlay else None
+    if layer is not None:
+        image = _laid(image, layer, edges)
+    return cv2.resize(image, (width, round(image.shape[0] * width / image.shape[1])), interpolation=cv2.INTER_AREA)
+
+
+def titles(words: Sequence[str], width: int, step: int = TILE_W) -> np.ndarray:
+    """A line of titles, one over each tile."""
+    page = Image.new("RGB", (width, HEAD), BACK)
+    draw = ImageDraw.Draw(page)
+    for n, title in enumerate(words):
+        draw.text((n * (step + GAP) + 8, 6), title, fill=INK, font=ImageFont.load_default(15))
+    return np.asarray(page)
+
+
+def framed(tile: np.ndarray) -> np.ndarray:
+    """A tile with a gap to the right and below."""
+    return cv2.copyMakeBorder(tile, 0, GAP, 0, GAP, cv2.BORDER_CONSTANT, value=BACK)
+
+
+def write_page(out: Path, strips: Sequence[np.ndarray]) -> None:
+    """Strips below each other as a PNG; narrower ones are filled up."""
+    width = max(strip.shape[1] for strip in strips)
+    wide = [cv2.copyMakeBorder(strip, 0, 0, 0, width - strip.shape[1], cv2.BORDER_CONSTANT, value=BACK) for strip in strips]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.concatenate(wide)).save(out)
+
+
+def _laid(image: np.ndarray, layer: np.ndarray, edges: bool) -> np.ndarray:
+    """Lay an RGBA overlay over a picture."""
+    alpha = layer[..., 3:].astype(np.float32) / 255
+    mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
+    if edges:
+        code = layer[..., :3].astype(np.int32) @ np.array([65536, 256, 1]) * (layer[..., 3] > 0)
+        edge = cv2.morphologyEx(code.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+        edge &= layer[..., 3] > 0
+        mixed[edge] = layer[..., :3][edge]
+    return mixed
