@@ -16,17 +16,25 @@ from dataclasses import dataclass
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates
 
-LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex")
+LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex", "torch", "transformers")
 THREADS = 1
 MEMORY_GIB = 1.0
 
-BACKENDS = {"regions": "afford.backends.candidates.regions:propose"}
+BACKENDS = {"regions": "afford.backends.candidates.regions:propose", "sam": "afford.backends.candidates.sam:propose"}
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "regions"
-    """regions"""
+    """regions or sam"""
+    model: str = ""
+    """sam: folder or hub id of a SamModel"""
+    grid: int = 16
+    """sam: points along each side of a view; 32 in the released code"""
+    least_iou: float = 0.88
+    """sam: IoU that the model predicts for a mask"""
+    least_stability: float = 0.7
+    """sam: IoU of a mask cut a little above and below its threshold"""
     nms_iou: float = 0.7
     """of two masks of a view that overlap more, the better one is kept"""
     most: int = 20

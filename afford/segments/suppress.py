@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from schemas.negative import PartCandidates
+
 
 def suppress(masks: np.ndarray, quality: np.ndarray, iou: float, most: int) -> np.ndarray:
     """(k,) indices of masks (m, ...) bool, best first, of which no two overlap by more than `iou`; at most `most`.
@@ -24,3 +26,10 @@ def suppress(masks: np.ndarray, quality: np.ndarray, iou: float, most: int) -> n
 def _overlap(a: np.ndarray, b: np.ndarray, size_a: int, size_b: int) -> float:
     both = int(np.count_nonzero(a & b))
     return both / max(size_a + size_b - both, 1)
+
+
+def collected(name: str, found: list[tuple[int, np.ndarray, float]], size: tuple[int, ...]) -> PartCandidates:
+    """(view, mask, quality) of all views as one value."""
+    masks = np.stack([mask for _, mask, _ in found]) if found else np.zeros((0, *size), bool)
+    quality = np.array([quality for *_, quality in found], np.float32).clip(0, 1)
+    return PartCandidates(name, np.array([view for view, _, _ in found], np.int16), masks, quality)

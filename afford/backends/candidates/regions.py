@@ -9,7 +9,7 @@ import numpy as np
 from afford.segments.borders import Borders, Weights
 from afford.segments.features import Features
 from afford.segments.oversegment import oversegment
-from afford.segments.suppress import suppress
+from afford.segments.suppress import collected, suppress
 from afford.segments.tree import Tree, grow
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates
@@ -30,7 +30,7 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates
         shown = np.flatnonzero((nodes @ size >= params.least_px) & (nodes @ size <= params.most_share * size.sum()))
         masks = np.pad(nodes[shown], ((0, 0), (0, 1)))[:, region]
         found += [(view, masks[k], float(quality[shown[k]])) for k in suppress(masks, quality[shown], params.nms_iou, params.most)]
-    return _candidates(mesh.name, found, views.face.shape[1:])
+    return collected(mesh.name, found, views.face.shape[1:])
 
 
 def regions(mesh: ObjectMesh, least: float) -> Tree:
@@ -38,9 +38,3 @@ def regions(mesh: ObjectMesh, least: float) -> Tree:
     features = Features.of(mesh)
     borders = Borders.of(mesh.vertices, mesh.faces, features, Weights())
     return grow(oversegment(borders, features.area, FINEST, least / 2), borders, features)
-
-
-def _candidates(name: str, found: list[tuple[int, np.ndarray, float]], size: tuple[int, ...]) -> PartCandidates:
-    masks = np.stack([mask for _, mask, _ in found]) if found else np.zeros((0, *size), bool)
-    return PartCandidates(name, np.array([view for view, _, _ in found], np.int16), masks,
-                          np.array([quality for *_, quality in found], np.float32))  # fmt: skip
