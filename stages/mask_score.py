@@ -2,7 +2,8 @@
 
 Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer
 Writes  PartScores: which share of each candidate shows the part, and how well they overlap
-Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all
+Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all; `clip` is the paper's
+        recipe, with a local model
 Fails   when the scorer's files cannot be read
 Paper   AffordDex, negative affordance: CLIP picks the mask that fits best, one in every view
 """
@@ -15,17 +16,21 @@ from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates, PartDescriptions, PartScores
 
-LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "embreex")
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "embreex", "transformers", "tokenizers")
 THREADS = 1
 MEMORY_GIB = 1.0
 
-BACKENDS = {"parts": "afford.backends.score.parts:score"}
+BACKENDS = {"parts": "afford.backends.score.parts:score", "clip": "afford.backends.score.clip:score"}
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "parts"
-    """parts"""
+    """parts or clip"""
+    model: str = ""
+    """clip: folder that holds clip/, as save_pretrained writes it, with its tokenizer.json"""
+    least_cosine: float = -1.0
+    """clip: a candidate that fits no part better fits nothing; -1 for none"""
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,

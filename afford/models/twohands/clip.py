@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -50,14 +51,18 @@ class Clip(TwoHands):
 
     def _read(self, tasks: tuple[str, ...], device: torch.device) -> Tensor:
         """(b, projection_dim): the embedding of each task, cut to what CLIP reads."""
-        text = self.clip.config.text_config
-        rows = [self.tokens.encode(task if self.config.text else "")[: text.max_position_embeddings - 2] for task in tasks]
-        begin, end = text_ends(self.tokens, text)
-        longest = max(map(len, rows)) + 2
-        ids = torch.tensor([[begin, *row] + [end] * (longest - 1 - len(row)) for row in rows], device=device)
-        lengths = torch.tensor([len(row) + 2 for row in rows], device=device)
-        keep = (torch.arange(longest, device=device) < lengths[:, None]).long()
-        return self.clip.text_projection(self.clip.text_model(ids, attention_mask=keep).pooler_output)
+        ids, keep = text_batch(self.tokens, self.clip.config.text_config, [task if self.config.text else "" for task in tasks])
+        return self.clip.text_projection(self.clip.text_model(ids.to(device), attention_mask=keep.to(device)).pooler_output)
+
+
+def text_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
+    """(b, n) ids and (b, n) 1 where they count, as CLIP's text tower reads them; what is too long is cut."""
+    rows = [tokens.encode(text)[: config.max_position_embeddings - 2] for text in texts]
+    begin, end = text_ends(tokens, config)
+    longest = max(map(len, rows)) + 2
+    ids = torch.tensor([[begin, *row] + [end] * (longest - 1 - len(row)) for row in rows])
+    lengths = torch.tensor([len(row) + 2 for row in rows])
+    return ids, (torch.arange(longest) < lengths[:, None]).long()
 
 
 def text_ends(tokens: Tokens, config: Any) -> tuple[int, int]:

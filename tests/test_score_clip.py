@@ -1,0 +1,60 @@
+"""The real CLIP code on a tiny random model: shares compete within a task, and the picture shows the mask sharp."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.backends.score.clip import highlighted
+from schemas.files import FileTree
+from stages import mask_score
+from tests.made_objects import looked, projected
+from tests.tiny_models import save_backbones
+
+NONE = FileTree("none", ())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_backbones(tmp_path_factory.mktemp("tiny"))
+
+
+def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
+    """Shares of each task sum to 1; cosines lie in 0..1; the surface can be found with them."""
+    x = looked()
+    params = mask_score.Params("clip", model=str(folder))
+    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
+    sizes = [len(one.notes) for one in x.told.descriptions]
+    for part in np.split(found.share, np.cumsum(sizes)[:-1], axis=1):
+        assert part.sum(1) == pytest.approx(1, abs=1e-5)
+    assert found.share.shape == (len(x.candidates.view), sum(sizes)) and 0 <= found.overlap.min() <= found.overlap.max() <= 1
+    assert np.ptp(found.overlap, axis=1).max() > 1e-6 and np.ptp(found.overlap, axis=0).max() > 1e-6  # words and masks matter
+    assert len(projected(x, found).tasks) == len(sizes)
+
+
+def test_what_fits_nothing_has_no_share(folder: Path) -> None:
+    """Above the largest cosine nothing is left."""
+    x = looked()
+    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip", str(folder), least_cosine=1.1))
+    assert not found.share.any()
+
+
+def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
+    """No notes, no columns; and a model must be named."""
+    x = looked()
+    silent = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=()),))
+    assert mask_score.run(x.mesh, x.views, x.candidates, silent, NONE, mask_score.Params("clip", str(folder))).share.shape[1] == 0
+    with pytest.raises(ValueError, match="needs a model"):
+        mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip"))
+
+
+def test_the_mask_is_sharp_and_the_rest_is_not() -> None:
+    """Pixels inside are those of the view; outside a checkerboard goes grey."""
+    board = (np.indices((64, 64)).sum(0) % 2 * 255).astype(np.uint8)
+    rgb, mask = np.repeat(board[..., None], 3, -1), np.zeros((64, 64), bool)
+    mask[20:40, 20:40] = True
+    shown = highlighted(rgb, mask)
+    assert np.array_equal(shown[mask], rgb[mask]) and np.abs(shown[~mask].astype(int) - 127).max() < 3
