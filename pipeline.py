@@ -407,7 +407,8 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,
                     scores=fit, params=p.negative_affordance_projection)
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
-                    descriptions=told, scores=fit, found=found, params=p.negative_affordance_score, **known)
+                    descriptions=told, scores=fit, found=found, **known,
+                    params=replace(p.negative_affordance_score, threshold=p.negative_affordance_projection.threshold))
     files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())
     record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,

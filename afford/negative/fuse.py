@@ -6,9 +6,11 @@ Several candidates cover a pixel, small and large ones; those that are sure coun
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from schemas.negative import PartCandidates, PartDescription, PartScores
+from schemas.negative import PartCandidates, PartDescription, PartDescriptions, PartScores
 
 SHARPEN = 2.0
 """exponent of the scores before parts compete"""
@@ -28,6 +30,14 @@ def pixels(candidates: PartCandidates, scores: PartScores, description: PartDesc
         said[view][mask] += v * w
         weight[view][mask] += w
     return np.divide(said, weight, out=said, where=weight > 0), weight
+
+
+def by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
+    """Every description with the columns of the scores that are its own."""
+    at = 0
+    for one in descriptions.descriptions:
+        mine = slice(at, at := at + len(one.notes))
+        yield one, PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
 
 
 def judged(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.negative.distance import field
-from afford.negative.fuse import pixels
+from afford.negative.fuse import by_task, pixels
 from afford.negative.neighbours import fill
 from afford.negative.points import farthest, sample
 from afford.negative.votes import squareness, vote
@@ -34,10 +34,8 @@ def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, de
             wish: Wish) -> NegativeAffordances:  # fmt: skip
     """Where a hand must not go, for every task that is described."""
     points, face = sample(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
-    square, tasks, at = squareness(mesh, views), [], 0
-    for one in descriptions.descriptions:
-        mine = slice(at, at := at + len(one.notes))
-        said = PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
+    square, tasks = squareness(mesh, views), []
+    for one, said in by_task(descriptions, scores):
         value, weight = pixels(candidates, said, one, views.face.shape)
         voted, evidence = vote(views.face, value, weight * square, len(mesh.faces))
         probability = fill(mesh.vertices, mesh.faces, voted, evidence > 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.negative import baselines
+from afford.negative.fuse import by_task
 from afford.negative.points import sample
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
 from schemas.negative import NegativeAffordances, NegativeScore, PartCandidates, PartDescriptions, PartScores
@@ -21,10 +22,8 @@ def score(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Pa
     """Rows of all methods and tasks. `truth`: task -> names of its negative parts. Faces without a label do not count."""
     area = np.where(parts.part >= 0, views.visible_area, 0).astype(np.float64)
     face = sample(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
-    rows, at = list[NegativeScore](), 0
-    for one, told in zip(descriptions.descriptions, found.tasks, strict=True):
-        mine = slice(at, at := at + len(one.notes))
-        said = PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
+    rows = list[NegativeScore]()
+    for (one, said), told in zip(by_task(descriptions, scores), found.tasks, strict=True):
         true = np.isin(parts.part, [n for n, name in enumerate(parts.names) if name in truth[one.task]])
         answers = {
             "afford": told.probability > threshold,

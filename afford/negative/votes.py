@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.views.surface import areas
 from schemas.mesh import ObjectMesh, ObjectViews
 
 
@@ -24,9 +25,7 @@ def squareness(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
 
     Faces seen from behind (of an open surface) count as from before.
     """
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    normal = areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
     out = np.zeros(views.face.shape, np.float32)
     for one, face, K, T in zip(out, views.face, views.K, views.T_obj_cam, strict=True):
         y, x = np.nonzero(face >= 0)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from afford.views.rays import Rays
+from afford.views.surface import areas
 from schemas.mesh import ObjectMesh
 
 CONE = 7
@@ -32,11 +33,9 @@ class Features:
     def of(mesh: ObjectMesh) -> Features:
         """Of every face."""
         corner = mesh.vertices[mesh.faces].astype(np.float64)
-        cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        length = np.linalg.norm(cross, axis=1)
-        normal = cross / np.maximum(length, 1e-30)[:, None]
+        area, normal = areas(corner)
         middle = corner.mean(1)
-        return Features(middle, normal, length / 2, colours(mesh), thickness(mesh, middle, normal))
+        return Features(middle, normal, area, colours(mesh), thickness(mesh, middle, normal))
 
 
 def colours(mesh: ObjectMesh) -> np.ndarray:

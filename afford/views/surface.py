@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from afford.views.rays import Rays
 from schemas.mesh import ObjectMesh
+
+if TYPE_CHECKING:
+    from afford.views.rays import Rays
 
 POINTS = 4096
 """large faces get so many points, evenly over the area, that the whole has at least about this many; every face has one"""
@@ -28,7 +31,7 @@ class Surface:
     def of(mesh: ObjectMesh) -> Surface:
         """One point in the middle of each face; faces larger than a share of the whole are divided first."""
         corners = mesh.vertices[mesh.faces].astype(np.float64)
-        area, normal = _areas(corners)
+        area, normal = areas(corners)
         cuts = np.ceil(np.sqrt(area * POINTS / max(area.sum(), 1e-30))).clip(1, 256).astype(int)
         parts = [_spread(corners[cuts == n], np.flatnonzero(cuts == n), int(n)) for n in np.unique(cuts)]
         face = np.concatenate([part[1] for part in parts])
@@ -45,11 +48,6 @@ class Surface:
         return out
 
 
-def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(f,) float64 square metres."""
-    return _areas(vertices[faces].astype(np.float64))[0]
-
-
 def sphere(count: int) -> np.ndarray:
     """(count, 3) float64 unit vectors, evenly spread (Fibonacci lattice)."""
     n = np.arange(count) + 0.5
@@ -58,7 +56,8 @@ def sphere(count: int) -> np.ndarray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], -1)
 
 
-def _areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(f,) square metres and (f, 3) unit normals of triangles (f, 3, 3); the normal of what has no area is 0."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
     return length / 2, cross / np.maximum(length, 1e-30)[:, None]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from afford.views.surface import areas
 from schemas.mesh import ObjectMesh, ObjectViews
 
 SIZE = 48
@@ -25,9 +26,7 @@ class Cropper:
     """Views of one object, ready to be cut; what all masks of a view share is made once."""
 
     def __init__(self, mesh: ObjectMesh, views: ObjectViews) -> None:
-        corner = mesh.vertices[mesh.faces].astype(np.float64)
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        normal = areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
         self._normal, self._views, self._base = np.vstack([normal, [[0, 0, 0]]]), views, dict[int, np.ndarray]()
 
     def __call__(self, view: int, mask: np.ndarray) -> np.ndarray:
