@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from tests.command import Made
 from tests.tiny_source import write_source
 
 cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/test_worker.py)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what tests start
 
 ROOT = Path(__file__).resolve().parent.parent
 
