@@ -1,0 +1,1 @@
+"""Reinforcement learning: policies and PPO. Knows no hands and no objects."""
