@@ -124,6 +124,8 @@ class NegativeScore(Schema):
     recall: float = value("share of what is negative in truth that was said; NaN as iou")
     point_recall: float = value("the same, of the object's points, counted; NaN as iou")
     said: float = value("share of the visible surface that was said to be negative")
+    whole_object_taken: float = value("share of six views where the mask taken holds at least 0.9 of what is seen of the object; "
+                                      "NaN where no mask was taken, or the method takes none")  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ Reads   ObjectMesh; ObjectViews of the same mesh
 Writes  PartCandidates: masks by view, the most striking first
 Method  `regions` cuts the surface where it bends inwards, changes colour or thickness, merges regions of all scales and shows them
         in every view; `sam` asks a Segment Anything model at a grid of points (weights needed). No two masks of a view overlap by
-        more than `nms_iou`
+        more than `nms_iou`. `grid` does not segment: overlapping windows over six views, on which baselines stand
 Fails   when views and mesh do not fit together
 Paper   AffordDex, negative affordance: SAM on a 16 x 16 grid, non-maximum suppression at IoU 0.7
 """
@@ -20,13 +20,14 @@ LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex", "torch", "tr
 THREADS = 1
 MEMORY_GIB = 1.0
 
-BACKENDS = {"regions": "afford.backends.candidates.regions:propose", "sam": "afford.backends.candidates.sam:propose"}
+BACKENDS = {"regions": "afford.backends.candidates.regions:propose", "sam": "afford.backends.candidates.sam:propose",
+            "grid": "afford.backends.candidates.grid:propose"}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "regions"
-    """regions or sam"""
+    """regions, sam or grid"""
     model: str = ""
     """sam: folder or hub id of a SamModel"""
     grid: int = 16
@@ -36,15 +37,19 @@ class Params:
     least_stability: float = 0.7
     """sam: IoU of a mask cut a little above and below its threshold"""
     nms_iou: float = 0.7
-    """of two masks of a view that overlap more, the better one is kept"""
+    """regions, sam: of two masks of a view that overlap more, the better one is kept"""
     most: int = 20
-    """masks of a view"""
+    """regions, sam: masks of a view"""
     least_share: float = 0.004
     """regions: of the object's area, for a part"""
     most_share: float = 0.95
-    """of the object's area or of what a view shows of it, for a part"""
+    """regions, sam: of the object's area or of what a view shows of it, for a part"""
     least_px: int = 60
-    """pixels of a mask"""
+    """regions, sam: pixels of a mask"""
+    windows: int = 6
+    """grid: windows along each side of the square around the silhouette; they overlap by half"""
+    least_window: float = 0.02
+    """grid: of what a view shows of the object, in a window"""
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartCandidates:

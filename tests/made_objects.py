@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from afford.models.parts.lessons import truth
 from pipeline import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
@@ -27,6 +28,7 @@ SMALL = Settings(object_plan=replace(Settings.object_plan, categories=("screwdri
                  mask_propose=replace(Settings.mask_propose, least_px=12),
                  scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
 """the whole chain in some seconds"""
+GRID = mask_propose.Params(backend="grid")
 VIEWS = view_render.Params(size_px=96, directions=64, most=8)
 
 
@@ -39,6 +41,9 @@ class Looked(NamedTuple):
     views: ObjectViews
     candidates: PartCandidates
     told: PartDescriptions
+
+    def windows(self, params: mask_propose.Params = GRID) -> PartCandidates:
+        return mask_propose.run(self.mesh, self.views, params)
 
     def lessons(self, most: int = 60) -> PartLessons:
         return part_lessons.run(self.spec, self.mesh, self.parts, self.views, self.candidates, part_lessons.Params(most))
@@ -54,11 +59,10 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
     return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, part_describe.Params()))
 
 
-def true_scores(x: Looked) -> PartScores:
-    """What a scorer would say that is never wrong."""
-    lessons = x.lessons(most=10_000)
-    columns = [lessons.parts.index(note.part) for note in x.told.notes]
-    share, overlap = (np.ascontiguousarray(found[:, columns]) for found in (lessons.share, lessons.overlap))
+def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:
+    """What a scorer would say that is never wrong, of the object's candidates or of other masks in its views."""
+    columns = [x.parts.names.index(note.part) for note in x.told.notes]
+    share, overlap = (np.ascontiguousarray(found[:, columns]) for found in truth(x.parts, x.views, masks or x.candidates))
     return PartScores(x.mesh.name, share, overlap)
 
 

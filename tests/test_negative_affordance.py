@@ -44,6 +44,8 @@ def test_a_folder_of_meshes(tmp_path: Path) -> None:
     files = runner.store.load(report.outputs["negative_affordance_report"][0][1])
     metrics = json.loads(next(file.path for file in files.files if file.name == "metrics.json").read_text())
     assert metrics["objects"] == 2 and metrics["whole_object.given.recall"] == 1 and 0 <= metrics["given.iou"] <= 1
+    assert {"coarse_box.given.iou", "coarse_box.whole_object_taken", "clip_relevance.given.iou"} <= metrics.keys()
+    assert report.ran["object_windows"] == report.ran["window_score"] == 2
     text = next(file.path for file in files.files if file.name == "report.md").read_text()
     assert "| unknown | given |  |  |  |  |" in text and "| screwdriver | given | 0." in text
     assert not runner.run(build("negative-affordance", place, SMALL), "negative-affordance").ran

@@ -22,8 +22,9 @@ def scored(x: Looked, **changed: np.ndarray) -> NegativeScores:
     found = projected(x)
     if changed:
         found = replace(found, tasks=tuple(replace(one, **changed) for one in found.tasks))
-    return negative_affordance_score.run(x.mesh, x.parts, x.views, x.candidates, x.told, true_scores(x), found,
-                                         negative_affordance_score.Params(), x.spec)  # fmt: skip
+    windows = x.windows()
+    return negative_affordance_score.run(x.mesh, x.parts, x.views, x.candidates, x.told, true_scores(x), windows,
+                                         true_scores(x, windows), found, negative_affordance_score.Params(), x.spec)  # fmt: skip
 
 
 def rows(found: NegativeScores, method: str) -> list[NegativeScore]:
@@ -51,30 +52,40 @@ def test_where_nothing_is_negative_there_is_no_score() -> None:
     x = looked("pan")
     cold = [row for row in scored(x).rows if row.task == "carry the cold pan"]
     assert len(cold) == len(METHODS) and all(np.isnan(row.iou) and np.isnan(row.point_recall) for row in cold)
-    assert {row.said for row in cold if row.method in ("afford", "paper_recipe")} == {0.0}
+    assert {row.said for row in cold if row.method not in ("whole_object", "random_candidate")} == {0.0}
 
 
 def test_the_papers_recipe_always_takes_a_mask() -> None:
     """With true overlaps it finds much of the part; it also takes something where the view shows none of it."""
     x = looked()
     use = x.told.descriptions[0]
-    found = baselines.paper(x.mesh, x.views, x.candidates, use, true_scores(x))
+    found = baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, true_scores(x)))
     shaft = x.parts.part == x.parts.names.index("shaft")
     assert found[shaft].mean() > 0.5 and found.any()
     silent = replace(true_scores(x), overlap=np.zeros_like(true_scores(x).overlap))
-    assert baselines.paper(x.mesh, x.views, x.candidates, use, silent).any()
-    assert not baselines.paper(x.mesh, x.views, x.candidates, replace(use, notes=()), silent).any()
+    assert baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, silent)).any()
+    assert not baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, replace(use, notes=()), silent)).any()
 
 
 def test_a_random_candidate_is_random_by_its_seed() -> None:
     """The same seed, the same faces."""
     x = looked()
-    a, b, *others = (baselines.random_candidate(x.mesh, x.views, x.candidates, np.random.default_rng(s)) for s in (1, 1, 2, 3, 4))
+    taken = (baselines.random_candidate(x.candidates, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4))
+    a, b, *others = (baselines.splatted(x.mesh, x.views, masks) for masks in taken)
     assert np.array_equal(a, b) and any(not np.array_equal(a, other) for other in others)
 
 
-def made(name: str, split: str, look: str, *ious: float) -> NegativeScores:
-    each = tuple(NegativeScore("afford", f"task {n}", iou, iou, iou, iou, 0.5) for n, iou in enumerate(ious))
+def test_only_methods_that_take_a_mask_in_each_view_can_take_the_whole_object() -> None:
+    """A share of views for each of them, NaN for the others."""
+    found = scored(looked())
+    for method in METHODS:
+        shares = [row.whole_object_taken for row in rows(found, method)]
+        takes = method in ("paper_recipe", "coarse_box", "random_candidate")
+        assert all(0 <= share <= 1 if takes else np.isnan(share) for share in shares), method
+
+
+def made(name: str, split: str, look: str, *ious: float, method: str = "afford", taken: float = NAN) -> NegativeScores:
+    each = tuple(NegativeScore(method, f"task {n}", iou, iou, iou, iou, 0.5, taken) for n, iou in enumerate(ious))
     picture = cv2.imencode(".jpg", np.full((16, 32, 3), 90, np.uint8))[1].reshape(-1)
     return NegativeScores(name, name.partition("_")[0], split, look, 0.8, 0.99, each, picture)
 
@@ -85,6 +96,17 @@ def test_means_are_of_objects_then_of_tasks() -> None:
     assert found["unseen.iou"] == pytest.approx((0.3 + 0.9) / 2) and found["unseen.plain.iou"] == pytest.approx(0.3)
     assert found["seen_area.six"] == pytest.approx(0.8) and found["seen_area.adaptive"] == pytest.approx(0.99)
     assert "seen.iou" not in found and not any(np.isnan(value) for value in found.values())
+
+
+def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
+    """Over all of them and by split, also where no truth is known; those that took nothing do not count."""
+    boxed = [made("mug_1", "unseen", "plain", 0.2, NAN, method="coarse_box", taken=0.5),
+             made("axe_1", "given", "given", NAN, method="coarse_box", taken=1.0),
+             made("pan_1", "given", "given", NAN, method="coarse_box")]  # fmt: skip
+    found = report.metrics(boxed)
+    assert found["coarse_box.whole_object_taken"] == 0.75 and found["coarse_box.given.whole_object_taken"] == 1
+    assert found["coarse_box.unseen.iou"] == pytest.approx(0.2) and "afford.whole_object_taken" not in found
+    assert "| coarse box | unseen | 0.200 | 0.200 | 0.200 | 0.200 | 0.500 |" in report.markdown(boxed, found)
 
 
 def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -142,13 +142,15 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store in which a cup was looked at from all sides and cut into regions."""
+    """A store in which a cup was looked at from all sides and cut into regions and windows."""
     store = tmp_path_factory.mktemp("meshes")
     use_kernel_cache(ROOT, store)
     graph = Graph()
     mesh = graph.leaf("mesh", as_object(cup()))
     looked = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64))
-    graph.target("views", graph.add(mask_propose.run, mesh=mesh, views=looked, params=mask_propose.Params()))
+    masks = [graph.named(backend).add(mask_propose.run, mesh=mesh, views=looked, params=mask_propose.Params(backend))
+             for backend in ("regions", "grid")]  # fmt: skip
+    graph.target("views", *masks)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "views")
     assert report.ok, report.failures
     return store

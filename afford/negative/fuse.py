@@ -24,12 +24,17 @@ def pixels(candidates: PartCandidates, scores: PartScores, description: PartDesc
            shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
     no candidate covers it."""
-    value, sure = judged(scores, description)
-    said, weight = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    for view, mask, v, w in zip(candidates.view, candidates.masks, value, sure, strict=True):
+    return spread(candidates, *judged(scores, description), shape)
+
+
+def spread(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
+           shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Values (m,) of candidates -> their weighted mean at every pixel (n, h, w) float32, and the sum of the weights (m,) there."""
+    said, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    for view, mask, v, w in zip(candidates.view, candidates.masks, value, weight, strict=True):
         said[view][mask] += v * w
-        weight[view][mask] += w
-    return np.divide(said, weight, out=said, where=weight > 0), weight
+        total[view][mask] += w
+    return np.divide(said, total, out=said, where=total > 0), total
 
 
 def by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:

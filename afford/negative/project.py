@@ -37,10 +37,16 @@ def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, de
     square, tasks = squareness(mesh, views), []
     for one, said in by_task(descriptions, scores):
         value, weight = pixels(candidates, said, one, views.face.shape)
-        voted, evidence = vote(views.face, value, weight * square, len(mesh.faces))
-        probability = fill(mesh.vertices, mesh.faces, voted, evidence > 0)
+        probability, evidence = on_faces(mesh, views, value, weight * square)
         tasks.append(labelled(mesh, views, one.task, probability, evidence, face, wish))
     return NegativeAffordances(mesh.name, points, tuple(tasks))
+
+
+def on_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What pixels say (n, h, w) with weights (n, h, w) -> probability (f,) of every face, and the sum of its weights (f,); a face
+    without any takes what its neighbours have."""
+    voted, evidence = vote(views.face, value, weight, len(mesh.faces))
+    return fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
 
 
 def labelled(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,

@@ -16,6 +16,8 @@ from schemas.files import FileTree
 from schemas.negative import NegativeScores
 
 MEASURES = ("iou", "precision", "recall", "point_recall")
+TAKEN = "whole_object_taken"
+"""of methods that take one mask in each view"""
 
 
 def write(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
@@ -40,36 +42,38 @@ def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
         mine = [one for one in scores if one.split == split]
         for method in METHODS:
             name = split if method == "afford" else f"{method}.{split}"
-            out |= {f"{name}.{measure}": mean(mine, method, measure) for measure in MEASURES}
+            out |= {f"{name}.{measure}": mean(mine, method, measure) for measure in (*MEASURES, TAKEN)}
         for look in sorted({one.look for one in mine}):
             out[f"{split}.{look}.iou"] = mean([one for one in mine if one.look == look], "afford", "iou")
+    out |= {f"{method}.{TAKEN}": mean(scores, method, TAKEN) for method in METHODS}
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
 def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
-    """Over objects, of the mean over tasks that have a negative part; NaN where no object has one."""
-    rows = ([getattr(row, measure) for row in one.rows if row.method == method and np.isfinite(row.iou)] for one in scores)
-    each = [float(np.mean(row)) for row in rows if row]
+    """Over objects, of the mean over tasks for which it is known (of IoU: those with a negative part); NaN where no object has
+    one."""
+    rows = ([getattr(row, measure) for row in one.rows if row.method == method] for one in scores)
+    known = (np.array(row)[np.isfinite(row)] for row in rows)
+    each = [float(row.mean()) for row in known if len(row)]
     return float(np.mean(each)) if each else float("nan")
 
 
 def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> str:
     """Methods by split, then categories, then tasks."""
-    splits = sorted({one.split for one in scores})
     lines = ["# Negative affordances", "", f"{len(scores)} objects; six views see {measured['seen_area.six']:.3f} of the visible "
              f"surface well, all views {measured['seen_area.adaptive']:.3f}.", ""]  # fmt: skip
-    lines += _table("method", [(method, split, [one for one in scores if one.split == split], method)
-                               for split in splits for method in METHODS])  # fmt: skip
-    kinds = sorted({(one.split, one.category) for one in scores})
-    lines += _table("category", [(kind, split, [one for one in scores if (one.split, one.category) == (split, kind)], "afford")
-                                 for split, kind in kinds])  # fmt: skip
+    by_split = [(split, [one for one in scores if one.split == split]) for split in sorted({one.split for one in scores})]
+    lines += _table("method", (*MEASURES, TAKEN), [(method, split, mine, method) for split, mine in by_split for method in METHODS])
+    kinds = [(split, kind, [one for one in mine if one.category == kind])
+             for split, mine in by_split for kind in sorted({one.category for one in mine})]  # fmt: skip
+    lines += _table("category", MEASURES, [(kind, split, mine, "afford") for split, kind, mine in kinds])
     return "\n".join(lines)
 
 
-def _table(head: str, rows: Sequence[tuple[str, str, list[NegativeScores], str]]) -> list[str]:
-    lines = [f"| {head} | split | {' | '.join(MEASURES)} |", f"|---|---|{'--:|' * len(MEASURES)}"]
+def _table(head: str, measures: Sequence[str], rows: Sequence[tuple[str, str, list[NegativeScores], str]]) -> list[str]:
+    lines = [f"| {head} | split | {' | '.join(measures)} |", f"|---|---|{'--:|' * len(measures)}"]
     for name, split, mine, method in rows:
-        found = [mean(mine, method, measure) for measure in MEASURES]
+        found = [mean(mine, method, measure) for measure in measures]
         lines.append(f"| {name.replace('_', ' ')} | {split} | {' | '.join('' if np.isnan(f) else f'{f:.3f}' for f in found)} |")
     return [*lines, ""]
 

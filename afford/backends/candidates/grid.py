@@ -1,0 +1,47 @@
+"""No segmentation at all: overlapping square windows over the silhouette of each of the six cardinal views.
+
+What a model that knows pictures, but proposes no masks, can be asked about: baselines stand on these, not the chain itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.boxes import box
+from afford.segments.suppress import collected
+from afford.views.six import SIX
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.negative import PartCandidates
+
+
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
+    """Reads `windows` (along each side of the square around a silhouette) and `least_window` (of what a view shows).
+
+    Windows come row by row and are cut with the silhouette; none stands out as one thing, so their quality is 0.
+    """
+    found: list[tuple[int, np.ndarray, float]] = []
+    for view, face in enumerate(views.face[:SIX]):
+        masks = windows(face >= 0, params.windows)
+        size = masks.sum((1, 2))
+        found += [(view, mask, 0.0) for mask in masks[size >= max(params.least_window * (face >= 0).sum(), 1)]]
+    return collected(mesh.name, found, views.face.shape[1:])
+
+
+def windows(on: np.ndarray, count: int) -> np.ndarray:
+    """(count ** 2, h, w) bool: squares that overlap by half and together cover the square around a silhouette (h, w) bool, cut with
+    it. ValueError when there is not one along a side."""
+    if count < 1:
+        raise ValueError(f"mask_propose.windows: expected 1 or more along a side, got {count}")
+    rows, columns = (_bands(side, max(s.stop - s.start for s in box(on)), length, count)
+                     for side, length in zip(box(on), on.shape, strict=True))  # fmt: skip
+    return (rows[:, None, :, None] & columns[None, :, None, :]).reshape(-1, *on.shape) & on
+
+
+def _bands(side: slice, width: int, length: int, count: int) -> np.ndarray:
+    """(count, length) bool: stretches of an axis that overlap by half and cover `width` px around the middle of `side`."""
+    step = width / (count + 1)
+    start = (side.start + side.stop - width) / 2 + step * np.arange(count)[:, None]
+    at = np.arange(length) + 0.5
+    return (at >= start) & (at < start + 2 * step)

@@ -1,0 +1,24 @@
+"""How relevant every pixel is for the negative parts, without candidates: the mean over the windows that hold it.
+
+Windows are scored as candidates are and the parts compete for them in the same way, but none counts more than another: nothing has
+told which window is a part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.negative.fuse import judged, spread
+from schemas.negative import PartCandidates, PartDescription, PartScores
+
+RELEVANT = 0.5
+"""relevance above which a pixel is negative: negative parts fit its windows better than all the others together. By reasoning, not
+fitted to any object"""
+
+
+def relevance(windows: PartCandidates, scores: PartScores, description: PartDescription,
+              shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Relevance (n, h, w) float32 0..1 of each pixel, and the number of windows (n, h, w) that hold it. A window that fits no part
+    is relevant for none."""
+    value, counts = judged(scores, description)
+    return spread(windows, np.where(counts > 0, value, 0), np.ones_like(value), shape)
