@@ -10,8 +10,9 @@ import numpy as np
 
 from afford.boxes import Box, box
 
-LEAST = 0.5
-"""a window belongs to the box when it fits the part at least half as well as the best one does"""
+LEAST = 0.85
+"""a window belongs to the box when its fit is at least this share of the best one's; chosen on the objects that judge the scorer's
+training, where more does the same and less does worse"""
 
 
 def coarse_box(windows: np.ndarray, fit: np.ndarray) -> Box:

@@ -15,17 +15,20 @@ from afford.views.six import SIX
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates
 
+UNKNOWN = 0.5
+"""quality of every window"""
+
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
     """Reads `windows` (along each side of the square around a silhouette) and `least_window` (of what a view shows).
 
-    Windows come row by row and are cut with the silhouette; none stands out as one thing, so their quality is 0.
+    Windows come row by row and are cut with the silhouette. How much one stands out nobody knows: their quality is in the middle.
     """
     found: list[tuple[int, np.ndarray, float]] = []
     for view, face in enumerate(views.face[:SIX]):
         masks = windows(face >= 0, params.windows)
         size = masks.sum((1, 2))
-        found += [(view, mask, 0.0) for mask in masks[size >= max(params.least_window * (face >= 0).sum(), 1)]]
+        found += [(view, mask, UNKNOWN) for mask in masks[size >= max(params.least_window * (face >= 0).sum(), 1)]]
     return collected(mesh.name, found, views.face.shape[1:])
 
 
