@@ -48,13 +48,14 @@ def test_windows_of_a_square_overlap_by_half() -> None:
 
 
 def test_the_stage_skips_windows_with_next_to_nothing_in_them() -> None:
-    """Six views only; none below the share that was asked for; without a window there is a sentence."""
+    """Six views only; none below the share that was asked for, none twice; without a window there is a sentence."""
     x = looked("pan")
     found = x.windows()
     assert sorted(set(found.view.tolist())) == list(range(SIX)) and len(x.views.face) > SIX
     for view, mask in zip(found.view, found.masks, strict=True):
         on = x.views.face[view] >= 0
         assert not mask[~on].any() and mask.sum() >= GRID.least_window * on.sum()
+    assert len({(view, mask.tobytes()) for view, mask in zip(found.view.tolist(), found.masks, strict=True)}) == len(found.view)
     few, every = (x.windows(replace(GRID, least_window=share)) for share in (0.2, 0.0))
     assert len(few.view) < len(found.view) < len(every.view)
     with pytest.raises(ValueError, match=r"mask_propose.windows: expected 1 or more"):

@@ -22,13 +22,14 @@ UNKNOWN = 0.5
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
     """Reads `windows` (along each side of the square around a silhouette) and `least_window` (of what a view shows).
 
-    Windows come row by row and are cut with the silhouette. How much one stands out nobody knows: their quality is in the middle.
+    Windows come row by row and are cut with the silhouette; those that show the same of it, as many do of a thin thing, are
+    one. How much one stands out nobody knows: their quality is in the middle.
     """
     found: list[tuple[int, np.ndarray, float]] = []
     for view, face in enumerate(views.face[:SIX]):
-        masks = windows(face >= 0, params.windows)
-        size = masks.sum((1, 2))
-        found += [(view, mask, UNKNOWN) for mask in masks[size >= max(params.least_window * (face >= 0).sum(), 1)]]
+        least = max(params.least_window * (face >= 0).sum(), 1)
+        distinct = {mask.tobytes(): mask for mask in windows(face >= 0, params.windows)}.values()
+        found += [(view, mask, UNKNOWN) for mask in distinct if mask.sum() >= least]
     return collected(mesh.name, found, views.face.shape[1:])
 
 
