@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.negative import NegativeAffordances, NegativeScores, PartCandidates, PartDescriptions, PartScores
 
-LIBRARIES = ("numpy", "opencv-python-headless")
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
 THREADS = 1
 MEMORY_GIB = 0.5
 

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from afford.backends.score.clip import highlighted
+from afford.negative import baselines
+from afford.negative.fuse import by_task, judged
+from afford.negative.relevance import relevance
 from schemas.files import FileTree
 from stages import mask_score
 from tests.made_objects import looked, projected
@@ -58,3 +61,17 @@ def test_the_mask_is_sharp_and_the_rest_is_not() -> None:
     mask[20:40, 20:40] = True
     shown = highlighted(rgb, mask)
     assert np.array_equal(shown[mask], rgb[mask]) and np.abs(shown[~mask].astype(int) - 127).max() < 3
+
+
+def test_baselines_ask_the_same_model_about_windows(folder: Path) -> None:
+    """Every mask that is taken is a candidate of its view or the silhouette; relevance is a mean of what was said."""
+    x = looked()
+    windows = x.windows()
+    said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", model=str(folder)))
+    one, fits = next(by_task(x.told, said))
+    for view, mask in enumerate(baselines.naive(x.views, x.candidates, windows, one, fits)):
+        offered = [*x.candidates.masks[x.candidates.view == view], x.views.face[view] >= 0]
+        assert any(np.array_equal(mask, other) for other in offered)  # type: ignore[arg-type]  # a mask in every view
+    value, count = relevance(windows, fits, one, x.views.face.shape)
+    each = judged(fits, one)[0]
+    assert each.min() - 1e-6 <= value[count > 0].min() <= value.max() <= each.max() + 1e-6
