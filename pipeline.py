@@ -408,10 +408,10 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
                     scores=fit, params=p.negative_affordance_projection)
     windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
                                             params=replace(p.mask_propose, backend="grid"))
-    relevant = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
-                                           scorer=scorer, params=p.mask_score)
+    fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
+                                          scorer=scorer, params=p.mask_score)
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
-                    descriptions=told, scores=fit, windows=windows, window_scores=relevant, found=found, **known,
+                    descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
                     params=replace(p.negative_affordance_score, threshold=p.negative_affordance_projection.threshold))
     files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())

@@ -2,7 +2,8 @@
 
 Reads   mesh, parts, views, descriptions, candidates and windows (mask_propose `grid`) of one object and the scores of both;
         NegativeAffordances; ObjectSpec of a procedural one
-Writes  NegativeScores: IoU, precision, recall and point recall of every method and task; a row of pictures
+Writes  NegativeScores: IoU, precision, recall and point recall of every method and task, and how often those that take a mask in
+        each view took the whole object; a row of pictures
 Method  faces are weighted by the area that can be seen from outside; `paper_recipe` has the same candidates and scores, six views,
         one mask in each and a z-buffer of points; `coarse_box` puts a box around the windows that fit and takes the mask that
         fills it best, `clip_relevance` is the mean fit of the windows at each pixel; `whole_object` and `random_candidate` need
