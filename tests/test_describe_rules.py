@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from afford.backends.describe.lexicon import LEXICON, TASKS, changes, rule, truth
-from afford.backends.describe.looks import PARTS
+from afford.backends.describe.looks import PARTS, phrase
 from afford.backends.describe.rules import describe
 from afford.backends.describe.task import Task, parse
+from afford.models.parts.model import PartsConfig
 from afford.objects.build import BUILDERS
 from schemas.negative import PartDescription
 
@@ -31,6 +32,12 @@ def test_the_table_covers_every_category_and_names_only_parts_that_exist() -> No
         for row in rows:
             assert {*row.negative, *row.positive} <= parts == set(PARTS[category].split()), (category, row)
             assert not {*row.negative} & {*row.positive} and (row.negative or row.positive) and row.reason
+
+
+def test_the_scorer_reads_every_phrase_to_its_end() -> None:
+    """How a part looks stands last, and is not to be cut off."""
+    phrases = [phrase(kind, part) for kind, parts in PARTS.items() for part in parts.split()]
+    assert max(len(text.split()) for text in phrases) <= PartsConfig().text_words
 
 
 def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:

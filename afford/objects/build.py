@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from afford.objects import cutting, household, vessels, workshop
+from afford.objects import cutting, handtools, household, sundries, tableware, vessels, workshop
 from afford.objects.look import dressed
 from afford.objects.solids import Solid
 from afford.objects.union import Labelled, join
@@ -17,6 +17,9 @@ BUILDERS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
     **workshop.BUILDERS,
     **vessels.BUILDERS,
     **household.BUILDERS,
+    **handtools.BUILDERS,
+    **tableware.BUILDERS,
+    **sundries.BUILDERS,
 }
 
 

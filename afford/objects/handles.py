@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import Manifold
 
-from afford.objects.solids import bar, capped, laid, loft, turned
+from afford.objects.solids import bar, capped, hoop, laid, loft, swept, turned
 
 OVERLAP_M = 0.004
 """How far pieces reach into each other, so that their union is one body."""
@@ -48,3 +48,30 @@ def blade(y: np.ndarray, spine: np.ndarray, edge: np.ndarray, thick: float, grou
     e = np.full_like(t, 0.00025)
     corners = [(spine, t), (shoulder, t), (edge, e), (edge, -e), (shoulder, -t), (spine, -t)]
     return loft(np.stack([np.stack([x, y, z], axis=-1) for x, z in corners], axis=1))
+
+
+def tee(rng: np.random.Generator, wide: float, radius: float) -> Manifold:
+    """A bar across, `wide` from end to end, on a stub that ends just past 0."""
+    x, envelope = capped(-wide / 2, wide / 2, radius, 24)
+    swell = 1 + rng.uniform(-0.15, 0.25) * np.cos(np.pi * x / wide)
+    across = bar(x, radius * envelope * swell, rng.uniform(0.8, 1.0) * radius * envelope, square=rng.uniform(2.0, 3.0))
+    stub = laid(turned([(0, -1.6 * radius), (0.9 * radius, -1.6 * radius), (0.85 * radius, OVERLAP_M), (0, OVERLAP_M)], 28))
+    return across.rotate((0, 0, 90)).translate((0, -1.8 * radius, 0)) + stub
+
+
+def dee(rng: np.random.Generator, wide: float, long: float, radius: float) -> Manifold:
+    """A bar across, `wide` from end to end, between two arms that meet just past 0, `long` away."""
+    half, bow = wide / 2 - radius, rng.uniform(1.3, 1.9)
+    y = np.linspace(OVERLAP_M, radius - long, 16)
+    x = half * np.sin(np.pi / 2 * np.linspace(0, 1, 16) ** bow)
+    arms = [swept(np.stack([side * x, y, 0 * y], -1), 0.85 * radius, sides=16) for side in (-1, 1)]
+    s, envelope = capped(-wide / 2, wide / 2, radius, 20)
+    across = bar(s, radius * envelope, radius * envelope).rotate((0, 0, 90)).translate((0, radius - long, 0))
+    return arms[0] + arms[1] + across
+
+
+def ring(rng: np.random.Generator, radius: float, thick: float) -> Manifold:
+    """A ring to put a finger or a hand through, on a stub that ends just past 0."""
+    round_y = rng.uniform(0.75, 1.35) * radius
+    stub = laid(turned([(0, -0.8 * thick), (1.1 * thick, -0.8 * thick), (0.9 * thick, OVERLAP_M), (0, OVERLAP_M)], 24))
+    return hoop(radius, round_y, thick, rng.uniform(0.8, 1.2)).translate((0, -round_y - 0.5 * thick, 0)) + stub

@@ -78,18 +78,18 @@ def brush(rng: np.random.Generator) -> tuple[Solid, ...]:
     hold = bar(neck[:, 1] - ry, neck[:, 0] * round_ends, 0.0062 * round_ends, z=bow, square=2.4)
     step = rng.uniform(0.0085, 0.0105)
     splay = rng.uniform(0.0, 0.25)
-    tufts = [_tuft(x, v, thick / 2 - 0.0045, deep, splay, 0.42 * step) for x, v in _spots(rx - 0.006, ry - 0.008, step)]
+    tufts = [tuft(x, v, thick / 2 - 0.0045, deep, splay, 0.42 * step) for x, v in spots(rx - 0.006, ry - 0.008, step)]
     return Solid("handle", hold), Solid("head", back), *(Solid("bristles", tuft) for tuft in tufts)
 
 
-def _tuft(x: float, y: float, z: float, deep: float, splay: float, radius: float) -> Manifold:
+def tuft(x: float, y: float, z: float, deep: float, splay: float, radius: float) -> Manifold:
     """A bundle of bristles, wider and leaning outwards at its free end."""
     lean = splay * deep / 0.03
     ends = np.array([(x, y, z), (x * (1 + lean), y * (1 + lean), z + deep)])
     return swept(ends, [0.72 * radius, radius], up=(0.0, 1.0, 0.0), sides=8)
 
 
-def _spots(half_x: float, half_y: float, step: float) -> list[tuple[float, float]]:
+def spots(half_x: float, half_y: float, step: float) -> list[tuple[float, float]]:
     """Places on a grid inside an ellipse."""
     xs, ys = (np.arange(-np.floor(half / step), np.floor(half / step) + 1) * step + 0.0003 for half in (half_x, half_y))
     return [(float(x), float(y)) for x in xs for y in ys if (x / half_x) ** 2 + (y / half_y) ** 2 <= 1.0]

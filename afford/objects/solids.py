@@ -11,6 +11,7 @@ import numpy as np
 from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter1d
 
 from afford.render import solids
 from afford.render.solids import grid_faces
@@ -94,6 +95,28 @@ def bar(y: ArrayLike, half_x: ArrayLike, half_z: ArrayLike, x: ArrayLike = 0.0, 
     c, s = (np.sign(w) * np.abs(w) ** (2 / square) for w in (np.cos(a), np.sin(a)))
     wide, tall, right, high = (v[:, None] for v in rest)
     return loft(np.stack(np.broadcast_arrays(right + wide * c, along[:, None], high + tall * s), axis=-1))
+
+
+def plate(middle: ArrayLike, thick: float) -> Manifold:
+    """A curved plate: `middle` (n, m, 3) is a grid of points on it, `thick` its thickness along z."""
+    grid, up = np.asarray(middle, float), np.array([0, 0, thick / 2])
+    skin = np.concatenate([grid + up, grid[:, ::-1] - up], axis=1)
+    fold = np.concatenate([grid, grid[:, ::-1]], axis=1)
+    rings = np.concatenate([fold[:1], skin, fold[-1:]])
+    rings = np.concatenate([rings, rings[:, :1]], axis=1)
+    return closed(rings.reshape(-1, 3), grid_faces(*rings.shape[:2]))
+
+
+def wire(points: ArrayLike, radius: float, round_m: float, flat: float = 1.0, sides: int = 14) -> Manifold:
+    """A wire along straight lines through `points` (n, 3) in a plane of constant z, its bends rounded over `round_m`."""
+    knots = np.asarray(points, float)
+    at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
+    step = round_m / 4
+    t = np.linspace(0, at[-1], max(int(at[-1] / step), 2))
+    line = np.stack([np.interp(t, at, axis) for axis in knots.T], axis=-1)
+    smooth = gaussian_filter1d(line, 3.0, axis=0, mode="nearest")
+    smooth[[0, -1]] = knots[[0, -1]]
+    return swept(smooth, radius, flat, sides=sides)
 
 
 def hoop(radius_x: float, radius_y: float, thick: float, flat: float = 1.0) -> Manifold:

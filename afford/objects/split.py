@@ -8,8 +8,9 @@ import numpy as np
 
 from schemas.mesh import ObjectSpec
 
-TRAINED = ("brush", "chisel", "drill", "fork", "hammer", "iron", "kettle", "knife", "ladle", "mug", "pan", "saw", "scissors",
-           "screwdriver", "spatula", "trowel")  # fmt: skip
+TRAINED = ("brush", "candle", "chisel", "drill", "flashlight", "fork", "hammer", "iron", "kettle", "knife", "ladle", "mug",
+           "paint_roller", "pan", "pizza_cutter", "pliers", "rolling_pin", "saw", "scissors", "screwdriver", "shovel", "spatula",
+           "spray_bottle", "teapot", "toothbrush", "trowel", "wine_glass", "wrench")  # fmt: skip
 """Categories that training shows."""
 UNSEEN = ("axe", "cleaver", "hair_dryer", "pot", "razor", "soldering_iron")
 """Categories that training never shows. Each has a negative part whose kind training knows on things of another shape: a

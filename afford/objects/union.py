@@ -10,6 +10,9 @@ from manifold3d import Error, Manifold, OpType
 
 from afford.objects.solids import Solid
 
+SPECK_M3 = 1e-15
+"""Flat specks that rounding leaves beside the body hold less."""
+
 SIMPLER_M = 2e-5
 """Slivers that the union leaves are collapsed when the surface moves by less."""
 
@@ -35,12 +38,13 @@ def join(solids: Sequence[Solid], edge_m: float, max_faces: int) -> Labelled:
     """
     own = [(solid.part, solid.shape.as_original()) for solid in solids]
     whole = Manifold.batch_boolean([shape for _, shape in own], OpType.Add).simplify(SIMPLER_M)
-    bodies = len(whole.decompose())
-    if whole.status() != Error.NoError or bodies != 1:
-        raise ValueError(f"parts {', '.join(part for part, _ in own)}: expected one body, got {bodies} ({whole.status().name})")
+    bodies = [body for body in whole.decompose() if abs(body.volume()) > SPECK_M3]
+    if whole.status() != Error.NoError or len(bodies) != 1:
+        found = f"{len(bodies)} ({whole.status().name})"
+        raise ValueError(f"parts {', '.join(part for part, _ in own)}: expected one body, got {found}")
     names = tuple(dict.fromkeys(part for part, _ in own))
     number = {shape.original_id(): names.index(part) for part, shape in own}
-    return _labelled(_refined(whole, edge_m, max_faces), names, number)
+    return _labelled(_refined(bodies[0], edge_m, max_faces), names, number)
 
 
 def _refined(whole: Manifold, edge_m: float, max_faces: int) -> Manifold:

@@ -29,6 +29,7 @@ def _row(verb: str, state: str, negative: str, positive: str, reason: str) -> Ru
 SHARP, TAKES = "the edge is sharp and cuts the hand", "who takes it needs the handle free, and the giver keeps the danger"
 BURNS, SPINS = "it is hot and burns the hand", "it spins and catches the hand"
 EATEN, DIRTY = "it touches food", "it is wet or dirty in use"
+FLAME, WASHED = "the flame and the melted wax burn the hand", "it is washed all over"
 
 # fmt: off
 LEXICON: dict[str, tuple[Rule, ...]] = {
@@ -115,7 +116,7 @@ LEXICON: dict[str, tuple[Rule, ...]] = {
     ),
     "ladle": (
         _row("",           "",     "bowl",                 "handle",       EATEN),
-        _row("wash",       "",     "",                     "handle bowl",  "it is washed all over"),
+        _row("wash",       "",     "",                     "handle bowl",  WASHED),
         _row("hand over",  "",     "handle bowl",          "",             TAKES),
     ),
     "iron": (
@@ -135,13 +136,77 @@ LEXICON: dict[str, tuple[Rule, ...]] = {
     ),
     "spatula": (
         _row("",           "",     "head",                 "handle",       EATEN),
-        _row("wash",       "",     "",                     "handle head",  "it is washed all over"),
+        _row("wash",       "",     "",                     "handle head",  WASHED),
         _row("hand over",  "",     "handle head",          "shaft",        TAKES),
     ),
     "fork": (
         _row("",           "",     "tines",                "handle",       "the tines are pointed and touch food"),
         _row("wash",       "",     "tines",                "handle",       "the tines are pointed"),
         _row("hand over",  "",     "handle tines",         "neck",         TAKES),
+    ),
+    "pliers": (
+        _row("",           "",     "jaw pivot",            "handle",       "they close on what is between them"),
+        _row("hand over",  "",     "handle",               "jaw",          TAKES),
+    ),
+    "wrench": (
+        _row("",           "",     "jaw",                  "handle",       "it holds the nut: a finger there is pinched"),
+        _row("hand over",  "",     "handle",               "jaw",          TAKES),
+    ),
+    "shovel": (
+        _row("",           "",     "blade",                "handle shaft", DIRTY),
+        _row("hand over",  "",     "handle blade",         "shaft",        TAKES),
+    ),
+    "paint_roller": (
+        _row("",           "",     "roller",               "handle",       DIRTY),
+        _row("wash",       "",     "",                     "handle roller", WASHED),
+        _row("hand over",  "",     "handle roller",        "shaft",        TAKES),
+    ),
+    "wine_glass": (
+        _row("",           "",     "rim bowl",             "stem",         "the hand warms the wine, and the lips touch the rim"),
+        _row("wash",       "",     "stem foot",            "bowl",         "a stem that is held while the bowl is turned snaps"),
+        _row("carry",      "",     "rim",                  "stem",         "the lips touch the rim"),
+        _row("hand over",  "",     "rim stem",             "foot",         "who takes it needs the stem free"),
+    ),
+    "teapot": (
+        _row("",           "",     "body spout lid",       "handle",       BURNS),
+        _row("",           "cold", "spout",                "handle body",  "what is drunk later passes the spout"),
+        _row("fill",       "",     "spout",                "handle knob",  "what is drunk later passes the spout"),
+        _row("fill",       "hot",  "body spout lid",       "handle knob",  BURNS),
+        _row("wash",       "",     "",                     "handle body",  "it is washed cold, and held where it is easy"),
+        _row("hand over",  "",     "body spout lid",       "handle",       BURNS),
+        _row("hand over",  "cold", "handle",               "body",         TAKES),
+    ),
+    "pizza_cutter": (
+        _row("",           "",     "wheel",                "handle",       SHARP),
+        _row("hand over",  "",     "handle wheel",         "neck guard",   TAKES),
+    ),
+    "rolling_pin": (
+        _row("",           "",     "roller",               "handle",       "it turns, and touches food"),
+        _row("wash",       "",     "",                     "handle roller", WASHED),
+        _row("carry",      "",     "",                     "handle roller", "a rolling pin at rest may be held anywhere"),
+        _row("hand over",  "",     "handle",               "roller",       "who takes it needs the handles free"),
+    ),
+    "toothbrush": (
+        _row("",           "",     "head bristles",        "handle",       "it goes into the mouth"),
+        _row("hand over",  "",     "handle head bristles", "neck",         "it goes into the mouth of who takes it by the handle"),
+    ),
+    "spray_bottle": (
+        _row("",           "",     "nozzle",               "neck trigger", "it sprays: a finger there is hit"),
+        _row("carry",      "",     "trigger nozzle",       "body neck",    "a touch of the trigger sprays"),
+        _row("fill",       "",     "trigger nozzle",       "body neck",    "a touch of the trigger sprays"),
+        _row("hand over",  "",     "neck trigger nozzle",  "body",         "who takes it needs neck and trigger free"),
+    ),
+    "flashlight": (
+        _row("",           "",     "lens",                 "body",         "a finger there takes the light away"),
+        _row("",           "hot",  "lens head",            "body",         BURNS),
+        _row("carry",      "",     "switch lens",          "body",         "a touch of the switch lights it"),
+        _row("hand over",  "",     "body switch lens",     "head",         "who takes it needs body and switch free"),
+    ),
+    "candle": (
+        _row("",           "",     "wick body",            "handle",       FLAME),
+        _row("",           "cold", "wick",                 "handle holder body", "a wick that breaks does not burn"),
+        _row("hand over",  "",     "wick body handle",     "holder",       "the flame burns, and who takes it needs the handle"),
+        _row("hand over",  "cold", "handle wick",          "holder",       TAKES),
     ),
 }
 # fmt: on
@@ -169,6 +234,18 @@ TASKS: dict[str, tuple[str, ...]] = {
     "brush": ("scrub a plate", "hand over the brush"),
     "spatula": ("flip an egg", "hand over the spatula"),
     "fork": ("eat pasta", "hand over the fork"),
+    "pliers": ("bend a wire", "hand over the pliers"),
+    "wrench": ("tighten a bolt", "hand over the wrench"),
+    "shovel": ("dig a hole", "hand over the shovel"),
+    "paint_roller": ("paint a wall", "hand over the paint roller"),
+    "wine_glass": ("drink wine", "wash the wine glass", "hand over the wine glass"),
+    "teapot": ("pour from the hot teapot", "fill the cold teapot", "hand over the cold teapot"),
+    "pizza_cutter": ("cut a pizza", "hand over the pizza cutter"),
+    "rolling_pin": ("roll out dough", "hand over the rolling pin"),
+    "toothbrush": ("brush the teeth", "hand over the toothbrush"),
+    "spray_bottle": ("spray the plants", "refill the spray bottle", "hand over the spray bottle"),
+    "flashlight": ("shine into a corner", "put away the flashlight", "hand over the flashlight"),
+    "candle": ("light the candle", "put away the cold candle", "hand over the burning candle"),
 }
 """The tasks that are evaluated, by category."""
 

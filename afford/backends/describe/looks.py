@@ -13,7 +13,9 @@ LOOKS = {
     "lid": "a flat round disc on top", "knob": "a small ball on top", "plate": "a large flat plate at the bottom",
     "cord": "a thin curved wire at the end", "dial": "a small disc on top", "nozzle": "a short thick tube at the end",
     "tines": "thin pointed rods at the end", "neck": "a short thin bar in the middle", "bowl": "a round hollow bowl at the end",
-    "pivot": "a small disc in the middle",
+    "pivot": "a small disc in the middle", "jaw": "two short thick hooks at the end", "wheel": "a thin round disc at the end",
+    "roller": "a thick cylinder across the end", "foot": "a flat round disc at the bottom", "stem": "a thin rod in the middle",
+    "holder": "a round dish at the bottom", "wick": "a small thin rod at the top", "lens": "a flat round disc at the very end",
 }  # fmt: skip
 """Parts, as most things have them."""
 LOOKS_OF = {
@@ -29,19 +31,36 @@ LOOKS_OF = {
     ("drill", "body"): "a thick cylinder on top", ("hair_dryer", "body"): "a thick cylinder on top",
     ("iron", "body"): "a large dome in the middle", ("pan", "body"): "a large round shallow vessel at the end",
     ("fork", "neck"): "a flat short plate in the middle",
+    ("toothbrush", "head"): "a small flat plate at the end", ("toothbrush", "neck"): "a thin rod in the middle",
+    ("toothbrush", "bristles"): "many short thin wires on a small plate", ("shovel", "handle"): "a bar or loop across the end",
+    ("shovel", "shaft"): "a long thick rod in the middle", ("shovel", "blade"): "a wide flat curved plate at the end",
+    ("pliers", "handle"): "two long curved bars at the end", ("pliers", "jaw"): "two short pointed wedges at the end",
+    ("wrench", "handle"): "a long flat bar at the end", ("wine_glass", "bowl"): "a large round hollow bowl on top",
+    ("teapot", "handle"): "a loop or bar on the side", ("spray_bottle", "body"): "a large tall block at the bottom",
+    ("spray_bottle", "neck"): "a short ring in the middle", ("spray_bottle", "head"): "a small block on top",
+    ("spray_bottle", "trigger"): "a thin curved bar on the side", ("flashlight", "body"): "a long thick cylinder at the end",
+    ("flashlight", "head"): "a short wide tube at the end", ("candle", "handle"): "a small loop or bar on the side",
+    ("candle", "body"): "a tall thick rod on top", ("pizza_cutter", "neck"): "flat short bars in the middle",
+    ("paint_roller", "shaft"): "a thin bent wire in the middle", ("rolling_pin", "handle"): "short thick bars at both ends",
+    ("rolling_pin", "roller"): "a long thick cylinder in the middle",
 }  # fmt: skip
 """Parts that look otherwise on one thing."""
 PARTS = {
-    "axe": "handle head blade", "brush": "handle head bristles", "chisel": "handle ferrule blade", "cleaver": "handle blade",
-    "drill": "battery handle body trigger chuck bit", "fork": "handle neck tines", "hair_dryer": "cord handle switch body nozzle",
+    "axe": "handle head blade", "brush": "handle head bristles", "candle": "holder handle body wick",
+    "chisel": "handle ferrule blade", "cleaver": "handle blade", "drill": "battery handle body trigger chuck bit",
+    "flashlight": "body switch head lens", "fork": "handle neck tines", "hair_dryer": "cord handle switch body nozzle",
     "hammer": "handle head face claw", "iron": "plate body handle dial cord", "kettle": "handle body lid knob spout opening",
-    "knife": "handle bolster blade", "ladle": "handle bowl", "mug": "handle body rim", "pan": "handle neck body",
-    "pot": "handle body lid knob", "razor": "handle head blade", "saw": "handle blade", "scissors": "handle blade pivot",
-    "screwdriver": "handle shaft tip", "soldering_iron": "cord handle guard shaft tip", "spatula": "handle shaft head",
-    "trowel": "handle neck blade",
+    "knife": "handle bolster blade", "ladle": "handle bowl", "mug": "handle body rim", "paint_roller": "handle shaft roller",
+    "pan": "handle neck body", "pizza_cutter": "handle guard neck wheel", "pliers": "handle pivot jaw",
+    "pot": "handle body lid knob", "razor": "handle head blade", "rolling_pin": "handle roller", "saw": "handle blade",
+    "scissors": "handle blade pivot", "screwdriver": "handle shaft tip", "shovel": "handle shaft blade",
+    "soldering_iron": "cord handle guard shaft tip", "spatula": "handle shaft head",
+    "spray_bottle": "body neck head trigger nozzle", "teapot": "handle body lid knob spout",
+    "toothbrush": "handle neck head bristles", "trowel": "handle neck blade", "wine_glass": "foot stem bowl rim",
+    "wrench": "handle jaw",
 }  # fmt: skip
 """What things are made of."""
-WHOLE = {"scissors": "a pair of scissors"}
+WHOLE = {"pliers": "a pair of pliers", "scissors": "a pair of scissors"}
 
 
 def phrase(kind: str, part: str) -> str:

@@ -26,9 +26,14 @@ VERBS = {
     "spread": ("spread", "lay", "plaster", "dig", "plant"),
     "scrub": ("scrub", "brush", "sweep"),
     "blow": ("blow", "blow-dry", "dry hair", "style"),
+    "grip": ("grip", "clamp", "bend", "crimp"),
+    "roll": ("roll", "flatten"),
+    "paint": ("paint",),
+    "spray": ("spray", "mist"),
+    "light": ("light", "shine", "ignite"),
 }
 """What is done -> the words that say so, at the start of a task. The longest that fits is taken."""
-HOT = ("hot", "boiling", "steaming", "heated", "glowing")
+HOT = ("hot", "boiling", "steaming", "heated", "glowing", "burning", "lit")
 COLD = ("cold", "cool", "cooled", "iced", "unplugged", "unheated")
 STATES = {**dict.fromkeys(HOT, "hot"), **dict.fromkeys(COLD, "cold")}
 
