@@ -30,8 +30,8 @@ def wine_glass(rng: np.random.Generator) -> tuple[Solid, ...]:
     inner = outer + wall * np.stack([-way[:, 1], way[:, 0]], -1) / np.linalg.norm(way, axis=1)[:, None]
     inner = inner[(inner[:, 0] > 0.0005) & (inner[:, 1] > 1.2 * wall)]
     inner[-1, 1] = tall
-    cup = turned(np.concatenate([outer, inner[::-1], [(0, inner[0, 1])]])).translate((0, 0, long))
-    rim, bowl = cup.split_by_plane((0, 0, 1), long + tall - rng.uniform(0.007, 0.011))
+    bowl = turned(np.concatenate([outer, inner[::-1], [(0, inner[0, 1])]])).translate((0, 0, long))
+    rim = _bead(outer, inner[-1, 0], rng.uniform(0.0065, 0.0105), rng.uniform(0.0005, 0.0010)).translate((0, 0, long))
     foot, thin = rng.uniform(0.75, 1.05) * max(radius, 0.032), rng.uniform(0.0030, 0.0052)
     base = turned([(0, 0), (foot, 0), (foot, 0.0022), (0.5 * foot, 0.0042), (2.0 * thin, 0.008), (0, 0.008)])
     z = np.linspace(0.004, long + 0.006, 24)
@@ -41,6 +41,17 @@ def wine_glass(rng: np.random.Generator) -> tuple[Solid, ...]:
     girth = thin * (1 + knot + 1.2 * low + 0.8 * high)
     stem = turned(np.concatenate([[(0, z[0])], np.stack([girth, z], -1), [(0, z[-1])]]), 28)
     return Solid("foot", base), Solid("stem", stem - _within(inner, long)), Solid("bowl", bowl), Solid("rim", rim)
+
+
+def _bead(outer: np.ndarray, inside: float, deep: float, thick: float) -> Manifold:
+    """The upper end of a wall that reaches out from `inside`, made thicker on both sides."""
+    top = outer[-1, 1]
+    z = top + np.array([-deep, 0.0006 - deep, -0.0008, 0.0008])
+    more = thick * np.array([0.6, 1.0, 1.0, 0.4])
+    r = np.interp(z, outer[5:, 1], outer[5:, 0])
+    wall = outer[-1, 0] - inside
+    ring = np.concatenate([np.stack([r + more, z], -1), np.stack([r - wall - more, z], -1)[::-1]])
+    return turned(np.concatenate([ring, ring[:1]]))
 
 
 def _within(inner: np.ndarray, z: float) -> Manifold:
@@ -98,13 +109,14 @@ def pizza_cutter(rng: np.random.Generator) -> tuple[Solid, ...]:
     flare, deep = rng.uniform(1.45, 2.1) * girth, rng.uniform(0.004, 0.008)
     y = np.array([-0.003, -0.001, deep - 0.001, deep + 0.001])
     collar = bar(y, flare * np.array([0.85, 1, 1, 0.85]), flare * rng.uniform(0.55, 1.0) * np.array([0.8, 1, 1, 0.8]), square=2.3)
-    centre, gap = deep + axle + radius, rng.uniform(0.0035, 0.006)
+    centre, gap = deep + axle + radius, rng.uniform(0.0020, 0.0024)
     both = rng.random() < 0.65
     prongs = [_prong(side, deep, centre, gap, rng.uniform(0.0075, 0.0105)) for side in ((-1, 1) if both else (1,))]
-    rivet = Manifold.cylinder(2 * gap if both else gap, 0.005, circular_segments=20, center=both).translate((0, centre, 0))
+    rivet = Manifold.cylinder(4 * gap if both else 2 * gap, 0.005, circular_segments=20, center=both).translate((0, centre, 0))
     t = np.array([(0, -0.0012), (0.82, -0.0012), (1.0, -0.0002), (1.0, 0.0002), (0.82, 0.0012), (0, 0.0012)]) * [radius, 1]
     disc = turned(t, 64).translate((0, centre, 0))
-    yoke = prongs[0] + prongs[-1] + rivet
+    web = bar([deep - 0.003, deep + axle + 0.22 * radius], 0.0066, gap, square=6.0)
+    yoke = prongs[0] + prongs[-1] + rivet + (web if both else Manifold())
     return Solid("handle", hold), Solid("guard", collar), Solid("neck", yoke), Solid("wheel", disc)
 
 
