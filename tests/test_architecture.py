@@ -19,7 +19,7 @@ MAY_IMPORT = {
     "commands": {"schemas", "afford", "stages", "runner", "pipeline", "commands"},
     "pipeline": {"schemas", "afford", "stages", "runner", "commands"},
 }
-HEAVY = ("torch", "cv2", "trimesh", "pybullet", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
+HEAVY = ("torch", "cv2", "trimesh", "pybullet", "mujoco", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
 
 
 def sources(room: str) -> list[Path]:

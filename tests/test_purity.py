@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
+from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
 from afford.worker import use_kernel_cache
 from pipeline import Origin, Settings, build
@@ -29,6 +30,7 @@ from schemas.scene import SceneSpec
 from stages import (
     ablation_report,
     dataset_pack,
+    hand_model,
     mask_propose,
     mesh_read,
     mesh_texture,
@@ -40,6 +42,7 @@ from stages import (
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
+from tests.made_hands import PINCER, written
 from tests.made_meshes import as_object, cup
 from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
@@ -55,15 +58,17 @@ OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
     "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
-EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data", "torch._dynamo"], "h5py": ["h5py"]}
+EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data", "torch._dynamo"], "h5py": ["h5py"],
+         "mujoco": ["mujoco"]}
 """what loads before the watch begins: built on datetime and its layout in C; asks for a temporary folder (dill, a cache for
-compiled code that every optimiser of torch loads); asks `uname` for the kind of processor (h5py)"""
+compiled code that every optimiser of torch loads); asks `uname` for the kind of processor (h5py);
+starts a process to look for a library of windows (mujoco)"""
 ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("predict_cases", "baseline_cases", "score_cases", "benchmark"), "benchmarked"),
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
-             **dict.fromkeys(("object_plan", "object_build"), "objects"),
+             **dict.fromkeys(("object_plan", "object_build"), "objects"), "hand_model": "hands",
              **dict.fromkeys(("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                               "negative_affordance_files", "object_record", "negative_affordance_score",
                               "negative_affordance_report"),
@@ -172,6 +177,18 @@ def read_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def hands(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which the Shadow Hand was built, and a hand of a URDF."""
+    store, folder, graph = tmp_path_factory.mktemp("hands"), tmp_path_factory.mktemp("pincer"), Graph()
+    for name, files, params in (("shadow", shadow_files(), hand_model.Params()),
+                                ("pincer", written(folder, PINCER), hand_model.Params(backend="urdf"))):
+        graph.target(name, graph.named(f"hand_{name}").add(hand_model.run, files=graph.leaf(name, files), params=params))
+        report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, name)
+        assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
 def negatives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store in which a scorer was trained on one screwdriver and asked about another."""
     store = tmp_path_factory.mktemp("negatives")
@@ -246,7 +263,7 @@ def task(trace: Trace) -> dict[str, Any]:
     wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
     return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,
             "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries, "torch": "torch" in trace.libraries,
-            "h5py": "h5py" in trace.libraries}
+            "h5py": "h5py" in trace.libraries, "mujoco": "mujoco" in trace.libraries}
 
 
 def sources(traces: list[Trace]) -> list[str]:

@@ -33,7 +33,7 @@ def parse(content: str, name: str) -> Xml.Element:
 
 def mesh_names(root: Xml.Element, name: str, where: str) -> list[str]:
     """References to meshes under `where`, which is visual or collision."""
-    return [_filename(mesh, name) for mesh in root.findall(f"link/{where}/geometry/mesh")]
+    return [filename(mesh, name) for mesh in root.findall(f"link/{where}/geometry/mesh")]
 
 
 def candidates(base: str, reference: str) -> list[str]:
@@ -65,7 +65,7 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
         for visual in link.findall("visual"):
             shape = _shape(files, file, visual, read_mesh)
             painted = _painted(shape, visual, colours, file.name)
-            found.append(replace(moved(painted, poses[name] @ _origin(visual, file.name)), groups=(name,),
+            found.append(replace(moved(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
     if not found:
         raise SourceError(file.name, "a link with a <visual>", "none", "add the visual meshes")
@@ -79,21 +79,26 @@ def _shape(files: FileTree, file: FileRef, visual: Xml.Element, read_mesh: ReadM
     if kind is None:
         raise SourceError(file.name, "a shape in <geometry>", "nothing", "name a mesh")
     if kind.tag == "mesh":
-        names = candidates(file.name, _filename(kind, file.name))
-        found = next((f for f in (files.find(name) for name in names) if f is not None), None)
-        shape = read_mesh(files, found or locate(files, file.name, _filename(kind, file.name).removeprefix(PACKAGE)))
-        return moved(shape, np.diag([*_numbers(kind, "scale", (1.0, 1.0, 1.0), file.name), 1.0]))
+        shape = read_mesh(files, mesh_file(files, file, kind))
+        return moved(shape, np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), file.name), 1.0]))
     solid = _solid(kind, file.name)
     return plain(solid.vertices, solid.faces)
 
 
+def mesh_file(files: FileTree, file: FileRef, mesh: Xml.Element) -> FileRef:
+    """The file that a <mesh> names; SourceError when it is not there."""
+    found = (files.find(name) for name in candidates(file.name, filename(mesh, file.name)))
+    present = next((f for f in found if f is not None), None)
+    return present or locate(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
+
+
 def _solid(kind: Xml.Element, name: str) -> trimesh.Trimesh:
     if kind.tag == "box":
-        return trimesh.creation.box(_numbers(kind, "size", None, name))
+        return trimesh.creation.box(numbers(kind, "size", None, name))
     if kind.tag == "sphere":
-        return trimesh.creation.icosphere(3, float(_numbers(kind, "radius", None, name, 1)[0]))
+        return trimesh.creation.icosphere(3, float(numbers(kind, "radius", None, name, 1)[0]))
     if kind.tag == "cylinder":
-        return trimesh.creation.cylinder(_numbers(kind, "radius", None, name, 1)[0], _numbers(kind, "length", None, name, 1)[0])
+        return trimesh.creation.cylinder(numbers(kind, "radius", None, name, 1)[0], numbers(kind, "length", None, name, 1)[0])
     raise SourceError(name, "a mesh, box, sphere or cylinder", f"<{kind.tag}>", "export it as a mesh")
 
 
@@ -107,7 +112,7 @@ def _painted(shape: Surface, visual: Xml.Element, colours: dict[str, Xml.Element
         colour = colours.get(material.get("name", ""))
     if colour is None:
         return shape
-    rgb = np.clip(_numbers(colour, "rgba", None, name, 4)[:3], 0, 1)
+    rgb = np.clip(numbers(colour, "rgba", None, name, 4)[:3], 0, 1)
     return replace(shape, images=tuple(np.round(rgb * 255).astype(np.uint8).reshape(1, 1, 3) for _ in shape.images))
 
 
@@ -118,7 +123,7 @@ def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
         parent, child = joint.find("parent"), joint.find("child")
         if parent is None or child is None:
             raise SourceError(name, "parent and child in every joint", f"joint {joint.get('name')!r} without", "correct the URDF")
-        joints[child.get("link", "")] = (parent.get("link", ""), _origin(joint, name))
+        joints[child.get("link", "")] = (parent.get("link", ""), origin(joint, name))
     out = {}
     for link in (element.get("name", "") for element in root.findall("link")):
         T, at, seen = np.eye(4), link, set()
@@ -132,24 +137,26 @@ def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
     return out
 
 
-def _origin(element: Xml.Element, name: str) -> np.ndarray:
-    origin = element.find("origin")
-    if origin is None:
+def origin(element: Xml.Element, name: str) -> np.ndarray:
+    """(4, 4) of its <origin>, the identity when it has none."""
+    place = element.find("origin")
+    if place is None:
         return np.eye(4)
-    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0), name)
+    roll, pitch, yaw = numbers(place, "rpy", (0.0, 0.0, 0.0), name)
     T = euler_matrix(roll, pitch, yaw, "sxyz")
-    T[:3, 3] = _numbers(origin, "xyz", (0.0, 0.0, 0.0), name)
+    T[:3, 3] = numbers(place, "xyz", (0.0, 0.0, 0.0), name)
     return T
 
 
-def _filename(mesh: Xml.Element, name: str) -> str:
+def filename(mesh: Xml.Element, name: str) -> str:
+    """What a <mesh> refers to."""
     found = mesh.get("filename", "")
     if not found:
         raise SourceError(name, "filename in every <mesh>", "none", "name the mesh file")
     return found
 
 
-def _numbers(element: Xml.Element, key: str, default: tuple[float, ...] | None, name: str, count: int = 3) -> np.ndarray:
+def numbers(element: Xml.Element, key: str, default: tuple[float, ...] | None, name: str, count: int = 3) -> np.ndarray:
     """`count` numbers of an attribute; SourceError when they are not there."""
     given = element.get(key)
     if given is None and default is not None:
