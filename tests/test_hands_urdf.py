@@ -13,7 +13,7 @@ from afford.hands.tree import Tree
 from afford.readers.errors import SourceError
 from schemas.files import FileTree
 from stages import hand_model
-from tests.made_hands import JOINT, PINCER, hand_of, read_text, written
+from tests.made_hands import JOINT, LINK, PINCER, hand_of, read_text, written
 
 
 def test_a_hand_without_fingertip_frames(tmp_path: Path) -> None:
@@ -92,15 +92,17 @@ def test_a_broken_urdf_is_named_in_one_sentence(what: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("params", "said"), [
-    ({"wrist": "none", "root": "index_a"}, "root: expected a link that carries the palm: palm"),
+    ({"wrist": "none", "root": "index_a"}, "root: expected a link that carries the palm: arm, palm"),
+    ({"coupled": ("a=lift",), "fingers": ("thumb=thumb", "index=index_b")}, "to follow a joint beyond the root 'palm'"),
     ({"fingers": ("thumb=nail",)}, "expected FINGER=LINK"),
     ({"coupled": ("b=z",)}, "expected follower=driver"), ({"coupled": ("b=a", "a=b")}, "to follow a joint with a motor"),
     ({"wrist": "strap"}, "wrist: expected gantry or none, got 'strap'"),
     ({"reach_m": 0.0}, "reach_m: expected a number above zero")])
 def test_wishes_that_cannot_be_met(params: dict[str, object], said: str, tmp_path: Path) -> None:
     """Parameters are checked like files."""
+    lift = LINK.format("arm") + JOINT.format("lift", "arm", "palm", "0 0 0", "0 0 1", "0 0 0")
     with pytest.raises(ValueError, match=said):
-        hand_of(written(tmp_path, PINCER), **params)
+        hand_of(written(tmp_path, PINCER.replace("</robot>", lift + "</robot>")), **params)
 
 
 def test_several_urdfs_are_refused(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.hands.tree import Joint, Link, Tree
+from afford.hands.tree import Joint, Link, Tree, ordered
 
 BASE = "gantry"
 STEPS = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -31,13 +31,14 @@ class Gantry:
 
 
 def mounted(tree: Tree, gantry: Gantry) -> Tree:
-    """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll)."""
+    """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll). SourceError when the hand has links or
+    joints of the gantry's names."""
     names = [BASE, *(f"{BASE}_{step}" for step in STEPS[:-1])]
     inertia = np.eye(3) * INERTIA_KGM2
     links = tuple(Link(name, gantry.mass_kg, inertia_kgm2=inertia) for name in names)
     children = [*names[1:], tree.links[0].name]
     joints = tuple(_joint(step, parent, child, gantry) for step, parent, child in zip(STEPS, names, children, strict=True))
-    return replace(tree, links=(*links, *tree.links), joints=(*joints, *tree.joints))
+    return ordered(replace(tree, links=(*links, *tree.links), joints=(*joints, *tree.joints)))
 
 
 def _joint(step: str, parent: str, child: str, gantry: Gantry) -> Joint:

@@ -55,7 +55,13 @@ def _cut(tree: Tree, root: str, palm: str) -> Tree:
     if root not in above:
         raise SourceError(f"{tree.name}, root", f"a link that carries the palm: {', '.join(above)}", repr(root),
                           "choose one of them")
-    return cut(tree, root)
+    out = cut(tree, root)
+    kept = {joint.name for joint in out.joints}
+    lost = [joint for joint in out.joints if joint.coupling is not None and joint.coupling.driver not in kept]
+    if lost:
+        raise SourceError(f"{tree.name}, joint {lost[0].name!r}", f"to follow a joint beyond the root {root!r}",
+                          f"{lost[0].coupling}", "choose a root above that joint")
+    return out
 
 
 def _split(tree: Tree) -> Tree:
