@@ -401,7 +401,7 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
         x = given(g, origin, p)
     else:
         known["spec"], x = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
-    told    = g.add(part_describe.run,      mesh=x.mesh,                                             params=p.part_describe)
+    told    = g.add(part_describe.run,      mesh=x.mesh, views=x.views,                              params=p.part_describe)
     fit     = g.add(mask_score.run,         mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told, scorer=scorer,
                     params=p.mask_score)
     found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,

@@ -1,36 +1,70 @@
-"""an object and tasks -> which parts a hand must not touch, and where it belongs, in words.
+"""an object, its pictures and tasks -> which parts a hand must not touch, and where it belongs, in words.
 
-Reads   ObjectMesh: its name and what it is
+Reads   ObjectMesh: its name and what it is; ObjectViews: how it looks
 Writes  PartDescriptions: for each task the negative and positive parts, why, how sure, and whether the task decides it
-Method  `rules` looks them up in a table of things, tasks and states (afford/backends/describe/lexicon.py); a thing that is not in
-        it is `unknown`, and nothing is said of it
-Fails   never; an unknown thing is an answer
+Method  `rules` looks them up in a table of things, tasks and states (afford/backends/describe/lexicon.py) and looks at no picture;
+        a thing that is not in it is `unknown`, and nothing is said of it. `vlm` shows the pictures to a local vision-language
+        model, `endpoint` to one behind an OpenAI-compatible server, and reads the JSON that it answers
+Fails   `rules` never: an unknown thing is an answer. `vlm` and `endpoint` when there is no model or server, no key where one is
+        asked for, or the answer is not what was asked for
 Paper   AffordDex, negative affordance: GPT-4V is asked for one part that should not be touched, whatever the task
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
-from schemas.mesh import ObjectMesh
+from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescriptions
 
-LIBRARIES = ("numpy",)
+LIBRARIES = ("numpy", "torch", "transformers", "pillow", "opencv-python-headless")
 THREADS = 1
-MEMORY_GIB = 0.2
+MEMORY_GIB = 1.0
 
-BACKENDS = {"rules": "afford.backends.describe.rules:describe"}
+BACKENDS = {"rules": "afford.backends.describe.rules:describe", "vlm": "afford.backends.describe.vlm:describe",
+            "endpoint": "afford.backends.describe.endpoint:describe"}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "rules"
-    """rules"""
+    """rules, vlm or endpoint"""
     tasks: tuple[str, ...] = ()
     """what is to be done, e.g. 'cut bread'; none: the tasks of the table for this thing, or any use"""
+    model: str = ""
+    """vlm: local folder or hub id; endpoint: what the server calls its model"""
+    views: int = 6
+    """vlm, endpoint: pictures of the object that are shown, on one sheet"""
+    new_tokens: int = 1024
+    """vlm, endpoint: longest answer"""
+    url: str = ""
+    """endpoint: base address of the server, e.g. http://127.0.0.1:8000/v1"""
+    key_variable: str = "OPENAI_API_KEY"
+    """endpoint: name of the environment variable that holds the key; '' for a server that asks for none"""
+    timeout_s: float = 120.0
+    """endpoint: longest silence of the server"""
+    retries: int = 3
+    """endpoint: further tries when it cannot be reached, is busy or fails"""
+    pause_s: float = 1.0
+    """endpoint: before the first of them; twice as long before each further one"""
+    seed: int = 0
+    """endpoint: sent to the server, which may heed it"""
+
+    def __post_init__(self) -> None:
+        """What might be a key is not shown, and is refused before anything is written."""
+        if not re.fullmatch(r"([A-Z_][A-Z0-9_]*)?", self.key_variable):
+            raise ValueError("expected the name of an environment variable in capitals, as OPENAI_API_KEY, got something else (not "
+                             "shown, it may be a key); export the key under such a name")  # fmt: skip
+        if self.url and not _plain(self.url):
+            raise ValueError("expected http(s)://HOST[:PORT]/PATH, got something else (not shown, it may hold a key); leave out "
+                             "user, password and all from ? or # on")  # fmt: skip
+        if self.views < 1 or self.new_tokens < 1 or self.retries < 0 or self.timeout_s <= 0 or self.pause_s < 0:
+            raise ValueError("expected views and new_tokens of 1 or more, timeout_s above 0, retries and pause_s of 0 or more")
 
 
-def run(mesh: ObjectMesh, params: Params) -> PartDescriptions:
+def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartDescriptions:
     """Describe an object for its tasks."""
     from afford.backends.describe.lexicon import TASKS
     from afford.backends.describe.rules import known
@@ -38,4 +72,10 @@ def run(mesh: ObjectMesh, params: Params) -> PartDescriptions:
 
     describe = load(BACKENDS, params.backend)
     tasks = params.tasks or TASKS.get(known(mesh.category), ("",))
-    return PartDescriptions(mesh.name, tuple(describe(mesh.name, mesh.category, task) for task in tasks))
+    return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, params) for task in tasks))
+
+
+def _plain(url: str) -> bool:
+    """An address of nothing but a scheme, a host and a path."""
+    parts = urlsplit(url)
+    return parts.scheme in ("http", "https") and bool(parts.hostname) and not re.search(r"[@?#\s]", url)

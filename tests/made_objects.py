@@ -56,7 +56,7 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
     built = object_build.run(spec, object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=128))
     views = view_render.run(built.mesh, VIEWS)
     found = mask_propose.run(built.mesh, views, mask_propose.Params(least_px=12))
-    return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, part_describe.Params()))
+    return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, views, part_describe.Params()))
 
 
 def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:

@@ -7,7 +7,7 @@ import pytest
 
 from afford.backends.describe.lexicon import LEXICON, TASKS, changes, rule, truth
 from afford.backends.describe.looks import PARTS, phrase
-from afford.backends.describe.rules import describe
+from afford.backends.describe.rules import look_up
 from afford.backends.describe.task import Task, parse
 from afford.models.parts.model import PartsConfig
 from afford.objects.build import BUILDERS
@@ -58,14 +58,14 @@ def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:
 def test_what_a_reader_expects(category: str, task: str, negative: set[str]) -> None:
     """Spot checks of the table, by the words of tasks."""
     assert truth(category, task) == negative
-    notes = describe("x", category, task).notes
+    notes = look_up("x", category, task).notes
     assert {note.part for note in notes if note.role == "negative"} == negative
 
 
 def test_handing_over_turns_sharp_things_round() -> None:
     """The giver holds what the user must not touch; the handle stays free."""
     for category in ("knife", "scissors", "saw", "chisel", "cleaver"):
-        use, give = (describe("x", category, task) for task in ("cut", "hand over"))
+        use, give = (look_up("x", category, task) for task in ("cut", "hand over"))
         assert parts(use, "negative") == parts(give, "positive") == {"blade"}
         assert parts(use, "positive") == parts(give, "negative") == {"handle"}
         assert all(n.task_changes for n in (*use.notes, *give.notes) if n.role != "neutral")
@@ -75,12 +75,12 @@ def test_notes_are_in_order_and_say_how_sure_they_are() -> None:
     """Negative first; a task that the table does not know is answered by what holds for any use, with less confidence."""
     for category, tasks in TASKS.items():
         for task in tasks:
-            found = describe("x", category, task)
+            found = look_up("x", category, task)
             assert [n.part for n in found.notes] == PARTS[category].split()
             assert all(0 < n.confidence <= 1 and n.phrase.startswith("the ") for n in found.notes)
             assert all(bool(n.reason) == (n.role != "neutral") for n in found.notes)
             assert found.category == category and found.task == task and found.backend == "rules"
-    assert describe("x", "knife", "juggle").notes[0].confidence < describe("x", "knife", "cut").notes[0].confidence
+    assert look_up("x", "knife", "juggle").notes[0].confidence < look_up("x", "knife", "cut").notes[0].confidence
 
 
 def test_task_changes_comes_out_of_the_table() -> None:
@@ -95,7 +95,7 @@ def test_task_changes_comes_out_of_the_table() -> None:
 @pytest.mark.parametrize("category", ["", "unknown", "sofa", "knives and forks", "blade"])
 def test_unknown_is_unknown(category: str) -> None:
     """No notes, no guess; the truth of it is an error."""
-    found = describe("thing_1", category, "cut bread")
+    found = look_up("thing_1", category, "cut bread")
     assert (found.name, found.category, found.notes) == ("thing_1", "unknown", ())
     with pytest.raises(KeyError):
         truth(category, "cut bread")
@@ -103,8 +103,8 @@ def test_unknown_is_unknown(category: str) -> None:
 
 def test_names_of_things_are_read_as_people_write_them() -> None:
     """Capitals, spaces and hyphens; articles in phrases."""
-    assert describe("x", "Soldering iron", "").category == describe("x", "soldering-iron", "").category == "soldering_iron"
-    phrases = [n.phrase for n in describe("x", "scissors", "").notes] + [n.phrase for n in describe("x", "axe", "").notes]
+    assert look_up("x", "Soldering iron", "").category == look_up("x", "soldering-iron", "").category == "soldering_iron"
+    phrases = [n.phrase for n in look_up("x", "scissors", "").notes] + [n.phrase for n in look_up("x", "axe", "").notes]
     assert phrases[1].startswith("the blade of a pair of scissors, ") and phrases[-1].startswith("the blade of an axe, ")
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from schemas.mesh import ObjectMesh, ObjectViews
     from schemas.negative import PartDescription
 
 
 class Describer(Protocol):
     """What every backend of this folder looks like."""
 
-    def __call__(self, name: str, category: str, task: str) -> PartDescription:
-        """Describe the object `name`, which is said to be a `category` ('' when nobody said), for `task` in words ('' for any use).
+    def __call__(self, mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
+        """Describe an object, said to be a `mesh.category` ('' when nobody said) and looking as `views` show it, for `task` in
+        words ('' for any use).
 
-        Category 'unknown' and no notes for what it does not know: a describer never guesses. Pure and deterministic.
+        Category 'unknown' and no notes for what it does not know: a describer never guesses. ValueError in one sentence when no
+        description can be had (no model, no server, an answer that is none).
         """
         ...

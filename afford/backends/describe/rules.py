@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from afford.backends.describe.lexicon import LEXICON, Rule, changes, rule
 from afford.backends.describe.looks import PARTS, phrase
 from afford.backends.describe.task import parse
+from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescription, PartNote
 
 SURE, GENERAL = 0.95, 0.7
 """Confidence where the table has the task, and where it only has what holds for any use."""
 
 
-def describe(name: str, category: str, task: str) -> PartDescription:
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
+    """What the table says of an object by its name and category. It looks at no picture and reads no parameter."""
+    return look_up(mesh.name, mesh.category, task)
+
+
+def look_up(name: str, category: str, task: str) -> PartDescription:
     """What the table says of a thing and a task; category 'unknown' and no notes for what is not in it."""
     kind = known(category)
     if not kind:

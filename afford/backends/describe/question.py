@@ -1,0 +1,42 @@
+"""What a model is asked about an object and a task: words of our own, an answer in JSON that answer.py reads.
+
+AffordDex asks for one part that should not be touched, whatever the task; here all parts are asked for, and the task is told.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+QUESTION = """\
+The picture shows one object from these sides, row by row: {sides}.{said}
+{task}
+
+Say what the object is. Then name every part of it that has a shape of its own, and judge for each whether a bare hand
+- must not touch it during this task ("negative": it cuts, burns, catches, breaks, must stay clean, or must stay free for others),
+- belongs there ("positive"), or
+- may touch it, but need not ("neutral").
+
+Answer with one JSON object and nothing else:
+{{"category": "what the object is, one or two words",
+ "parts": [{{"part": "its name, one word",
+            "role": "negative, positive or neutral",
+            "looks": "its shape and place in few plain words, such as: a long flat thin plate at the end",
+            "reason": "why, in one sentence",
+            "confidence": a number from 0 to 1,
+            "task_changes": true if another task with this object would turn the role round, else false}}]}}
+If you do not know what the object is, do not guess; answer {{"category": "unknown", "parts": []}}
+"""
+
+
+def question(category: str, task: str, sides: Sequence[str]) -> str:
+    """The question about an object that is said to be a `category` ('' when nobody said), for a task in words ('' for any use),
+    with a picture that shows `sides`."""
+    said = f" Somebody says that it is this: {_quoted(category.replace('_', ' '))}." if category else ""
+    doing = f"The task: {_quoted(task)}." if task else "No task is given: think of its usual use."
+    return QUESTION.format(sides=", ".join(sides), said=said, task=doing)
+
+
+def _quoted(text: str) -> str:
+    """On one line, whatever it holds."""
+    return json.dumps(text, ensure_ascii=False)

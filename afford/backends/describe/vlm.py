@@ -1,0 +1,19 @@
+"""A local vision-language model as a describer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from afford.backends.describe import answer
+from afford.backends.describe.question import question
+from afford.models.chat_model import load_model, reply
+from afford.views.contact import contact_sheet, labels
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.negative import PartDescription
+
+
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
+    """Reads `model`, `views` and `new_tokens`."""
+    asked = question(mesh.category, task, labels(views, params.views))
+    said = reply(load_model(params.model), asked, contact_sheet(views, params.views), params.new_tokens)
+    return answer.read(said, mesh.name, task, "vlm")

@@ -1,0 +1,40 @@
+"""The key of a server: read from the environment at the moment of use, shown nowhere, and looked for in what comes back."""
+
+from __future__ import annotations
+
+import os
+import re
+from urllib.parse import urlsplit
+
+KEY = re.compile(r"[A-Za-z0-9._~+/=:-]{8,}")
+"""what a header may carry; shorter ones would be found in any text"""
+ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|/)")
+THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
+
+
+def read(variable: str, url: str) -> str:
+    """The value of an environment variable, '' for no variable; ValueError, which does not show it, when it cannot be a key or
+    would travel to `url` in the open."""
+    if not variable:
+        return ""
+    key, where = os.environ.get(variable, ""), f"environment variable {variable}"
+    if not key:
+        raise ValueError(f"{where}: expected the key of {url}, got nothing; export it, or set key_variable to '' for no key")
+    if not KEY.fullmatch(key):
+        raise ValueError(f"{where}: expected a key of 8 or more letters, digits and ._~+/=:-, got something else (not shown)")
+    address = urlsplit(url)
+    if address.scheme != "https" and address.hostname not in THIS_MACHINE:
+        raise ValueError(f"{url}: the key of {variable} would travel in the open; use https, or set key_variable to '' for no key")
+    return key
+
+
+def absent(text: str, variable: str, url: str) -> str:
+    """The text; ValueError when the key stands in it, plain or with the escapes of JSON, so that it is not kept."""
+    key = read(variable, url)
+    if key and any(key in said for said in (text, ESCAPE.sub(_meant, text))):
+        raise ValueError(f"{url}: the answer repeats the key of {variable}; nothing of it was kept, use another server")
+    return text
+
+
+def _meant(escape: re.Match[str]) -> str:
+    return chr(int(escape[1], 16)) if escape[1] else "/"

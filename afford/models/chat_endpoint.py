@@ -1,0 +1,160 @@
+"""One question about one picture to a server that speaks OpenAI's chat protocol (vLLM, llama.cpp, Ollama, OpenAI, ...).
+
+The key goes into one header and into no value that leaves this file: of what a server says against us only its own message is
+shown, and never when it repeats the key or refuses it. No redirect is followed with it, and no exception of the library gets out.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+from dataclasses import dataclass
+from http.client import HTTPException
+from typing import Any, NamedTuple
+from urllib.error import HTTPError
+from urllib.request import HTTPRedirectHandler, Request, build_opener
+
+from afford.models import api_key
+
+LARGEST_REPLY = 1 << 22
+"""bytes that are read of a reply"""
+PASSING = (0, 408, 409, 429)
+"""what may be over soon, beside 5xx: no reply, too slow, in conflict, too many requests"""
+LONGEST_PAUSE_S = 60.0
+SHOWN = 200
+"""characters of a server's message that an error shows"""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A server, and how it is asked."""
+
+    url: str
+    """base address, e.g. http://127.0.0.1:8000/v1"""
+    model: str
+    """what the server calls it"""
+    key_variable: str
+    """name of the environment variable that holds the key; '' where none is asked for"""
+    timeout_s: float
+    retries: int
+    """further tries after what may be over soon"""
+    pause_s: float
+    """before the first retry; twice as long before each further one"""
+    seed: int
+    new_tokens: int
+
+
+class Reply(NamedTuple):
+    """status: of HTTP, 0 where there was no reply, `trouble` then says why. after_s: how long the server asks to wait."""
+
+    status: int
+    body: bytes = b""
+    after_s: float = 0.0
+    trouble: str = ""
+
+
+class _NoRedirects(HTTPRedirectHandler):
+    """A redirect would carry the key to somebody else."""
+
+    def redirect_request(self, *args: Any) -> None:
+        return None
+
+
+def ask(server: Endpoint, text: str, jpeg: bytes) -> str:
+    """What the model says; ValueError in one sentence when there is no answer."""
+    reply = _asked(server, json.dumps(_body(server, text, jpeg)).encode())
+    if reply.status != 200:
+        raise ValueError(f"{server.url}: {_refusal(server, reply)}")
+    try:
+        said = json.loads(reply.body)["choices"][0]["message"]["content"]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        said = None
+    if not isinstance(said, str):
+        raise ValueError(f"{server.url}: expected choices[0].message.content with text, got {len(reply.body)} bytes without it; "
+                         "check that url is the base address of an OpenAI-compatible server")  # fmt: skip
+    return api_key.absent(said, server.key_variable, server.url)
+
+
+def _body(server: Endpoint, text: str, jpeg: bytes) -> dict[str, Any]:
+    picture = "data:image/jpeg;base64," + base64.b64encode(jpeg).decode("ascii")
+    content = [{"type": "text", "text": text}, {"type": "image_url", "image_url": {"url": picture}}]
+    return {"model": server.model, "messages": [{"role": "user", "content": content}], "temperature": 0, "seed": server.seed,
+            "max_tokens": server.new_tokens}  # fmt: skip
+
+
+def _asked(server: Endpoint, body: bytes) -> Reply:
+    """The reply of the last try."""
+    if not (server.url and server.model):
+        raise ValueError("backend 'endpoint' needs a server: set `model`, and `url` to its base address, e.g. http://127.0.0.1:8000/v1")
+    request = _request(server, body)
+    reply = _tried(request, server.timeout_s)
+    for n in range(server.retries):
+        if not _again(reply):
+            break
+        time.sleep(min(max(server.pause_s * 2**n, reply.after_s), LONGEST_PAUSE_S))
+        reply = _tried(request, server.timeout_s)
+    return reply
+
+
+def _request(server: Endpoint, body: bytes) -> Request:
+    key = api_key.read(server.key_variable, server.url)
+    headers = {"Content-Type": "application/json", "Accept": "application/json"}
+    if key:
+        headers["Authorization"] = f"Bearer {key}"
+    return Request(server.url.rstrip("/") + "/chat/completions", body, headers, method="POST")
+
+
+def _tried(request: Request, timeout_s: float) -> Reply:
+    """One try. Exceptions of the library end here: they may hold what the server said."""
+    try:
+        try:
+            with build_opener(_NoRedirects).open(request, timeout=timeout_s) as reply:
+                return Reply(reply.status, reply.read(LARGEST_REPLY))
+        except HTTPError as error:
+            with error:
+                return Reply(error.code, error.read(LARGEST_REPLY), _seconds(error.headers.get("Retry-After", "")))
+    except TimeoutError:
+        return Reply(0, trouble=f"no answer within {timeout_s:g} s")
+    except OSError as error:
+        return Reply(0, trouble=str(getattr(error, "reason", error)))
+    except HTTPException as error:
+        return Reply(0, trouble=f"what came is not HTTP ({type(error).__name__})")
+
+
+def _again(reply: Reply) -> bool:
+    """Whether another try may help."""
+    return reply.status in PASSING or reply.status >= 500
+
+
+def _seconds(text: str) -> float:
+    """A Retry-After in seconds; its other form, a date, counts as none."""
+    return float(text) if text.strip().isdecimal() else 0.0
+
+
+def _refusal(server: Endpoint, reply: Reply) -> str:
+    """What went wrong and what to do."""
+    if reply.status == 0:
+        return f"cannot be asked: {reply.trouble}; is the server running, and is url right? ({server.retries + 1} tries)"
+    if reply.status in (401, 403):
+        who = f"the key in environment variable {server.key_variable}" if server.key_variable else "to answer without a key"
+        return f"the server refused {who} ({reply.status}); check it, and key_variable, which names it"
+    if 300 <= reply.status < 400:
+        return f"the server sends us elsewhere ({reply.status}), which we do not follow; set url to the address that it means"
+    if reply.status == 404:
+        what = f"no chat completions there (url often ends in /v1), or no model {server.model!r}"
+        return f"not found (404): {what}{_message(server, reply)}"
+    tries = f" after {server.retries + 1} tries" if _again(reply) else ""
+    return f"the server answered {reply.status}{tries}{_message(server, reply)}; mend what it says, or run again later"
+
+
+def _message(server: Endpoint, reply: Reply) -> str:
+    """The `error.message` of a reply in JSON, when there is one and it does not repeat the key."""
+    try:
+        said = json.loads(reply.body)["error"]["message"]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return ""
+    key = api_key.read(server.key_variable, server.url)
+    if not isinstance(said, str) or (key and key in said):
+        return ""
+    return f": {' '.join(said.split())[:SHOWN]}"
