@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import pytest
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afford.backends.describe.answer import objects, read
-from afford.backends.describe.question import question
+from afford.backends.describe.looks import LOOKS, LOOKS_OF
+from afford.backends.describe.question import WORDS, question
 from afford.backends.describe.rules import look_up
 from schemas.negative import PartDescription
 
@@ -121,6 +123,14 @@ def test_the_question_tells_what_is_known() -> None:
     full = question("soldering_iron", 'say "x"\nand y', ("front", "back"))
     assert '"soldering iron"' in full and r'"say \"x\"\nand y"' in full and "front, back" in full
     empty = question("", "", ("front",))
+    assert WORDS in full and WORDS in empty
     assert "Somebody says" not in empty and "No task is given" in empty
     example = empty[empty.index('{"category": "unknown"') :]
     assert parsed(example).category == "unknown"
+
+
+def test_the_words_for_looks_are_those_that_the_scorer_learned() -> None:
+    """Each stands in the table of looks; of what the table says little is left out."""
+    learned, offered = (set(re.findall(r"[a-z]+", " ".join(texts))) for texts in ([*LOOKS.values(), *LOOKS_OF.values()], [WORDS]))
+    assert offered <= learned
+    assert {word.rstrip("s") for word in learned - offered} - offered == {"a", "of", "with", "many", "hole", "point"}

@@ -100,10 +100,11 @@ def test_an_answer_is_asked_for_once(models: Path, tmp_path: Path, monkeypatch: 
     assert [name for name, data in texts(tmp_path / "store").items() if WORD in data]
 
 
-@pytest.mark.parametrize("answer", [Answer(401, ECHO, (("X-Key", KEY),)), Answer(500, ECHO), Answer(200, raw=KEY.encode()), says(KEY)])
+@pytest.mark.parametrize("answer", [Answer(401, ECHO, (("X-Key", KEY),)), Answer(500, ECHO), Answer(200, raw=KEY.encode()),
+                                    says(KEY)])  # fmt: skip
 def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Not in what is kept of it (the sentence, the traceback), nor in what is printed; the object fails alone, and is asked for again
-    by the next run."""
+    """Not in what is kept of it (the sentence, the traceback), nor in what is printed; the object fails alone, and is asked for
+    again by the next run."""
     with serving(lambda _: answer) as server:
         graph = whole(params(server, retries=0), models)
         reports = [made(tmp_path / "store", graph, "words", jobs=0) for _ in range(2)]
@@ -113,7 +114,6 @@ def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, ca
     assert not leaks(tmp_path / "store", reports, capfd.readouterr())
 
 
-@pytest.mark.slow
 def test_the_key_is_nowhere(models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """From end to end in worker processes: not in the store, the traces, the files of the object, its recording, the report or what
     was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be."""

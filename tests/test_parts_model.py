@@ -44,6 +44,14 @@ def test_the_seed_decides_the_weights_and_nothing_else() -> None:
     assert all(torch.equal(a[name], b[name]) for name in a) and not all(torch.equal(a[name], c[name]) for name in a)
 
 
+def test_words_that_it_never_learned_are_scored() -> None:
+    """Other scripts, very long phrases, none at all: finite, and other words are judged otherwise."""
+    phrases = ("刀刃", "the 🗡 of a 刀, 长", "the " + "Übergröße " * 60 + "of a z, a bar", "?", "")
+    fit = seeded(TINY, 0).eval()(*inputs(), phrases)
+    assert fit.shape == (5, 5, 2) and torch.isfinite(fit).all()
+    assert not torch.allclose(fit[:, 0], fit[:, 2], atol=1e-4) and torch.allclose(fit[:, 3], fit[:, 4], atol=1e-5)
+
+
 def test_files_give_the_same_scorer(tmp_path: Path) -> None:
     """To the bit, its config included."""
     model = seeded(TINY, 3).eval()

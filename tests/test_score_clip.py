@@ -18,6 +18,7 @@ from tests.made_objects import looked, projected
 from tests.tiny_models import save_backbones
 
 NONE = FileTree("none", ())
+FOREIGN = ("刀刃", "the 🗡 of a 刀, 长", "the x of a y, " + "very " * 80 + "long", "the " + "Übergröße " * 60 + "of a z, ...", "?")
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,15 @@ def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
     assert mask_score.run(x.mesh, x.views, x.candidates, silent, NONE, mask_score.Params("clip", str(folder))).share.shape[1] == 0
     with pytest.raises(ValueError, match="needs a model"):
         mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip"))
+
+
+def test_words_that_nobody_taught_are_scored(folder: Path) -> None:
+    """Parts in any script, in more words than are read, and without one known word: shares still are shares."""
+    x = looked()
+    notes = tuple(replace(x.told.notes[0], part=f"p{n}", phrase=phrase) for n, phrase in enumerate(FOREIGN))
+    told = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=notes),))
+    found = mask_score.run(x.mesh, x.views, x.candidates, told, NONE, mask_score.Params("clip", str(folder)))
+    assert found.share.sum(1) == pytest.approx(1, abs=1e-5) and np.isfinite(found.overlap).all()
 
 
 def test_the_mask_is_sharp_and_the_rest_is_not() -> None:

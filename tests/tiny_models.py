@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 from diffusers import DDIMScheduler, UNet2DModel
-from tokenizers import Tokenizer, models, pre_tokenizers, trainers
+from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 from transformers import (
     CLIPConfig,
+    CLIPImageProcessorPil,
     CLIPModel,
     CLIPVisionConfig,
     LlamaConfig,
     LlavaConfig,
     LlavaForConditionalGeneration,
+    LlavaProcessor,
+    PreTrainedTokenizerFast,
     Sam2VideoConfig,
     Sam2VideoModel,
     SamConfig,
     SamModel,
 )
+
+TURNS = ("{% for turn in messages %}{{ turn['role'] }}: {% for one in turn['content'] %}"
+         "{% if one['type'] == 'image' %}<image>\n{% else %}{{ one['text'] }}{% endif %}{% endfor %}\n{% endfor %}"
+         "{% if add_generation_prompt %}assistant: {% endif %}")  # fmt: skip
+"""a chat template"""
 
 
 def save_sam2_video(folder: Path) -> Path:
@@ -85,12 +94,31 @@ def save_backbones(folder: Path, patch: int = 16, seed: int = 0) -> Path:
     return folder
 
 
-def bytes_tokenizer() -> Tokenizer:
-    """Byte-level BPE with <pad>, <s>, </s> and <image>, and without [SEG]."""
+def bytes_tokenizer(texts: Sequence[str] = (), size: int = 300) -> Tokenizer:
+    """Byte-level BPE with <pad>, <s>, </s> and <image>, and without [SEG]; trained on `texts`, or on five words."""
     tokenizer = Tokenizer(models.BPE())
     tokenizer.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
     special = ["<pad>", "<s>", "</s>", "<image>"]
     alphabet = pre_tokenizers.ByteLevel.alphabet()
-    trainer = trainers.BpeTrainer(vocab_size=300, special_tokens=special, initial_alphabet=alphabet, show_progress=False)
-    tokenizer.train_from_iterator(["pour tea from the kettle"], trainer)
+    trainer = trainers.BpeTrainer(vocab_size=size, special_tokens=special, initial_alphabet=alphabet, show_progress=False)
+    tokenizer.train_from_iterator(texts or ["pour tea from the kettle"], trainer)
     return tokenizer
+
+
+def save_chat(folder: Path, texts: Sequence[str] = (), seed: int = 0) -> Path:
+    """A LLaVA with its processor at 64 x 64, random from a seed, whose byte-level tokenizer has the words of `texts` as tokens."""
+    torch.manual_seed(seed)
+    shape = {"hidden_size": 64, "intermediate_size": 128, "num_hidden_layers": 2, "num_attention_heads": 4}
+    tokenizer = bytes_tokenizer(texts, 1000)
+    tokenizer.decoder = decoders.ByteLevel()
+    vision = CLIPVisionConfig(**shape, image_size=64, patch_size=16, projection_dim=32)
+    text = LlamaConfig(**shape, vocab_size=tokenizer.get_vocab_size(), pad_token_id=0, bos_token_id=1, eos_token_id=2,
+                       num_key_value_heads=4)  # fmt: skip
+    config = LlavaConfig(vision_config=vision, text_config=text, image_token_index=tokenizer.token_to_id("<image>"))
+    LlavaForConditionalGeneration(config).save_pretrained(folder)
+    words = PreTrainedTokenizerFast(tokenizer_object=tokenizer, pad_token="<pad>", bos_token="<s>", eos_token="</s>",
+                                    extra_special_tokens={"image_token": "<image>"})  # fmt: skip
+    pictures = CLIPImageProcessorPil(size={"shortest_edge": 64}, crop_size={"height": 64, "width": 64})
+    LlavaProcessor(pictures, words, patch_size=16, vision_feature_select_strategy="default", num_additional_image_tokens=1,
+                   chat_template=TURNS).save_pretrained(folder)  # fmt: skip
+    return folder

@@ -21,12 +21,20 @@ Answer with one JSON object and nothing else:
 {{"category": "what the object is, one or two words",
  "parts": [{{"part": "its name, one word",
             "role": "negative, positive or neutral",
-            "looks": "its shape and place in few plain words, such as: a long flat thin plate at the end",
+            "looks": "its shape and place, such as: a long flat thin plate at the end",
             "reason": "why, in one sentence",
             "confidence": a number from 0 to 1,
             "task_changes": true if another task with this object would turn the role round, else false}}]}}
+For "looks" use few plain words, these where they fit: {words}.
 If you do not know what the object is, do not guess; answer {{"category": "unknown", "parts": []}}
 """
+
+
+WORDS = """\
+long, short, thin, thick, large, small, wide, flat, round, curved, pointed, shallow, hollow, bar, block, plate, disc, ring, loop,
+rod, wire, tube, cylinder, cone, ball, box, bowl, dome, vessel, wedge; at the end, at the very end, across the end, in the middle,
+on top, around the top, on the side, on both sides, below, at the bottom"""
+"""those of looks.py, which the embedded scorer has learned"""
 
 
 def question(category: str, task: str, sides: Sequence[str]) -> str:
@@ -34,7 +42,7 @@ def question(category: str, task: str, sides: Sequence[str]) -> str:
     with a picture that shows `sides`."""
     said = f" Somebody says that it is this: {_quoted(category.replace('_', ' '))}." if category else ""
     doing = f"The task: {_quoted(task)}." if task else "No task is given: think of its usual use."
-    return QUESTION.format(sides=", ".join(sides), said=said, task=doing)
+    return QUESTION.format(sides=", ".join(sides), said=said, task=doing, words=WORDS)
 
 
 def _quoted(text: str) -> str:
