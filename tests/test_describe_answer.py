@@ -130,7 +130,12 @@ def test_the_question_tells_what_is_known() -> None:
 
 
 def test_the_words_for_looks_are_those_that_the_scorer_learned() -> None:
-    """Each stands in the table of looks; of what the table says little is left out."""
-    learned, offered = (set(re.findall(r"[a-z]+", " ".join(texts))) for texts in ([*LOOKS.values(), *LOOKS_OF.values()], [WORDS]))
-    assert offered <= learned
-    assert {word.rstrip("s") for word in learned - offered} - offered == {"a", "of", "with", "many", "hole", "point"}
+    """Each stands in the table of looks, and nearly all that the table says can be said with them."""
+    learned, offered = words(*LOOKS.values(), *LOOKS_OF.values()), set(words(WORDS))
+    assert offered <= set(learned)
+    assert sum(word in offered | {"a", "of", "with"} for word in learned) > 0.95 * len(learned)
+
+
+def words(*texts: str) -> list[str]:
+    """Without the s of the plural."""
+    return [word.rstrip("s") for word in re.findall(r"[a-z]+", " ".join(texts))]

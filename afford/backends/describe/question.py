@@ -31,9 +31,9 @@ If you do not know what the object is, do not guess; answer {{"category": "unkno
 
 
 WORDS = """\
-long, short, thin, thick, large, small, wide, flat, round, curved, pointed, shallow, hollow, bar, block, plate, disc, ring, loop,
-rod, wire, tube, cylinder, cone, ball, box, bowl, dome, vessel, wedge; at the end, at the very end, across the end, in the middle,
-on top, around the top, on the side, on both sides, below, at the bottom"""
+long, short, tall, thin, thick, large, small, wide, flat, round, curved, bent, pointed, shallow, hollow, bar, block, plate, disc,
+dish, ring, loop, hook, rod, wire, tube, cylinder, cone, ball, box, bowl, dome, vessel, wedge; at the end, at the very end, across
+the end, in the middle, on top, around the top, on the side, on both sides, below, at the bottom"""
 """those of looks.py, which the embedded scorer has learned"""
 
 
