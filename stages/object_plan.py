@@ -28,9 +28,9 @@ class Params:
     """which categories; none: all"""
     seed: int = 20264
     """seed of all objects; each draws its own from it"""
-    train_per_category: int = 12
+    train_per_category: int = 8
     """objects of each trained category to learn from"""
-    val_per_category: int = 2
+    val_per_category: int = 1
     """objects of each trained category for validation"""
     seen_per_category: int = 2
     """evaluation objects of each trained category"""

@@ -24,7 +24,7 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
-    steps: int = 2000
+    steps: int = 2400
     """steps of the optimiser"""
     objects: int = 8
     """objects in a step"""
