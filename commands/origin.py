@@ -8,7 +8,7 @@ from pathlib import Path
 from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
 from commands.errors import UsageError
-from pipeline import Origin, Settings
+from maps.settings import Origin, Settings
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
 

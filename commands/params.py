@@ -12,7 +12,7 @@ from rich.table import Table
 
 from commands.errors import unknown
 from commands.settings import described
-from pipeline import Settings
+from maps.settings import Settings
 
 
 def show(stage: str | None, json: bool) -> int:

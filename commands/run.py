@@ -20,7 +20,8 @@ from commands.progress import observer
 from commands.publish import publish, publish_file
 from commands.session import open_runner
 from commands.settings import settings
-from pipeline import TARGETS, Origin, build
+from maps.settings import Origin
+from pipeline import TARGETS, build
 from runner import Failure, LostError, Runner, RunReport
 
 MANY = 200

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from commands.errors import UsageError, unknown
-from pipeline import Settings
+from maps.settings import Settings
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 

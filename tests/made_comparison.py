@@ -7,7 +7,8 @@ from pathlib import Path
 from afford.models.twohands.build import build
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.files import save
-from pipeline import Origin, Settings, compare
+from maps.settings import Origin, Settings
+from maps.twohands import compare
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages import benchmark, dataset_pack

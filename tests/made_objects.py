@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.models.parts.lessons import truth
-from pipeline import Settings
+from maps.settings import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
 from stages import (

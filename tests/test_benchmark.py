@@ -58,7 +58,8 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
     """Predictions do not hang on the parameters of the scores."""
     from dataclasses import replace
 
-    from pipeline import Origin, Settings, compare
+    from maps.settings import Origin, Settings
+    from maps.twohands import compare
     from runner import Graph, Runner
     from stages import benchmark, score_cases
 

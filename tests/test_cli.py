@@ -9,7 +9,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline import TARGETS, Origin, Settings, build
+from maps.settings import Origin, Settings
+from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
 from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS

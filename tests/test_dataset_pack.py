@@ -20,7 +20,8 @@ from afford.dataset import card, columns, load, masks
 from afford.dataset.classes import emerge
 from afford.dataset.licence import licence_of
 from afford.dataset.split import Rule, assign
-from pipeline import Origin, licensed
+from maps.extraction import licensed
+from maps.settings import Origin
 from schemas.scene import SceneSpec
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip

@@ -10,7 +10,7 @@ import zstandard
 from mcap.reader import make_reader
 
 from afford.worker import use_kernel_cache
-from pipeline import Settings
+from maps.settings import Settings
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages import mask_score, negative_affordance_files, negative_affordance_projection, object_record, part_describe

@@ -14,7 +14,8 @@ import pytest
 from mcap.reader import make_reader
 
 from afford.recording.summary import summarise
-from pipeline import Origin, Settings, build
+from maps.settings import Origin, Settings
+from pipeline import build
 from schemas.scene import SceneSpec
 from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made
 from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations

@@ -17,7 +17,7 @@ import pytest
 from tests.command import Made
 
 ROOT = Path(__file__).resolve().parent.parent
-ROOMS = ("commands", "stages", "runner", "afford", "schemas")
+ROOMS = ("commands", "maps", "stages", "runner", "afford", "schemas")
 BACKEND, HELPER = "afford/backends/propagate/flow.py", "afford/optical_flow.py"
 CONSTANT = r"(?m)^([A-Z_]+ = )(\d+\.\d+)$"
 BELOW_MASKS = {"hand_inpaint", "object_completion", "affordance_intersect", "sample_assemble", "dataset_pack", "clip_record",

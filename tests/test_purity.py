@@ -20,7 +20,8 @@ from afford.codecs import CODEC
 from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
 from afford.worker import use_kernel_cache
-from pipeline import Origin, Settings, build
+from maps.settings import Origin, Settings
+from pipeline import build
 from runner import Graph, Runner, RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules

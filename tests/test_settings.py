@@ -9,7 +9,7 @@ import pytest
 
 from commands.errors import UsageError
 from commands.settings import described, settings
-from pipeline import Settings
+from maps.settings import Settings
 
 
 def test_nothing_said_gives_the_defaults() -> None:

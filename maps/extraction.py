@@ -1,0 +1,143 @@
+"""From video to a two-hand affordance data set, one line per stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from maps.recording import record_run
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.affordance import Affordances, FrameLabels
+from schemas.clip import Clip
+from schemas.files import FileTree
+from schemas.masks import CompleteObjects, Tracks
+from schemas.sample import Samples
+from schemas.scene import RenderedClip
+from schemas.video import Frames, Inpainted
+from stages import (
+    affordance_intersect,
+    clip_footage,
+    clip_record,
+    dataset_pack,
+    extraction_report,
+    extraction_score,
+    frame_decode,
+    hand_inpaint,
+    key_thin,
+    mask_densify,
+    narration_labelling,
+    object_completion,
+    sample_assemble,
+    scene_render,
+    source_read,
+    stage_record,
+)
+
+
+class Extracted(NamedTuple):
+    """Handles of what the extraction stages make of one clip."""
+
+    clip: Clip
+    frames: Frames
+    tracks: Tracks
+    inpainted: Inpainted
+    complete: CompleteObjects
+    affordances: Affordances
+    labels: FrameLabels
+
+    def recorded(self) -> dict[str, stage_record.Recorded]:
+        """What a recording shows, by stage."""
+        return {
+            "source_read": self.clip, "frame_decode": self.frames, "mask_densify": self.tracks,
+            "hand_inpaint": self.inpainted, "object_completion": self.complete, "affordance_intersect": self.affordances,
+            "narration_labelling": self.labels,
+        }  # fmt: skip
+
+
+def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
+    """Video, sparse masks and narrations -> hands, objects and affordances on every frame."""
+    files       = g.pick(video, lambda v: v.files)
+    media       = g.pick(video, lambda v: v.media)
+    clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
+    footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
+    frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
+    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify)
+    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint)
+    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion)
+    affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=p.affordance_intersect)
+    labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=p.narration_labelling)
+    return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
+
+
+def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
+    """What was extracted from one clip -> its samples."""
+    return g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
+                 complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
+
+
+def pack(g: Graph, samples: Samples, origin: Origin, p: Settings) -> FileTree:
+    """The samples of all clips -> one data set."""
+    return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.dataset_pack, origin), ctx=g.ctx)
+
+
+def licensed(params: dataset_pack.Params, origin: Origin) -> dataset_pack.Params:
+    """Clips that are rendered here are ours to license; of others the stage knows, or the user says."""
+    return replace(params, license="apache-2.0") if origin.specs and not params.license else params
+
+
+def mined(g: Graph, origin: Origin, p: Settings) -> FileTree:
+    """Videos -> a data set whose labels the extraction took from them."""
+    return pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)
+
+
+def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
+    """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
+    x = extract(g, video, p)
+    truth = g.pick(video, lambda v: v.truth)
+    thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
+    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify)
+    scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
+                   inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction_score)
+    return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report, ctx=g.ctx)
+
+
+def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
+    """Every stage of a clip -> its own recording, then one recording of the clip that a viewer opens."""
+    parts = tuple(
+        g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
+        for stage, value in (*x.recorded().items(), ("sample_assemble", samples))
+    )
+    return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx)
+
+
+def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
+    """Every video with its files and its ground truth."""
+    if origin.specs:
+        return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.scene_render, ctx=g.ctx)
+    return g.each(g.leaf("videos", origin.videos))
+
+
+def dataset(g: Graph, origin: Origin, p: Settings) -> None:
+    """the data set of a source, with a recording of every clip"""
+    x = extract(g, videos(g, origin, p), p)
+    samples = assemble(g, x, p)
+    packed = pack(g, samples, origin, p)
+    g.target("dataset", packed, record(g, x, samples), record_run(g, "dataset_pack", packed))
+
+
+def recordings(g: Graph, origin: Origin, p: Settings) -> None:
+    """a recording of every clip of a source"""
+    x = extract(g, videos(g, origin, p), p)
+    g.target("recordings", record(g, x, assemble(g, x, p)))
+
+
+def scenes(g: Graph, origin: Origin, p: Settings) -> None:
+    """rendered clips, as EPIC-format files with ground truth"""
+    g.target("scenes", videos(g, origin, p))
+
+
+def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
+    """scores of every extraction stage against ground truth"""
+    report = score(g, videos(g, origin, p), p)
+    g.target("extraction-report", report, record_run(g, "extraction_report", report))

@@ -1,0 +1,98 @@
+"""From meshes to where a hand must not go, one line per stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from afford.backends.describe.looks import PARTS
+from maps.recording import record_run
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.files import FileTree
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.negative import PartCandidates
+from stages import (
+    mask_propose,
+    mask_score,
+    mesh_read,
+    mesh_texture,
+    negative_affordance_files,
+    negative_affordance_projection,
+    negative_affordance_report,
+    negative_affordance_score,
+    object_build,
+    object_plan,
+    object_record,
+    part_describe,
+    part_lessons,
+    scorer_train,
+    view_render,
+)
+
+
+class Looked(NamedTuple):
+    """Handles of an object that was looked at from all sides."""
+
+    mesh: ObjectMesh
+    parts: MeshParts
+    views: ObjectViews
+    candidates: PartCandidates
+
+
+def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
+    """Procedural objects of some splits -> their views and candidates."""
+    spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
+    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
+    mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
+    views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
+    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose)
+    return spec, Looked(mesh, parts, views, masks)
+
+
+def given(g: Graph, origin: Origin, p: Settings) -> Looked:
+    """The user's meshes -> their views and candidates; their parts where label files name them."""
+    files   = g.each(g.leaf("meshes", origin.meshes))
+    read    = g.add(mesh_read.run,          files=files,                   params=replace(p.mesh_read, categories=tuple(PARTS)))
+    mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.mesh_texture)
+    views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.view_render)
+    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.mask_propose)
+    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks)
+
+
+def teach(g: Graph, p: Settings) -> FileTree:
+    """Objects of the trained categories -> a scorer of parts."""
+    spec, x = look(g, "lesson", replace(p.object_plan, splits=("train", "val")),
+                   replace(p.view_render, size_px=256, most=10, directions=128), p)
+    lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    params=p.part_lessons)
+    trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.scorer_train, ctx=g.ctx)
+    return g.pick(trained, lambda t: t.files)
+
+
+def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
+    """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
+    scorer  = teach(g, p)
+    known: dict[str, ObjectSpec] = {}
+    if origin.meshes:
+        x = given(g, origin, p)
+    else:
+        known["spec"], x = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
+    told    = g.add(part_describe.run,      mesh=x.mesh, views=x.views,                              params=p.part_describe)
+    fit     = g.add(mask_score.run,         mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told, scorer=scorer,
+                    params=p.mask_score)
+    found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,
+                    scores=fit, params=p.negative_affordance_projection)
+    windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
+                                            params=replace(p.mask_propose, backend="grid"))
+    fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
+                                          scorer=scorer, params=p.mask_score)
+    scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
+                    params=replace(p.negative_affordance_score, threshold=p.negative_affordance_projection.threshold))
+    files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
+                    params=negative_affordance_files.Params())
+    record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
+                    params=object_record.Params(), ctx=g.ctx)
+    report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
+    g.target("negative-affordance", files, record, report, record_run(g, "negative_affordance_report", report))

@@ -1,0 +1,103 @@
+"""The parameters of every stage, and where the data come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from schemas.files import FileTree
+from schemas.scene import RenderedClip, SceneSpec
+from stages import (
+    ablation_report,
+    affordance_intersect,
+    baseline_cases,
+    benchmark,
+    benchmark_plan,
+    benchmark_set,
+    dataset_pack,
+    extraction_report,
+    extraction_score,
+    frame_decode,
+    hand_inpaint,
+    key_thin,
+    mask_densify,
+    mask_propose,
+    mask_score,
+    mesh_read,
+    mesh_texture,
+    model_train,
+    narration_labelling,
+    negative_affordance_projection,
+    negative_affordance_report,
+    negative_affordance_score,
+    object_build,
+    object_completion,
+    object_plan,
+    part_describe,
+    part_lessons,
+    predict_cases,
+    sample_assemble,
+    scene_render,
+    score_cases,
+    scorer_train,
+    source_read,
+    still_render,
+    still_sample,
+    train_plan,
+    view_render,
+)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameters of every stage, by stage."""
+
+    scene_render: scene_render.Params = scene_render.Params()
+    source_read: source_read.Params = source_read.Params()
+    frame_decode: frame_decode.Params = frame_decode.Params()
+    mask_densify: mask_densify.Params = mask_densify.Params()
+    hand_inpaint: hand_inpaint.Params = hand_inpaint.Params()
+    object_completion: object_completion.Params = object_completion.Params()
+    affordance_intersect: affordance_intersect.Params = affordance_intersect.Params()
+    narration_labelling: narration_labelling.Params = narration_labelling.Params()
+    sample_assemble: sample_assemble.Params = sample_assemble.Params()
+    dataset_pack: dataset_pack.Params = dataset_pack.Params()
+    key_thin: key_thin.Params = key_thin.Params()
+    extraction_score: extraction_score.Params = extraction_score.Params()
+    extraction_report: extraction_report.Params = extraction_report.Params()
+    train_plan: train_plan.Params = train_plan.Params()
+    still_render: still_render.Params = still_render.Params()
+    still_sample: still_sample.Params = still_sample.Params()
+    benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
+    benchmark_set: benchmark_set.Params = benchmark_set.Params()
+    model_train: model_train.Params = model_train.Params()
+    predict_cases: predict_cases.Params = predict_cases.Params()
+    baseline_cases: baseline_cases.Params = baseline_cases.Params()
+    score_cases: score_cases.Params = score_cases.Params()
+    benchmark: benchmark.Params = benchmark.Params()
+    ablation_report: ablation_report.Params = ablation_report.Params()
+    object_plan: object_plan.Params = object_plan.Params()
+    object_build: object_build.Params = object_build.Params()
+    mesh_read: mesh_read.Params = mesh_read.Params()
+    mesh_texture: mesh_texture.Params = mesh_texture.Params()
+    view_render: view_render.Params = view_render.Params()
+    mask_propose: mask_propose.Params = mask_propose.Params()
+    part_lessons: part_lessons.Params = part_lessons.Params()
+    scorer_train: scorer_train.Params = scorer_train.Params()
+    part_describe: part_describe.Params = part_describe.Params()
+    mask_score: mask_score.Params = mask_score.Params()
+    negative_affordance_projection: negative_affordance_projection.Params = negative_affordance_projection.Params()
+    negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()
+    negative_affordance_report: negative_affordance_report.Params = negative_affordance_report.Params()
+
+
+class Origin(NamedTuple):
+    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none)."""
+
+    name: str
+    specs: tuple[SceneSpec, ...] = ()
+    videos: tuple[RenderedClip, ...] = ()
+    cases: FileTree | None = None
+    predictions: tuple[FileTree, ...] = ()
+    dataset: FileTree | None = None
+    meshes: tuple[FileTree, ...] = ()
