@@ -22,7 +22,7 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
-    threshold: float = 0.5
+    threshold: float = 0.35
     """probability above which a face is negative"""
     points: int = 2048
     """points of the object that are labelled"""

@@ -26,7 +26,7 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    threshold: float = 0.5
+    threshold: float = 0.35
     """probability above which a face is negative; the pipeline gives that of negative_affordance_projection"""
     seed: int = 0
     """seed of the random candidate and of the points that are counted"""

@@ -68,7 +68,7 @@ def test_what_fits_everywhere_alike_is_relevant_everywhere_alike() -> None:
     found = x.windows()
     share = np.tile(np.array([0.6, 0.2], np.float32), (len(found.view), 1))
     value, count = relevance(found, PartScores("x", share, share), description("negative", "positive"), x.views.face.shape)
-    assert value[count > 0] == pytest.approx(0.9) and not value[count == 0].any()
+    assert value[count > 0] == pytest.approx(0.6**1.5 / (0.6**1.5 + 0.2**1.5)) and not value[count == 0].any()
     assert np.array_equal(count.astype(int), [found.masks[found.view == view].sum(0) for view in range(len(count))])
 
 

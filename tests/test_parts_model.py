@@ -13,7 +13,7 @@ from afford.dataset.files import tree
 from afford.models.parts import files
 from afford.models.parts.crops import SIZE
 from afford.models.parts.lessons import truth
-from afford.models.parts.model import Parts, PartsConfig
+from afford.models.parts.model import TRAITS, Parts, PartsConfig
 from afford.training.parts import seeded
 from tests.made_objects import looked
 
@@ -23,7 +23,7 @@ PHRASES = ("the blade of a knife, a flat plate", "the handle of a mug, a loop")
 
 def inputs(count: int = 5) -> tuple[torch.Tensor, torch.Tensor]:
     generator = torch.Generator().manual_seed(0)
-    return torch.rand(count, 2, 6, SIZE, SIZE, generator=generator), torch.rand(count, 4, generator=generator)
+    return torch.rand(count, 2, 6, SIZE, SIZE, generator=generator), torch.rand(count, TRAITS, generator=generator)
 
 
 def test_every_pair_is_judged_by_itself() -> None:
@@ -70,7 +70,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"expected the weights that config.json describes"):
         files.read(tree("scorer", root))
     (root / files.CONFIG).write_text('{"format": "something"}')
-    with pytest.raises(ValueError, match="expected \"format\": \"afford-parts-1\""):
+    with pytest.raises(ValueError, match="expected \"format\": \"afford-parts-2\""):
         files.read(tree("scorer", root))
 
 

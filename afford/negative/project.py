@@ -36,7 +36,7 @@ def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, de
     points, face = sample(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
     square, tasks = squareness(mesh, views), []
     for one, said in by_task(descriptions, scores):
-        value, weight = pixels(candidates, said, one, views.face.shape)
+        value, weight = pixels(candidates, said, one, views.face)
         probability, evidence = on_faces(mesh, views, value, weight * square)
         tasks.append(labelled(mesh, views, one.task, probability, evidence, face, wish))
     return NegativeAffordances(mesh.name, points, tuple(tasks))

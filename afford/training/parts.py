@@ -13,11 +13,14 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from afford.backends.describe.looks import phrase
 from afford.models.parts.crops import turned
+from afford.models.parts.form import FORM
 from afford.models.parts.model import Parts, PartsConfig
 from schemas.negative import PartLessons
 
 OTHERS = 0.1
 """what parts of other categories count, which no candidate of this one shows"""
+FORMLESS, NOISE = 0.3, 0.05
+"""share of candidates that are shown without their form, and the noise on it elsewhere"""
 LETTERS = np.array(list("abcdefghiklmnoprstuw"))
 Phrase = Callable[[str, str], str]
 """(category, part) -> the part in words"""
@@ -71,7 +74,8 @@ class PartsTask:
         crops = [turned(one.crops[n], int(rng.integers(4)), bool(rng.random() < 0.5)) for one, n in rows]
         truth, weight = zip(*(_asked(one, n, pairs) for one, n in rows), strict=True)
         phrases = tuple(varied(self._phrase(*pair), pair[1], rng) for pair in pairs)
-        return PartsBatch(np.stack(crops), np.stack([one.traits[n] for one, n in rows]), phrases, np.stack(truth), np.stack(weight))
+        traits = np.stack([blurred(one.traits[n], rng) for one, n in rows])
+        return PartsBatch(np.stack(crops), traits, phrases, np.stack(truth), np.stack(weight))
 
     def loss(self, model: nn.Module, batch: PartsBatch) -> dict[str, Tensor]:
         """Cross-entropy of both answers, weighted."""
@@ -95,6 +99,14 @@ class PartsTask:
         phrases = tuple(self._phrase(one.category, part) for part in one.parts)
         logits = self._net(torch.tensor(one.crops).float() / 255, torch.tensor(one.traits), phrases)
         return np.asarray(logits[..., 0].sigmoid().numpy())
+
+
+def blurred(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The numbers of a candidate (r,), its form with a little noise or, often, none at all: numbers so exact would tell which
+    object it is, and pictures would not be looked at."""
+    out = traits.copy()
+    out[-len(FORM) :] = 0 if rng.random() < FORMLESS else out[-len(FORM) :] + rng.normal(0, NOISE, len(FORM))
+    return out
 
 
 def varied(phrase: str, part: str, rng: np.random.Generator) -> str:

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from afford.models.parts.model import Parts, PartsConfig
 from schemas.files import FileTree
 
-CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-parts-1"
+CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-parts-2"
 
 
 def write(scratch: Path, model: Parts, card: str) -> Path:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from afford.models.parts.crops import CHANNELS, SIZE, Cropper
+from afford.models.parts.form import form
 from afford.models.parts.traits import traits
 from afford.segments.features import Features
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
@@ -14,11 +15,12 @@ from schemas.negative import PartCandidates, PartLessons
 
 
 def seen(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 2, c, s, s) uint8 crops and (m, r) float32 traits of all candidates."""
-    cut = Cropper(mesh, views)
+    """(m, 2, c, s, s) uint8 crops and (m, r) float32 numbers (traits.py, form.py) of all candidates."""
+    cut, features = Cropper(mesh, views), Features.of(mesh)
     crops = [cut(int(view), mask) for view, mask in zip(candidates.view, candidates.masks, strict=True)]
     empty = np.zeros((0, 2, len(CHANNELS), SIZE, SIZE), np.uint8)
-    return np.stack(crops) if crops else empty, traits(views, candidates, Features.of(mesh).thickness)
+    numbers = np.hstack([traits(views, candidates, features.thickness), form(features, views, candidates)])
+    return np.stack(crops) if crops else empty, numbers
 
 
 def lessons(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates, most: int,

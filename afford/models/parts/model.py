@@ -8,10 +8,11 @@ import torch
 from torch import Tensor, nn
 
 from afford.models.parts.crops import CHANNELS
+from afford.models.parts.form import FORM
 from afford.models.twohands.words import Words
 
-TRAITS = 4
-"""numbers that come with a candidate (see traits.py)"""
+TRAITS = 4 + len(FORM)
+"""numbers that come with a candidate (see traits.py and form.py)"""
 
 
 @dataclass(frozen=True)
