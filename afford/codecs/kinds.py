@@ -16,6 +16,7 @@ from schemas import (
     hand,
     masks,
     mesh,
+    motion,
     negative,
     prediction,
     report,
@@ -28,8 +29,8 @@ from schemas import (
 )
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, clip, files, hand, masks, mesh, negative, prediction, report, sample, scene, still, training,
-           truth, video)  # fmt: skip
+MODULES = (affordance, benchmark, clip, files, hand, masks, mesh, motion, negative, prediction, report, sample, scene, still,
+           training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
