@@ -1,0 +1,43 @@
+"""files of hand motion -> clips of one hand each, in metres, 21 keypoints in one order.
+
+Reads   FileTree: .npz, .json, .csv of our own format (docs/motion-format.md); or DexYCB's grasps as D-Grasp prepared them
+Writes  HandMotion of every clip
+Method  units, orders of points and of quaternions become ours; nothing is smoothed and nothing dropped. Nothing is unpickled
+Fails   SourceError, one sentence: file, field, expected, got, what to do
+Paper   AffordDex, HTI (human hand trajectories)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.motion import HandMotion
+
+LIBRARIES = ("numpy",)
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {
+    "keypoints": "afford.motion.keypoints:read",
+    "dexycb": "afford.motion.dexycb:read",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "keypoints"
+    """keypoints: our own format; dexycb: static grasps"""
+
+
+def run(files: FileTree, params: Params) -> tuple[HandMotion, ...]:
+    """All clips of a source; names are unique. SourceError when two files have the same."""
+    from afford.readers.errors import SourceError
+    from afford.registry import load
+
+    found: tuple[HandMotion, ...] = load(BACKENDS, params.backend)(files)
+    names = [motion.name for motion in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise SourceError(f"{files.name}, clip {twice!r}", "one file of that name", "two", "rename one")
+    return found
