@@ -32,10 +32,14 @@ from stages import (
     ablation_report,
     dataset_pack,
     hand_model,
+    hand_retarget,
     mask_propose,
     mesh_read,
     mesh_texture,
     model_train,
+    motion_read,
+    motion_report,
+    motion_synthesise,
     object_build,
     object_plan,
     view_render,
@@ -45,6 +49,7 @@ from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_hands import PINCER, written
 from tests.made_meshes import as_object, cup
+from tests.made_motions import recorded, rod
 from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
 from tests.mesh_files import box, tree
@@ -64,12 +69,15 @@ EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data", "
 """what loads before the watch begins: built on datetime and its layout in C; asks for a temporary folder (dill, a cache for
 compiled code that every optimiser of torch loads); asks `uname` for the kind of processor (h5py);
 starts a process to look for a library of windows (mujoco)"""
+MACHINE_KIND = ("OPENBLAS_CORETYPE",)
+"""which vector units linear algebra is told to use: that is the kind of machine, for which alone bytes are promised"""
 ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("predict_cases", "baseline_cases", "score_cases", "benchmark"), "benchmarked"),
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
              **dict.fromkeys(("object_plan", "object_build"), "objects"), "hand_model": "hands",
+             **dict.fromkeys(("motion_read", "motion_synthesise", "hand_retarget", "motion_report"), "motions"),
              **dict.fromkeys(("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                               "negative_affordance_files", "object_record", "negative_affordance_score",
                               "negative_affordance_report"),
@@ -190,6 +198,24 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which two motions were read and two made up, and the Shadow Hand was fitted to them."""
+    store, folder, graph = tmp_path_factory.mktemp("motions"), tmp_path_factory.mktemp("recorded"), Graph()
+    hand = graph.add(hand_model.run, files=graph.leaf("hand", shadow_files()), params=hand_model.Params())
+    clips = {name: graph.named(f"read_{name}").add(motion_read.run, files=graph.leaf(name, files), params=motion_read.Params(name))
+             for name, files in recorded(folder).items()}  # fmt: skip
+    clips["made"] = graph.add(motion_synthesise.run, target=graph.leaf("rod", rod()), params=motion_synthesise.Params(clips=2))
+    for name, found in clips.items():
+        clip = graph.each(found)
+        fitted = graph.named(f"fit_{name}").add(hand_retarget.run, motion=clip, hand=hand, params=hand_retarget.Params())
+        everything = graph.collect(fitted)
+        graph.target(name, graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params()))
+        report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, name)
+        assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
 def negatives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store in which a scorer was trained on one screwdriver and asked about another."""
     store = tmp_path_factory.mktemp("negatives")
@@ -251,7 +277,8 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     kernels = use_kernel_cache(ROOT, store)
     kernels.mkdir(parents=True, exist_ok=True)
     fonts = store / ".cache" / "matplotlib"
-    environment = OTHER_ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
+    kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
+    environment = OTHER_ENVIRONMENT | kind | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
     done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     answers: list[dict[str, Any]] = json.loads(done.stdout.splitlines()[-1])
