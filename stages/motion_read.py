@@ -1,6 +1,7 @@
 """files of hand motion -> clips of one hand each, in metres, 21 keypoints in one order.
 
-Reads   FileTree: .npz, .json, .csv of our own format (docs/motion-format.md); or DexYCB's grasps as D-Grasp prepared them
+Reads   FileTree: .npz, .json, .csv of our own format (docs/motion-format.md); DexYCB's grasps as D-Grasp prepared them;
+        OakInk2 after its import, with MANO as .npz
 Writes  HandMotion of every clip
 Method  units, orders of points and of quaternions become ours; nothing is smoothed and nothing dropped. Nothing is unpickled
 Fails   SourceError, one sentence: file, field, expected, got, what to do
@@ -14,20 +15,21 @@ from dataclasses import dataclass
 from schemas.files import FileTree
 from schemas.motion import HandMotion
 
-LIBRARIES = ("numpy",)
+LIBRARIES = ("numpy", "scipy")
 THREADS = 1
 MEMORY_GIB = 1.0
 
 BACKENDS = {
     "keypoints": "afford.motion.keypoints:read",
     "dexycb": "afford.motion.dexycb:read",
+    "oakink2": "afford.motion.oakink2:read",
 }
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "keypoints"
-    """keypoints: our own format; dexycb: static grasps"""
+    """keypoints: our own format; dexycb: static grasps; oakink2: primitives of both hands, after afford.motion.oakink2_import"""
 
 
 def run(files: FileTree, params: Params) -> tuple[HandMotion, ...]:

@@ -207,7 +207,8 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips["made"] = graph.add(motion_synthesise.run, target=graph.leaf("rod", rod()), params=motion_synthesise.Params(clips=2))
     for name, found in clips.items():
         clip = graph.each(found)
-        fitted = graph.named(f"fit_{name}").add(hand_retarget.run, motion=clip, hand=hand, params=hand_retarget.Params())
+        any_clip = hand_retarget.Params(min_s=0.0, max_error_m=1.0, max_palm_m_s=100.0, max_joint_rad_s=1e4, max_point_m_s=100.0)
+        fitted = graph.named(f"fit_{name}").add(hand_retarget.run, motion=clip, hand=hand, params=any_clip)
         everything = graph.collect(fitted)
         graph.target(name, graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params()))
         report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, name)
