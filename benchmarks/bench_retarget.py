@@ -117,7 +117,7 @@ def damages(clip: HandMotion) -> dict[str, HandMotion]:
         "every point shaken by 3 cm": replace(clip, keypoints_m=points + 0.03 * shake),
         "thumb and little finger swapped": replace(clip, keypoints_m=points[:, SWAPPED]),
         "called a left hand": replace(clip, side="left"),
-        "played six times as fast": replace(clip, rate_hz=6 * clip.rate_hz),
+        "played three times as fast": replace(clip, rate_hz=3 * clip.rate_hz),
     }
 
 
@@ -129,8 +129,8 @@ def _moved(clip: HandMotion, by: np.ndarray) -> HandMotion:
 
 def page(rows: list[Row], prices: list[Row], damage: dict[str, Counter[str]]) -> str:
     """The whole page."""
-    head = ("| what | clips | kept | frames | error mm | p95 mm | fingertips mm | bones ° | fastest joint rad/s | ms a frame |\n"
-            "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n")  # fmt: skip
+    head = ("| what | clips | dropped | frames | error mm | p95 mm | fingertips mm | bones ° | fastest joint rad/s | ms a frame |\n"
+            "|---|--:|---|--:|--:|--:|--:|--:|--:|--:|\n")  # fmt: skip
     reasons = "".join(f"| {what} | {found.total()} | {_reasons(found)} |\n" for what, found in damage.items())
     return f"""# Motion of people on the Shadow Hand
 
@@ -160,7 +160,8 @@ def _line(row: Row) -> str:
     errors = 1000 * np.concatenate([one.references[0].error_m for one in row.found if one.references])
     bones = np.rad2deg(np.concatenate([one.references[0].bone_error_rad for one in row.found if one.references]))
     fastest = max(verdict.joint_speed_rad_s for verdict in verdicts)
-    counts = f"{len(verdicts)} | {sum(v.kept for v in verdicts)} | {sum(v.frames for v in verdicts)}"
+    dropped = Counter(verdict.reason for verdict in verdicts if not verdict.kept)
+    counts = f"{len(verdicts)} | {_reasons(dropped) or 'none'} | {sum(v.frames for v in verdicts)}"
     return (f"| {row.what} | {counts} | {errors.mean():.1f} | {np.percentile(errors, 95):.1f} | {1000 * row.tips_m:.1f} | "
             f"{bones.mean():.1f} | {fastest:.1f} | {row.ms_frame:.1f} |\n")
 

@@ -33,7 +33,7 @@ class Params:
     """weight of the vectors from the thumb's tip to the other tips, where they are short"""
     pinch_m: float = 0.03
     """how short: at this distance their weight is 1/e"""
-    acceleration_m: float = 0.0005
+    acceleration_m: float = 0.001
     """error that is worth 100 rad/s^2 of a joint: more is smoother and less exact"""
     keep_tips: float = 1.0
     """with an object: 1 leaves fingertips where the person has them, 0 where the robot's finger of that shape ends"""
