@@ -49,6 +49,8 @@ class Params:
     """shortest clip; a single frame is a pose and stays"""
     max_point_m_s: float = 8.0
     """fastest point of the person's hand: beyond it the tracker has jumped"""
+    max_bent_back_m: float = 0.015
+    """how far fingertips may be out of the back of the hand in half of the frames; beyond it the side is wrong"""
     max_bone_change: float = 0.5
     """share of its median length by which a bone may be off in 5 % of frames"""
     max_error_m: float = 0.02
@@ -71,8 +73,8 @@ def run(motion: HandMotion, hand: HandModel, params: Params) -> Retargeted:
 
     _check(params)
     weights = Weights(params.level_1, params.level_2, params.tips, params.pinch, params.pinch_m, params.acceleration_m)
-    rules = Rules(params.min_s, params.max_point_m_s, params.max_bone_change, params.max_error_m, params.max_joint_rad_s,
-                  params.max_palm_m_s, params.mirror)
+    rules = Rules(params.min_s, params.max_point_m_s, params.max_bent_back_m, params.max_bone_change, params.max_error_m,
+                  params.max_joint_rad_s, params.max_palm_m_s, params.mirror)
     return retarget(motion, hand, Wishes(weights, rules, params.keep_tips, params.max_rate_hz, params.max_frames, params.centre,
                                          params.frame_steps, params.clip_steps))  # fmt: skip
 
@@ -80,7 +82,7 @@ def run(motion: HandMotion, hand: HandModel, params: Params) -> Retargeted:
 def _check(params: Params) -> None:
     positive = ("level_1", "tips", "pinch_m", "max_rate_hz", "max_frames", "max_point_m_s", "max_bone_change", "max_error_m",
                 "max_joint_rad_s", "max_palm_m_s", "frame_steps")  # fmt: skip
-    least = dict.fromkeys(("level_2", "pinch", "acceleration_m", "min_s", "clip_steps"), "0 or more")
+    least = dict.fromkeys(("level_2", "pinch", "acceleration_m", "max_bent_back_m", "min_s", "clip_steps"), "0 or more")
     for name, wanted in (dict.fromkeys(positive, "a number above zero") | least).items():
         found = getattr(params, name)
         if found < 0 or (found == 0 and name in positive):

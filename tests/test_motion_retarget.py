@@ -123,14 +123,19 @@ def broken(motion: HandMotion) -> dict[str, HandMotion]:
     jump[30:] += [0.3, 0, 0]
     stretched[::4, 8] += 2 * (stretched[::4, 8] - stretched[::4, 7])
     far += [0, 0, 2.5]
+    curled = own_motion(shadow(), trajectory(shadow(), 60, seed=1, share=0.3))
     short = replace(motion, keypoints_m=motion.keypoints_m[:9], phase=motion.phase[:9])
     return {"teleport": replace(motion, keypoints_m=jump), "too short": short, "out of reach": replace(motion, keypoints_m=far),
+            "bends backwards": replace(curled, side="left"),
             "bones change": replace(motion, keypoints_m=stretched, rate_hz=1.0),
             "palm speed": replace(motion, keypoints_m=motion.keypoints_m + np.linspace(0, 1, 60)[:, None, None] * [0, 1.5, 0]),
             "joint speed": replace(motion, rate_hz=1000.0)}  # fmt: skip
 
 
-@pytest.mark.parametrize("reason", ["teleport", "too short", "out of reach", "bones change", "palm speed", "joint speed"])
+REASONS = ("teleport", "too short", "out of reach", "bends backwards", "bones change", "palm speed", "joint speed")
+
+
+@pytest.mark.parametrize("reason", REASONS)
 def test_bad_clips_are_dropped_for_that_reason(motion: HandMotion, reason: str) -> None:
     """The verdict says which rule, with its figure; nothing is left to imitate."""
     looser = {"joint speed": {"min_s": 0.01, "max_point_m_s": 500.0, "max_palm_m_s": 500.0, "max_rate_hz": 1000.0},

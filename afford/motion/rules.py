@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.motion.targets import grip_axes
 from schemas.hand import HandModel
 from schemas.motion import HandMotion
 
@@ -21,6 +22,8 @@ class Rules:
     """shortest clip; a single frame is a pose and may stay"""
     max_point_m_s: float
     """fastest point of the person's hand"""
+    max_bent_back_m: float
+    """how far fingertips may be behind the back of the hand, half of the time: of the wrong side's hand they are"""
     max_bone_change: float
     """how far a bone may be from its median length, as a share of it, in 5 % of frames"""
     max_error_m: float
@@ -46,6 +49,10 @@ def before(motion: HandMotion, hand: HandModel, rules: Rules) -> Broken | None:
     if motion.side != hand.side and not rules.mirror:
         return Broken("other hand", f"a {motion.side} hand; the robot's is the {hand.side} one")
     points, frames = motion.keypoints_m, len(motion.keypoints_m)
+    back = bent_back(points, motion.side)
+    if back > rules.max_bent_back_m:
+        limit = f"{1000 * rules.max_bent_back_m:g} mm"
+        return Broken("bends backwards", f"fingertips {1000 * back:.0f} mm of {limit} behind the back of a {motion.side} hand")
     if frames == 1:
         return None
     if frames / motion.rate_hz < rules.min_s:
@@ -72,6 +79,12 @@ def after(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: tupl
     if palm_m_s > rules.max_palm_m_s:
         return Broken("palm speed", f"{palm_m_s:.2f} m/s of {rules.max_palm_m_s:g} m/s")
     return None
+
+
+def bent_back(points: np.ndarray, side: str) -> float:
+    """(t, 21, 3) -> median of how far the four fingertips are out of the back, seen from their knuckles; negative when curled."""
+    fingers = points[:, [8, 12, 16, 20]] - points[:, [5, 9, 13, 17]]
+    return float(np.median(np.einsum("tfc,tc->tf", fingers, grip_axes(points, side)[:, :, 1])))
 
 
 def bone_changes(points: np.ndarray) -> float:
