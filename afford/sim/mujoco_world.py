@@ -1,0 +1,217 @@
+"""A world on MuJoCo. Apart from the reader of its models, the only importer of mujoco.
+
+The hand's URDF is read by MuJoCo itself, which turns `<mimic>` into equality constraints. Motors are position servos without
+overshoot: force = k (target - q) - k response_s qd, cut off at the motor's effort. Newton's solver, elliptic cones, implicit damping.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from afford.hands.coupling import driven
+from afford.hands.folder import save as save_hand
+from afford.hands.kinematics import limits, moving, points
+from afford.sim.engine import State, checked, solver_steps
+from afford.sim.scene import Scene, finger_of_link
+from schemas.grasp import GraspObject
+from schemas.hand import HandModel
+
+HAND, OBJECT, TABLE = 1, 2, 4
+YIELD_RAD, YIELD_M = 0.1, 0.02
+"""how far from its target a motor gives its full effort"""
+CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+COUPLING_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
+IMPRATIO = 10.0
+"""friction is this much stiffer than the normal direction, or what is held creeps"""
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """A moment."""
+
+    numbers: np.ndarray
+    force: np.ndarray
+    steps_left: int
+    state: State
+
+
+class MujocoWorld:
+    """See afford.sim.engine.World."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, hand = scene, scene.hand
+        self.model: mujoco.MjModel = compiled(scene)
+        self._data = mujoco.MjData(self.model)
+        names, motors = hand.joints.name, [hand.joints.name[k] for k in driven(hand.joints)]
+        self._q = np.array([int(self.model.joint(names[k]).qposadr[0]) for k in moving(hand.joints)])
+        self._qd = np.array([int(self.model.joint(names[k]).dofadr[0]) for k in moving(hand.joints)])
+        self._motors = np.array([self.model.actuator(name).id for name in motors])
+        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[driven(hand.joints)]
+        self._links = np.array([self.model.body(name).id for name in hand.links])
+        self._object = self.model.body("object").id
+        self._free = int(self.model.joint("object").qposadr[0]), int(self.model.joint("object").dofadr[0])
+        self._finger, self._part = _owners(self.model, hand, scene.body)
+        self._force, self._left = np.zeros(3), 0
+
+    def reset(self, q: np.ndarray, body: np.ndarray) -> State:
+        """At rest, joints at q, motors holding them there."""
+        q, pose = checked("reset, q", q, len(self._q)), checked("reset, body", body, 7)
+        mujoco.mj_resetData(self.model, self._data)
+        self._data.qpos[self._q] = q
+        self._data.qpos[self._free[0] :][:7] = pose[[0, 1, 2, 6, 3, 4, 5]]
+        columns = {int(k): column for column, k in enumerate(moving(self.scene.hand.joints))}
+        self._data.ctrl[self._motors] = q[[columns[int(k)] for k in driven(self.scene.hand.joints)]]
+        self._force, self._left = np.zeros(3), 0
+        mujoco.mj_forward(self.model, self._data)
+        return self.state()
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """Motors follow u, cut to the limits of their joints."""
+        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        self._data.ctrl[self._motors] = u.clip(*self._limits.T)
+        pushed = min(count, self._left)
+        self._data.xfrc_applied[self._object, :3] = self._force
+        mujoco.mj_step(self.model, self._data, nstep=pushed)
+        self._data.xfrc_applied[self._object, :3] = 0.0
+        mujoco.mj_step(self.model, self._data, nstep=count - pushed)
+        self._left -= pushed
+        mujoco.mj_kinematics(self.model, self._data)
+        return self.state()
+
+    def push(self, force: np.ndarray, duration_s: float) -> None:
+        """A force on the object for a time."""
+        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+
+    def state(self) -> State:
+        """Places are those of now; forces those of the last solver step."""
+        d, hand = self._data, self.scene.hand
+        T = np.zeros((1, len(self._links), 4, 4))
+        T[0, :, :3, :3], T[0, :, :3, 3] = d.xmat[self._links].reshape(-1, 3, 3), d.xpos[self._links]
+        at, dof = self._free
+        R = d.xmat[self._object].reshape(3, 3)
+        spin = R @ d.qvel[dof + 3 : dof + 6]
+        force, deepest, count = self._touching()
+        return State(
+            q=d.qpos[self._q], qd=d.qvel[self._qd], torque=d.actuator_force[self._motors],
+            tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], palm=self._pose(int(self._links[hand.palm])),
+            body=d.qpos[at + np.array([0, 1, 2, 4, 5, 6, 3])],
+            velocity=d.qvel[dof : dof + 3] + np.cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
+            penetration_m=deepest, contacts=count)  # fmt: skip
+
+    def save(self) -> Saved:
+        """All that the next step depends on."""
+        numbers = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self._data, numbers, STATE)
+        return Saved(numbers, self._force, self._left, self.state())
+
+    def restore(self, token: Saved) -> State:
+        """Back to that moment."""
+        mujoco.mj_setState(self.model, self._data, token.numbers, STATE)
+        mujoco.mj_kinematics(self.model, self._data)
+        self._force, self._left = token.force, token.steps_left
+        return token.state
+
+    def close(self) -> None:
+        """Nothing is held that the garbage collector does not give back."""
+
+    def _pose(self, body: int) -> np.ndarray:
+        return np.concatenate([self._data.xpos[body], self._data.xquat[body][[1, 2, 3, 0]]])
+
+    def _touching(self) -> tuple[np.ndarray, float, int]:
+        """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
+        contact = self._data.contact
+        force = np.zeros((len(self.scene.hand.fingers.name) + 1, len(self.scene.body.parts)))
+        if not len(contact):
+            return force, 0.0, 0
+        finger, part = self._finger[contact.geom].max(axis=1), self._part[contact.geom].max(axis=1)
+        row = contact.efc_address
+        touch = (finger >= 0) & (part >= 0) & (row >= 0)
+        if not touch.any():
+            return force, 0.0, 0
+        np.add.at(force, (finger[touch], part[touch]), self._data.efc_force[row[touch]])
+        return force, max(0.0, -float(contact.dist[touch].min())), int(touch.sum())
+
+
+def compiled(scene: Scene) -> mujoco.MjModel:
+    """The model of a scene."""
+    physics = scene.physics
+    with tempfile.TemporaryDirectory() as folder:
+        spec = mujoco.MjSpec.from_file(str(save_hand(scene.hand, Path(folder))))
+        spec.compiler.fusestatic = False
+        spec.option.timestep, spec.option.gravity = 1.0 / physics.rate_hz, (0.0, 0.0, -physics.gravity_m_s2)
+        spec.option.integrator, spec.option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.option.iterations, spec.option.impratio = physics.iterations, IMPRATIO
+        _hand(spec, scene)
+        _table(spec, scene)
+        _object(spec, scene)
+        return spec.compile()
+
+
+def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """Shapes that touch the object and the table, and each other where the hand says so; a motor for each joint that has one."""
+    hand, stiff = scene.hand, (2.0 / scene.physics.rate_hz, 1.0)
+    for equality in spec.equalities:
+        equality.solref[:], equality.solimp[:] = stiff, COUPLING_SOLIMP
+    for link in hand.links:
+        for number, geom in enumerate(spec.body(link).geoms):
+            geom.name, geom.contype, geom.conaffinity = f"{link}/{number}", HAND, 0
+            _rub(geom, scene, scene.physics.hand_friction, priority=2)
+    for a, b in hand.contacts:
+        for one in spec.body(hand.links[a]).geoms:
+            for other in spec.body(hand.links[b]).geoms:
+                spec.add_pair(geomname1=one.name, geomname2=other.name, condim=3, solref=stiff)
+    for k in driven(hand.joints):
+        _motor(spec, scene, int(k))
+
+
+def _motor(spec: mujoco.MjSpec, scene: Scene, joint: int) -> None:
+    joints, physics = scene.hand.joints, scene.physics
+    scale = 1.0 if joints.role[joint] == "wrist" else physics.effort_scale
+    effort = float(joints.effort[joint]) * scale
+    gain = effort / (YIELD_M if joints.kind[joint] == "prismatic" else YIELD_RAD)
+    spec.joint(joints.name[joint]).actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the motor has the limit
+    motor = spec.add_actuator(name=joints.name[joint], target=joints.name[joint], trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.set_to_position(kp=gain, kv=gain * physics.response_s)
+    motor.forcelimited, motor.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, (-effort, effort)
+
+
+def _rub(geom: mujoco.MjsGeom, scene: Scene, friction: float, priority: int) -> None:
+    geom.condim, geom.friction, geom.priority = 4, (friction, scene.physics.spin_friction_m, 0.0), priority
+    geom.solref, geom.solimp = (2.0 / scene.physics.rate_hz, 1.0), CONTACT_SOLIMP
+
+
+def _table(spec: mujoco.MjSpec, scene: Scene) -> None:
+    top = spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2, 2, 0.1), contype=TABLE,
+                                  conaffinity=HAND | OBJECT)  # fmt: skip
+    _rub(top, scene, scene.physics.table_friction, priority=1)
+
+
+def _object(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """One geom for each hull."""
+    found, scale = scene.body, scene.physics.mass_scale
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = found.inertia_kgm2 * scale
+    body = spec.worldbody.add_body(name="object", mass=found.mass_kg * scale, ipos=found.com_m,
+                                   fullinertia=(xx, yy, zz, xy, xz, yz), explicitinertial=True)  # fmt: skip
+    body.add_freejoint(name="object")
+    for number, hull in enumerate(found.hulls()):
+        spec.add_mesh(name=f"hull/{number}", uservert=hull.reshape(-1), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        geom = body.add_geom(name=f"hull/{number}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"hull/{number}", contype=OBJECT,
+                             conaffinity=HAND)  # fmt: skip
+        _rub(geom, scene, scene.physics.table_friction, priority=0)
+
+
+def _owners(model: mujoco.MjModel, hand: HandModel, body: GraspObject) -> tuple[np.ndarray, np.ndarray]:
+    """(g,) finger of each geom and (g,) part of each geom, -1 for the others."""
+    finger, part = np.full(model.ngeom, -1), np.full(model.ngeom, -1)
+    of_link = finger_of_link(hand)
+    for link, name in enumerate(hand.links):
+        finger[model.geom_bodyid == model.body(name).id] = of_link[link]
+    for number, owner in enumerate(body.hull_part):
+        part[model.geom(f"hull/{number}").id] = owner
+    return finger, part

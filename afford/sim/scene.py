@@ -1,0 +1,123 @@
+"""What an engine is given: a hand on its gantry, an object, a table, and every number that physics needs. Table top: z = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from afford.hands.kinematics import ancestry
+from schemas.grasp import GraspObject
+from schemas.hand import HandModel
+
+
+@dataclass(frozen=True)
+class Physics:
+    """How the world behaves and how carefully it is computed."""
+
+    rate_hz: int = 240
+    """steps of the solver a second"""
+    iterations: int = 50
+    """of the solver in each step: PyBullet always takes them all, MuJoCo stops when it has converged"""
+    gravity_m_s2: float = 9.81
+    hand_friction: float = 1.0
+    """Coulomb's coefficient between hand and object"""
+    table_friction: float = 0.7
+    """between object and table"""
+    spin_friction_m: float = 0.003
+    """torque about the normal of a contact for each newton: a soft fingertip is a patch, not a point"""
+    mass_scale: float = 1.0
+    """times the object's mass and inertia"""
+    effort_scale: float = 1.0
+    """times the torques of the fingers' motors"""
+    response_s: float = 0.02
+    """a motor closes the distance to its target in this time, as far as its torque allows"""
+
+
+STRICT = Physics(iterations=100)
+"""the settings under which grasps are judged"""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One world to be."""
+
+    hand: HandModel
+    body: GraspObject
+    physics: Physics = field(default_factory=Physics)
+
+    def __post_init__(self) -> None:
+        steps = {f.name: getattr(self.physics, f.name) for f in fields(Physics)}
+        wrong = [name for name, number in steps.items() if not (np.isfinite(number) and number >= 0)]
+        zero = [name for name in ("rate_hz", "iterations", "mass_scale", "effort_scale", "response_s") if steps[name] == 0]
+        if wrong or zero:
+            name = (wrong or zero)[0]
+            raise ValueError(f"Physics.{name}: expected a number {'of 0 or more' if wrong else 'above 0'}, got {steps[name]}")
+        if self.hand.joints.role.count("wrist") != 6:
+            raise ValueError(f"{self.hand.name}: expected a hand on a gantry of 6 joints, got {self.hand.joints.role.count('wrist')}; "
+                             "build it with wrist=gantry")
+
+
+@dataclass(frozen=True)
+class Range:
+    """How one number varies between worlds."""
+
+    low: float
+    high: float
+    spread: str = "uniform"
+    """uniform, or log: even in the logarithm, for scales"""
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value; ValueError for a distribution that is not known."""
+        if self.spread == "uniform":
+            return float(rng.uniform(self.low, self.high))
+        if self.spread == "log":
+            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        raise ValueError(f"Range.spread: expected uniform or log, got {self.spread!r}")
+
+
+RANDOM: Mapping[str, Range] = {
+    "hand_friction": Range(0.7, 1.2),
+    "table_friction": Range(0.4, 1.0),
+    "spin_friction_m": Range(0.001, 0.005),
+    "mass_scale": Range(0.5, 2.0, "log"),
+    "effort_scale": Range(0.8, 1.25, "log"),
+    "response_s": Range(0.015, 0.04, "log"),
+}
+"""field of Physics -> how it varies"""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What lies between a world and a policy; the environment applies it, not the engine."""
+
+    latency_steps: int = 0
+    """control steps by which a command comes late"""
+    depth_noise_m: float = 0.0
+    """standard deviation of depth"""
+
+
+def finger_of_link(hand: HandModel) -> np.ndarray:
+    """(l,) index of the finger that each link belongs to; the number of fingers for the palm and what is before it."""
+    hangs = ancestry(hand.joints)
+    out = np.full(len(hand.links), len(hand.fingers.name))
+    beyond = hangs[:, hand.palm] & (np.arange(len(out)) != hand.palm)
+    for finger, tip in enumerate(hand.fingers.tip_link):
+        out[hangs[tip] & beyond] = finger
+    return out
+
+
+def randomised(scene: Scene, seed: int, ranges: Mapping[str, Range] = RANDOM) -> Scene:
+    """The scene with its physics drawn anew; the same seed gives the same scene. ValueError for a name that Physics lacks."""
+    known = {f.name for f in fields(Physics)}
+    if unknown := sorted(set(ranges) - known):
+        raise ValueError(f"randomised: expected fields of Physics ({', '.join(sorted(known))}), got {', '.join(unknown)}")
+    rng = np.random.default_rng(seed)
+    return replace(scene, physics=replace(scene.physics, **{name: ranges[name].draw(rng) for name in sorted(ranges)}))
+
+
+def sensing(seed: int, latency_steps: int = 1, depth_noise_m: float = 0.003) -> Sensing:
+    """Latency from 0 to `latency_steps`, noise from 0 to `depth_noise_m`; of a stream of its own."""
+    rng = np.random.default_rng([seed, 1])
+    return Sensing(int(rng.integers(latency_steps + 1)), float(rng.uniform(0, depth_noise_m)))
