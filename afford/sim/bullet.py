@@ -5,7 +5,9 @@ World: z up, table top at z = 0, metres, seconds, kilograms. Quaternions xyzw st
 
 from __future__ import annotations
 
+from functools import partial
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -16,6 +18,23 @@ STEP_S = 1 / 240
 GRAVITY = 9.81
 MAX_CORNERS = 96
 """Corners of a convex hull handed to the engine."""
+
+
+class Client:
+    """A connection of its own: `client.stepSimulation()` is pybullet's function of that name, told which world is meant."""
+
+    def __init__(self) -> None:
+        self.number = int(pybullet.connect(pybullet.DIRECT))
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(pybullet, name)
+        return partial(found, physicsClientId=self.number) if callable(found) else found
+
+    def close(self) -> None:
+        """Disconnect; twice is harmless."""
+        if self.number >= 0:
+            pybullet.disconnect(self.number)
+            self.number = -1
 
 
 class World:

@@ -1,0 +1,208 @@
+"""A world on PyBullet, through afford.sim.bullet.Client.
+
+Motors are velocity constraints with a limited impulse; a coupled joint is held to its driver by a gear. The object is one body with a
+compound of hulls; the part that a contact is on is that of the hull whose surface is nearest.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from afford.hands.coupling import driven
+from afford.hands.folder import save as save_hand
+from afford.hands.kinematics import forward, moving, points
+from afford.sim import object_urdf
+from afford.sim.bullet import Client
+from afford.sim.engine import State, checked, solver_steps
+from afford.sim.scene import Physics, Scene, finger_of_link
+
+GEAR_NM = 100.0
+"""torque that a coupling may take: more than any motor of a finger has"""
+GEAR_ERP = 0.5
+TABLE_M = (2.0, 2.0, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """A moment."""
+
+    number: int
+    force: np.ndarray
+    steps_left: int
+    state: State
+
+
+class BulletWorld:
+    """See afford.sim.engine.World."""
+
+    def __init__(self, scene: Scene, seen: bool = False) -> None:
+        """`seen`: with what can be seen of the hand, for pictures."""
+        self.scene, self.client = scene, Client()
+        hand, physics = scene.hand, scene.physics
+        _settings(self.client, physics)
+        with tempfile.TemporaryDirectory() as folder:
+            self.table = _table(self.client, physics)
+            self.object = _object(self.client, scene, Path(folder))
+            self.hand = _hand(self.client, scene, Path(folder), seen)
+        number = _numbers(self.client, self.hand)
+        moves, motors = moving(hand.joints), driven(hand.joints)
+        self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
+        self._of_motor = np.searchsorted(moves, motors)
+        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[motors]
+        turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
+        self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
+        of_link = finger_of_link(hand)
+        self._finger = {-1: int(of_link[0]), **{number[name]: int(of_link[k + 1]) for k, name in enumerate(hand.joints.name)}}
+        self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
+        self._inertial = Rotation.from_quat(self.client.getDynamicsInfo(self.object, -1)[4])
+        self._force, self._left = np.zeros(3), 0
+        self._saved: list[int] = []
+        self._fresh = int(self.client.saveState())
+
+    def reset(self, q: np.ndarray, body: np.ndarray) -> State:
+        """At rest, joints at q, motors holding them there."""
+        q, pose = checked("reset, q", q, len(self._joints)), checked("reset, body", body, 7)
+        self.client.restoreState(stateId=self._fresh)
+        for joint, value in zip(self._joints, q.tolist(), strict=True):
+            self.client.resetJointState(self.hand, joint, value, 0.0)
+        turn = Rotation.from_quat(pose[3:])
+        centre = pose[:3] + turn.apply(self.scene.body.com_m)
+        self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), (turn * self._inertial).as_quat().tolist())
+        self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
+        self._force, self._left = np.zeros(3), 0
+        self._command(q[self._of_motor])
+        self.client.performCollisionDetection()
+        return self.state()
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """Motors follow u, cut to the limits of their joints."""
+        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        self._command(u.clip(*self._limits.T))
+        for _ in range(count):
+            if self._left:
+                self._shove()
+            self.client.stepSimulation()
+        return self.state()
+
+    def push(self, force: np.ndarray, duration_s: float) -> None:
+        """A force on the object for a time."""
+        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+
+    def state(self) -> State:
+        """Places are those of now; forces those of the last solver step."""
+        hand, joints = self.scene.hand, self.client.getJointStates(self.hand, self._joints)
+        q, qd, torque = (np.array([row[column] for row in joints]) for column in (0, 1, 3))
+        T = forward(hand.joints, q[None])
+        body = self._body()
+        place, turn = self.client.getBaseVelocity(self.object)
+        force, deepest, count = self._touching(body)
+        palm = T[0, hand.palm]
+        return State(
+            q=q, qd=qd, torque=torque[self._of_motor], tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0],
+            palm=np.concatenate([palm[:3, 3], Rotation.from_matrix(palm[:3, :3]).as_quat()]), body=body,
+            velocity=np.array(place), spin=np.array(turn), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
+
+    def save(self) -> Saved:
+        """All that the next step depends on; the engine keeps it until the world is closed."""
+        return Saved(int(self.client.saveState()), self._force, self._left, self.state())
+
+    def restore(self, token: Saved) -> State:
+        """Back to that moment."""
+        self.client.restoreState(stateId=token.number)
+        self._force, self._left = token.force, token.steps_left
+        return token.state
+
+    def close(self) -> None:
+        """Disconnect."""
+        self.client.close()
+
+    def _command(self, targets: np.ndarray) -> None:
+        count, physics = len(self._motors), self.scene.physics
+        gain = 1.0 / (physics.rate_hz * physics.response_s)
+        self.client.setJointMotorControlArray(
+            self.hand, self._motors, self.client.POSITION_CONTROL, targetPositions=targets.tolist(), forces=self._efforts,
+            positionGains=[gain] * count, velocityGains=[1.0] * count)  # fmt: skip
+
+    def _shove(self) -> None:
+        centre = self.client.getBasePositionAndOrientation(self.object)[0]
+        self.client.applyExternalForce(self.object, -1, self._force.tolist(), centre, self.client.WORLD_FRAME)
+        self._left -= 1
+
+    def _body(self) -> np.ndarray:
+        """(7,) pose of the object's frame; the engine has that of its principal axes."""
+        centre, turn = self.client.getBasePositionAndOrientation(self.object)
+        own = Rotation.from_quat(turn) * self._inertial.inv()
+        return np.concatenate([np.array(centre) - own.apply(self.scene.body.com_m), own.as_quat()])
+
+    def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
+        """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
+        force = np.zeros((len(self.scene.hand.fingers.name) + 1, len(self.scene.body.parts)))
+        found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
+        if not found:
+            return force, 0.0, 0
+        spots = Rotation.from_quat(body[3:]).inv().apply(np.array([c[6] for c in found]) - body[:3])
+        beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
+        parts = self.scene.body.hull_part[beside.argmin(axis=0)]
+        np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
+        return force, max(0.0, -min(c[8] for c in found)), len(found)
+
+
+def _settings(client: Client, physics: Physics) -> None:
+    client.setTimeStep(1.0 / physics.rate_hz)
+    client.setGravity(0.0, 0.0, -physics.gravity_m_s2)
+    client.setPhysicsEngineParameter(numSolverIterations=physics.iterations, deterministicOverlappingPairs=1)
+
+
+def _table(client: Client, physics: Physics) -> int:
+    shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=TABLE_M)
+    table = int(client.createMultiBody(0.0, shape, basePosition=(0.0, 0.0, -TABLE_M[2])))
+    client.changeDynamics(table, -1, lateralFriction=physics.table_friction)
+    return table
+
+
+def _object(client: Client, scene: Scene, folder: Path) -> int:
+    """The friction of a contact is the product of both bodies', so the object's is 1."""
+    path, physics = object_urdf.save(scene.body, folder), scene.physics
+    body = int(client.loadURDF(str(path), flags=client.URDF_USE_INERTIA_FROM_FILE))
+    info = client.getDynamicsInfo(body, -1)
+    client.changeDynamics(body, -1, mass=info[0] * physics.mass_scale,
+                          localInertiaDiagonal=[physics.mass_scale * number for number in info[2]], lateralFriction=1.0,
+                          spinningFriction=physics.spin_friction_m, linearDamping=0.0, angularDamping=0.0)  # fmt: skip
+    client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
+    return body
+
+
+def _hand(client: Client, scene: Scene, folder: Path, seen: bool) -> int:
+    flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_SELF_COLLISION | (0 if seen else client.URDF_IGNORE_VISUAL_SHAPES)
+    hand, body = scene.hand, int(client.loadURDF(str(save_hand(scene.hand, folder)), useFixedBase=True, flags=flags))
+    number = _numbers(client, body)
+    index = [-1, *(number[name] for name in hand.joints.name)]
+    allowed = set(map(tuple, hand.contacts.tolist()))
+    for b, second in enumerate(index):
+        client.changeDynamics(body, second, lateralFriction=scene.physics.hand_friction, linearDamping=0.0, angularDamping=0.0,
+                              jointDamping=0.0)  # the engine adds it as a force: unstable on links as light as fingers'  # fmt: skip
+        for a, first in enumerate(index[:b]):
+            client.setCollisionFilterPair(body, body, first, second, int((a, b) in allowed))
+    for k, driver in enumerate(hand.joints.driver):
+        if driver >= 0:
+            _gear(client, scene, body, index[driver + 1], index[k + 1], k)
+    return body
+
+
+def _gear(client: Client, scene: Scene, body: int, driver: int, follower: int, joint: int) -> None:
+    joints, zero = scene.hand.joints, (0.0, 0.0, 0.0)
+    client.setJointMotorControl2(body, follower, client.VELOCITY_CONTROL, force=0.0)
+    gear = client.createConstraint(body, driver, body, follower, client.JOINT_GEAR, (1.0, 0.0, 0.0), zero, zero)
+    client.changeConstraint(gear, gearRatio=-float(joints.ratio[joint]), maxForce=GEAR_NM, erp=GEAR_ERP,
+                            relativePositionTarget=float(joints.offset[joint]))  # fmt: skip
+
+
+def _numbers(client: Client, body: int) -> dict[str, int]:
+    """The engine's number of each joint, which is also that of the link it carries."""
+    return {client.getJointInfo(body, k)[1].decode(): k for k in range(client.getNumJoints(body))}
