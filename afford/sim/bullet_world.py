@@ -25,6 +25,8 @@ from afford.sim.scene import Physics, Scene, finger_of_link
 GEAR_NM = 100.0
 """torque that a coupling may take: more than any motor of a finger has"""
 GEAR_ERP = 0.5
+EVERYTHING = (1, -1)
+"""group and mask of what moves"""
 TABLE_M = (2.0, 2.0, 0.05)
 
 
@@ -62,12 +64,12 @@ class BulletWorld:
         self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
         self._inertial = Rotation.from_quat(self.client.getDynamicsInfo(self.object, -1)[4])
         self._force, self._left = np.zeros(3), 0
-        self._saved: list[int] = []
         self._fresh = int(self.client.saveState())
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
         q, pose = checked("reset, q", q, len(self._joints)), checked("reset, body", body, 7)
+        self._forget()
         self.client.restoreState(stateId=self._fresh)
         for joint, value in zip(self._joints, q.tolist(), strict=True):
             self.client.resetJointState(self.hand, joint, value, 0.0)
@@ -109,18 +111,30 @@ class BulletWorld:
             velocity=np.array(place), spin=np.array(turn), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
-        """All that the next step depends on; the engine keeps it until the world is closed."""
-        return Saved(int(self.client.saveState()), self._force, self._left, self.state())
+        """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are near
+        each other is not in it, so the world forgets that now, as `restore` does."""
+        token = Saved(int(self.client.saveState()), self._force, self._left, self.state())
+        self.restore(token)
+        return token
 
     def restore(self, token: Saved) -> State:
         """Back to that moment."""
+        self._forget()
         self.client.restoreState(stateId=token.number)
+        self.client.performCollisionDetection()
+        self.client.restoreState(stateId=token.number)  # points of contact are put where there are pairs
         self._force, self._left = token.force, token.steps_left
         return token.state
 
     def close(self) -> None:
         """Disconnect."""
         self.client.close()
+
+    def _forget(self) -> None:
+        """New places in the broad phase: pairs of near shapes go, and with them the axes that the narrow phase starts from."""
+        for link in range(self.client.getNumJoints(self.hand)):
+            self.client.setCollisionFilterGroupMask(self.hand, link, *EVERYTHING)
+        self.client.setCollisionFilterGroupMask(self.object, -1, *EVERYTHING)
 
     def _command(self, targets: np.ndarray) -> None:
         count, physics = len(self._motors), self.scene.physics

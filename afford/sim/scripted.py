@@ -1,0 +1,158 @@
+"""A grasp by script: over a part of an object that lies on the table, down, close, lift, hold. The floor that learning stands on.
+
+The hand comes down over the part's long axis, at the place nearest to the object's centre of mass, thumb towards that centre; the palm
+looks down and sideways. Everything else is eighteen numbers, found by a search on a few objects (benchmarks/search_grasp.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.hands.coupling import driven, spread
+from afford.sim.engine import State, World
+from afford.sim.scene import Scene
+
+CONTROL_S = 0.05
+SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
+"""control steps of 0.05 s: the object comes to rest, then 0.4 s, 0.5 s, 0.6 s and 0.2 s"""
+ABOVE_M, LIFT_M = 0.12, 0.15
+END_M = 0.04
+"""the aim keeps this far from the ends of the part"""
+NEAR_M = 0.05
+"""held: the object's centre of mass ends this near to its place at rest, lifted by LIFT_M"""
+FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ0")
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """The numbers of a grasp."""
+
+    along_m: float
+    """palm's origin from the aim, along the part, towards the centre of mass"""
+    across_m: float
+    above_m: float
+    roll_rad: float
+    """how far the fingers point down: pi is straight down"""
+    yaw_rad: float
+    pitch_rad: float
+    open_base_rad: float
+    """J2 of the four fingers on the way down"""
+    open_middle_rad: float
+    """J1"""
+    open_thumb: float
+    """share of the closed thumb's THJ3 and THJ0 on the way down"""
+    base_rad: float
+    """J2 of the four fingers, closed; it is a target: what is in the way holds it off"""
+    middle_rad: float
+    thumb_rad: tuple[float, float, float, float, float]
+    """THJ4 to THJ0, closed"""
+    sink_m: float
+    """how much deeper the wrist goes while closing"""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of it."""
+
+    held: bool
+    rise_m: float
+    """of the centre of mass"""
+    away_m: float
+    """from where it should be"""
+    penetration_m: np.ndarray
+    """(k,) deepest between hand and object, after each control step since they touch"""
+
+
+def targets(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Iterator[np.ndarray]:
+    """The commands (m,) of descend, close, lift and hold, for an object at rest at the pose (7,)."""
+    place, yaw = aim(scene, body, part)
+    wrist = _wrist(place, yaw, grasp)
+    above, sunk = np.array([0, 0, ABOVE_M, 0, 0, 0]), np.array([0, 0, -grasp.sink_m, 0, 0, 0])
+    up = np.array([0, 0, LIFT_M, 0, 0, 0])
+    opened, closed = _fingers(scene, grasp, closed=False), _fingers(scene, grasp, closed=True)
+    for s in _ramp(DESCEND):
+        yield np.concatenate([wrist + (1 - s) * above, opened])
+    for s in _ramp(CLOSE):
+        yield np.concatenate([wrist + s * sunk, opened + s * (closed - opened)])
+    for s in _ramp(LIFT):
+        yield np.concatenate([wrist + sunk + s * up, closed])
+    for _ in range(HOLD):
+        yield np.concatenate([wrist + sunk + up, closed])
+
+
+def aim(scene: Scene, body: np.ndarray, part: int) -> tuple[np.ndarray, float]:
+    """(3,) place to grasp at, and the yaw of the part's long axis, from there to the centre of mass."""
+    found, turn = scene.body, Rotation.from_quat(body[3:])
+    spots = turn.apply(found.points[found.point_part == part].astype(float)) + body[:3]
+    centre = turn.apply(found.com_m) + body[:3]
+    middle = spots.mean(0)
+    axis = np.linalg.svd((spots - middle)[:, :2], full_matrices=False)[2][0]
+    axis = axis if axis @ (centre - middle)[:2] >= 0 else -axis
+    reach = (spots - middle)[:, :2] @ axis
+    low, high = min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)
+    place = middle.copy()
+    place[:2] += float(np.clip((centre - middle)[:2] @ axis, low, high)) * axis
+    return place, float(np.arctan2(axis[1], axis[0]))
+
+
+def start(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> np.ndarray:
+    """(d,) joints before the descent."""
+    place, yaw = aim(scene, body, part)
+    u = np.concatenate([_wrist(place, yaw, grasp), _fingers(scene, grasp, closed=False)])
+    u[2] += ABOVE_M
+    A, b = spread(scene.hand.joints)
+    return A @ u + b
+
+
+def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
+    """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
+    q = start(scene, body, part, grasp)
+    state = world.reset(q, body)
+    for _ in range(SETTLE):
+        state = world.step(_commands(scene, q), CONTROL_S)
+    goal, deep = _centre(scene, state) + (0, 0, LIFT_M), []
+    for u in targets(scene, state.body, part, grasp):
+        state = world.step(u, CONTROL_S)
+        deep += [state.penetration_m] * (state.contacts > 0)
+    end = _centre(scene, state)
+    away = float(np.linalg.norm(end - goal))
+    return Outcome(away < NEAR_M and state.contacts > 0, float(end[2] - goal[2] + LIFT_M), away, np.array(deep))
+
+
+def _centre(scene: Scene, state: State) -> np.ndarray:
+    place: np.ndarray = Rotation.from_quat(state.body[3:]).apply(scene.body.com_m) + state.body[:3]
+    return place
+
+
+def _commands(scene: Scene, q: np.ndarray) -> np.ndarray:
+    joints = scene.hand.joints
+    moves = [k for k, kind in enumerate(joints.kind) if kind != "fixed"]
+    return q[[moves.index(int(k)) for k in driven(joints)]]
+
+
+def _wrist(place: np.ndarray, yaw: float, grasp: Grasp) -> np.ndarray:
+    along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+    xy = place[:2] + grasp.along_m * along + grasp.across_m * across
+    turned = (yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    return np.array([*xy, place[2] + grasp.above_m, turned, grasp.pitch_rad, grasp.roll_rad])
+
+
+def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
+    """Targets of the motors of the fingers, in the order of the hand."""
+    share = 1.0 if closed else grasp.open_thumb
+    value = dict(zip(THUMB, np.array(grasp.thumb_rad) * [1.0, share, 1.0, 1.0, share], strict=True))
+    for finger in FINGERS:
+        value[f"{finger}J2"] = grasp.base_rad if closed else grasp.open_base_rad
+        value[f"{finger}J1"] = grasp.middle_rad if closed else grasp.open_middle_rad
+    names = [scene.hand.joints.name[k] for k in driven(scene.hand.joints)][6:]
+    return np.array([value.get(name, 0.0) for name in names])
+
+
+def _ramp(count: int) -> np.ndarray:
+    """1/count to 1, eased at both ends."""
+    s = np.arange(1, count + 1) / count
+    return s * s * (3 - 2 * s)
