@@ -28,8 +28,8 @@ def tool(category: str = "screwdriver", seed: int = 3) -> GraspObject:
 
 @cache
 def block() -> GraspObject:
-    """A box of 4 x 6 x 10 cm that stands on z = 0, its lower and its upper half a part each."""
-    lower = trimesh.creation.box((0.04, 0.06, 0.10))
+    """A box of 6 x 3 x 10 cm that stands on z = 0, its lower and its upper half a part each."""
+    lower = trimesh.creation.box((0.06, 0.03, 0.10))
     mesh = as_object(lower.apply_translation((0, 0, 0.05)).subdivide(), "block")
     middle = mesh.vertices[mesh.faces][:, :, 2].mean(axis=1)
     return object_solids.run(mesh, MeshParts("block", ("foot", "top"), (middle > 0.05).astype(np.int16)), FEW)

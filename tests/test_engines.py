@@ -34,18 +34,23 @@ def same(one: State, two: State) -> bool:
 
 
 def above_block() -> np.ndarray:
-    """(28,) palm down over the block, fingers spread around its top."""
+    """(28,) the hand over the block, fingers on one side of its upper half, the thumb on the other."""
     q = away()
-    q[:6] = [0.0, 0.075, 0.17, 0.0, 0.0, 2.6]
+    grip = Rotation.from_euler("x", 2.0).apply([0.022, -0.075, 0.108])
+    q[:6] = [*(np.array([0.0, 0.0, 0.085]) - grip), 0.0, 0.0, 2.0]
+    q[[7, 11, 15, 20]] = 0.15
+    q[23] = 0.55
     return q
 
 
 def squeeze(made: World, steps: int = 16) -> list[State]:
-    """Close the fingers on the block."""
-    u = commands(above_block())
-    u[[7, 8, 10, 11, 13, 14, 17, 18]] = 1.2
-    u[[19, 20]] = 0.9
-    return [made.step(u, CONTROL_S) for _ in range(steps)]
+    """Close the fingers on the block, slowly."""
+    u, states = commands(above_block()), []
+    for k in range(steps):
+        u[[7, 8, 10, 11, 13, 14, 17, 18]] = 0.15 + 0.9 * min(1.0, k / 8)
+        u[20] = 1.15 * min(1.0, k / 8)
+        states.append(made.step(u, CONTROL_S))
+    return states
 
 
 @both

@@ -59,6 +59,7 @@ class BulletWorld:
         self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[motors]
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
         self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
+        self._speeds = hand.joints.velocity[motors].tolist()
         of_link = finger_of_link(hand)
         self._finger = {-1: int(of_link[0]), **{number[name]: int(of_link[k + 1]) for k, name in enumerate(hand.joints.name)}}
         self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
@@ -137,11 +138,10 @@ class BulletWorld:
         self.client.setCollisionFilterGroupMask(self.object, -1, *EVERYTHING)
 
     def _command(self, targets: np.ndarray) -> None:
-        count, physics = len(self._motors), self.scene.physics
-        gain = 1.0 / (physics.rate_hz * physics.response_s)
-        self.client.setJointMotorControlArray(
-            self.hand, self._motors, self.client.POSITION_CONTROL, targetPositions=targets.tolist(), forces=self._efforts,
-            positionGains=[gain] * count, velocityGains=[1.0] * count)  # fmt: skip
+        gain = 1.0 / (self.scene.physics.rate_hz * self.scene.physics.response_s)
+        for joint, target, effort, speed in zip(self._motors, targets.tolist(), self._efforts, self._speeds, strict=True):
+            self.client.setJointMotorControl2(self.hand, joint, self.client.POSITION_CONTROL, target, force=effort,
+                                              positionGain=gain, velocityGain=1.0, maxVelocity=speed)  # fmt: skip
 
     def _shove(self) -> None:
         centre = self.client.getBasePositionAndOrientation(self.object)[0]

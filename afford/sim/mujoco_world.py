@@ -25,6 +25,8 @@ HAND, OBJECT, TABLE = 1, 2, 4
 YIELD_RAD, YIELD_M = 0.1, 0.02
 """how far from its target a motor gives its full effort"""
 CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+ARMATURE_KGM2 = 3e-4
+"""of the motors of fingers, which a URDF cannot say; without it their light links tremble at their limits"""
 COUPLING_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 IMPRATIO = 10.0
 """friction is this much stiffer than the normal direction, or what is held creeps"""
@@ -166,6 +168,9 @@ def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
         for one in spec.body(hand.links[a]).geoms:
             for other in spec.body(hand.links[b]).geoms:
                 spec.add_pair(geomname1=one.name, geomname2=other.name, condim=3, solref=stiff)
+    for name, role in zip(hand.joints.name, hand.joints.role, strict=True):
+        if role in ("actuated", "coupled"):
+            spec.joint(name).armature = ARMATURE_KGM2
     for k in driven(hand.joints):
         _motor(spec, scene, int(k))
 

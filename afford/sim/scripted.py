@@ -31,10 +31,8 @@ FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ
 class Grasp:
     """The numbers of a grasp."""
 
-    along_m: float
-    """palm's origin from the aim, along the part, towards the centre of mass"""
-    across_m: float
-    above_m: float
+    grip_m: tuple[float, float, float]
+    """the point of the hand, in the frame of its palm, that is brought to the aim"""
     roll_rad: float
     """how far the fingers point down: pi is straight down"""
     yaw_rad: float
@@ -135,10 +133,10 @@ def _commands(scene: Scene, q: np.ndarray) -> np.ndarray:
 
 
 def _wrist(place: np.ndarray, yaw: float, grasp: Grasp) -> np.ndarray:
-    along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-    xy = place[:2] + grasp.along_m * along + grasp.across_m * across
+    """(6,) of the gantry: its angles turn about z, then y, then x; the palm's x, its thumb, points along the part."""
     turned = (yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
-    return np.array([*xy, place[2] + grasp.above_m, turned, grasp.pitch_rad, grasp.roll_rad])
+    R = Rotation.from_euler("ZYX", [turned, grasp.pitch_rad, grasp.roll_rad])
+    return np.array([*(place - R.apply(grasp.grip_m)), turned, grasp.pitch_rad, grasp.roll_rad])
 
 
 def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
