@@ -57,6 +57,10 @@ class Outcome:
     """What came of it."""
 
     held: bool
+    gripped: bool
+    """the thumb and another finger press on it when they have closed"""
+    shoved_m: float
+    """how far they moved its centre of mass until then"""
     rise_m: float
     """of the centre of mass"""
     away_m: float
@@ -112,13 +116,15 @@ def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Gras
     state = world.reset(q, body)
     for _ in range(SETTLE):
         state = world.step(_commands(scene, q), CONTROL_S)
-    goal, deep = _centre(scene, state) + (0, 0, LIFT_M), []
-    for u in targets(scene, state.body, part, grasp):
-        state = world.step(u, CONTROL_S)
-        deep += [state.penetration_m] * (state.contacts > 0)
-    end = _centre(scene, state)
-    away = float(np.linalg.norm(end - goal))
-    return Outcome(away < NEAR_M and state.contacts > 0, float(end[2] - goal[2] + LIFT_M), away, np.array(deep))
+    rest = _centre(scene, state)
+    states = [state := world.step(u, CONTROL_S) for u in targets(scene, state.body, part, grasp)]
+    closed, end = states[DESCEND + CLOSE - 1], _centre(scene, states[-1])
+    pressed = closed.force[:-1].sum(axis=1) > 0
+    away = float(np.linalg.norm(end - rest - (0, 0, LIFT_M)))
+    return Outcome(
+        held=away < NEAR_M and states[-1].contacts > 0, gripped=bool(pressed[0] and pressed[1:].any()),
+        shoved_m=float(np.linalg.norm(_centre(scene, closed) - rest)), rise_m=float(end[2] - rest[2]), away_m=away,
+        penetration_m=np.array([state.penetration_m for state in states if state.contacts]))  # fmt: skip
 
 
 def _centre(scene: Scene, state: State) -> np.ndarray:
