@@ -28,7 +28,7 @@ CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 ARMATURE_KGM2 = 3e-4
 """of the motors of fingers, which a URDF cannot say; without it their light links tremble at their limits"""
 COUPLING_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-IMPRATIO = 10.0
+IMPRATIO = 3.0
 """friction is this much stiffer than the normal direction, or what is held creeps"""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -83,6 +83,9 @@ class MujocoWorld:
         self._data.xfrc_applied[self._object, :3] = 0.0
         mujoco.mj_step(self.model, self._data, nstep=count - pushed)
         self._left -= pushed
+        if self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and began again; more iterations than "
+                               f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
         mujoco.mj_kinematics(self.model, self._data)
         return self.state()
 
@@ -171,6 +174,7 @@ def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
     for name, role in zip(hand.joints.name, hand.joints.role, strict=True):
         if role in ("actuated", "coupled"):
             spec.joint(name).armature = ARMATURE_KGM2
+            spec.joint(name).frictionloss = 0.0  # a constraint for each joint at each step, for a thousandth of a motor's torque
     for k in driven(hand.joints):
         _motor(spec, scene, int(k))
 

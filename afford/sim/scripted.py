@@ -52,6 +52,12 @@ class Grasp:
     """how much deeper the wrist goes while closing"""
 
 
+GRASP = Grasp(grip_m=(0.0206, -0.0684, 0.1164), roll_rad=1.898, yaw_rad=0.1073, pitch_rad=-0.0196, open_base_rad=0.3422,
+              open_middle_rad=0.5596, open_thumb=0.708, base_rad=0.9254, middle_rad=1.0719,
+              thumb_rad=(0.4219, 1.2477, 0.1002, 0.1238, -0.5431), sink_m=0.0082)  # fmt: skip
+"""what benchmarks/search_grasp.py printed"""
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of it."""

@@ -1,0 +1,110 @@
+"""How fast both engines are and how deep contacts go, in grasps by script on five kinds of tools; writes benchmarks/physics.md.
+
+    PYTHONPATH=. python benchmarks/bench_physics.py
+
+CPU seconds, one thread. A control step is 1/20 s and includes reading the state; a rollout is settling, descent, closing, lift and hold.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from afford.hands.assets import shadow_files
+from afford.objects.split import TRAINED, UNSEEN
+from afford.sim.engine import world
+from afford.sim.scene import Physics, Scene
+from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
+from schemas.grasp import GraspObject
+from schemas.mesh import ObjectSpec
+from stages import hand_model, object_build, object_solids
+
+TOOLS = ("hammer", "knife", "screwdriver", "spatula", "chisel")
+SEEDS = (11, 12, 13, 14)
+"""objects that the search of the grasp has not seen"""
+STEPS = SETTLE + DESCEND + CLOSE + LIFT + HOLD
+AT = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 1.0])
+SETTINGS = (("bullet", Physics(iterations=20)), ("bullet", Physics(iterations=50)), ("bullet", Physics(iterations=100)),
+            ("bullet", Physics(iterations=50, rate_hz=480)), ("mujoco", Physics(iterations=50)),
+            ("mujoco", Physics(iterations=100)), ("mujoco", Physics(iterations=50, rate_hz=480)))  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What came of one setting."""
+
+    outcomes: dict[str, list[Outcome]]
+    cpu_s: float
+    build_s: float
+
+
+def main() -> None:
+    """Measure, then write."""
+    tools = {category: [_object(category, seed) for seed in SEEDS] for category in TOOLS}
+    rows = [(engine, physics, _grasp(engine, physics, tools)) for engine, physics in SETTINGS]
+    page = Path(__file__).with_name("physics.md")
+    page.write_text("\n".join([
+        "# Physics", "", "Written by `benchmarks/bench_physics.py`.", "", "## Grasps by script", "",
+        f"{len(TOOLS)} kinds of tools x {len(SEEDS)} that the search has not seen. Penetration: deepest contact of hand and object in each "
+        "control step in which they touch.", "", _table(rows), "", "## Held, by kind", "", _by_kind(rows), "",
+        "## Hulls", "", "One object of each category; how far hulls stand out of the surface (95th percentile of each hull).", "",
+        _hulls(), ""]))
+
+
+def _grasp(engine: str, physics: Physics, tools: dict[str, list[GraspObject]]) -> Row:
+    hand = hand_model.run(shadow_files(), hand_model.Params())
+    found: dict[str, list[Outcome]] = {category: [] for category in tools}
+    cpu = build = 0.0
+    for category, bodies in tools.items():
+        for body in bodies:
+            scene, start = Scene(hand, body, physics), time.process_time()
+            made = world(engine, scene)
+            middle = time.process_time()
+            found[category].append(perform(made, scene, AT, body.parts.index("handle"), GRASP))
+            cpu, build = cpu + time.process_time() - middle, build + middle - start
+            made.close()
+    return Row(found, cpu, build)
+
+
+def _table(rows: list[tuple[str, Physics, Row]]) -> str:
+    lines = ["| engine | Hz | iterations | held | gripped | penetration median / p95 mm | control steps / CPU s | world made in s |",
+             "|---|--:|--:|--:|--:|--:|--:|--:|"]  # fmt: skip
+    for engine, physics, row in rows:
+        all_of = [out for outs in row.outcomes.values() for out in outs]
+        deep = 1000 * np.concatenate([out.penetration_m for out in all_of])
+        lines.append(
+            f"| {engine} | {physics.rate_hz} | {physics.iterations} | {sum(o.held for o in all_of)} of {len(all_of)} | "
+            f"{sum(o.gripped for o in all_of)} | {np.median(deep):.2f} / {np.percentile(deep, 95):.2f} | "
+            f"{STEPS * len(all_of) / row.cpu_s:.0f} | {row.build_s / len(all_of):.2f} |")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _by_kind(rows: list[tuple[str, Physics, Row]]) -> str:
+    lines = [f"| engine, Hz, iterations | {' | '.join(TOOLS)} |", "|---" + "|--:" * len(TOOLS) + "|"]
+    for engine, physics, row in rows:
+        cells = (f"{sum(out.held for out in row.outcomes[category])}" for category in TOOLS)
+        lines.append(f"| {engine}, {physics.rate_hz}, {physics.iterations} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _hulls() -> str:
+    lines = ["| category | parts | hulls | mass kg | stand-out mean mm | worst hull mm | CPU s |", "|---|--:|--:|--:|--:|--:|--:|"]
+    for category in sorted((*TRAINED, *UNSEEN)):
+        start = time.process_time()
+        body = _object(category, SEEDS[0])
+        out = 1000 * body.stand_out_m
+        lines.append(f"| {category} | {len(body.parts)} | {len(out)} | {body.mass_kg:.3f} | {out.mean():.1f} | {out.max():.1f} | "
+                     f"{time.process_time() - start:.1f} |")  # fmt: skip
+    return "\n".join(lines)
+
+
+def _object(category: str, seed: int) -> GraspObject:
+    built = object_build.run(ObjectSpec(f"{category}_{seed}", category, seed, "plain", "train"), object_build.Params(atlas_px=64))
+    return object_solids.run(built.mesh, built.parts, object_solids.Params())
+
+
+if __name__ == "__main__":
+    main()
