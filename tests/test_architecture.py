@@ -61,9 +61,13 @@ def test_stages_never_import_each_other() -> None:
         assert not {name for name in imported(path) if name.split(".")[0] == "stages"}, path.name
 
 
-@pytest.mark.parametrize(("package", "home"), [("pybullet", "afford/sim/bullet.py"), ("rerun", "afford/recording")])
-def test_one_home_for_the_simulator_and_for_the_viewer(package: str, home: str) -> None:
-    """pybullet is imported in one file, rerun in one folder."""
+HOMES = {"pybullet": ("afford/sim/bullet.py",), "mujoco": ("afford/sim/mujoco_world.py", "afford/hands/mjcf.py"),
+         "rerun": ("afford/recording",)}  # fmt: skip
+
+
+@pytest.mark.parametrize(("package", "home"), HOMES.items())
+def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tuple[str, ...]) -> None:
+    """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder."""
     for room in MAY_IMPORT:
         for path in sources(room):
             if package in {name.split(".")[0] for name in imported(path)}:

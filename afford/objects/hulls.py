@@ -111,7 +111,7 @@ def _piece(part: int, vertices: np.ndarray, faces: np.ndarray, measure: Callable
 
 def _thick(points: np.ndarray) -> np.ndarray:
     """The points, doubled along the direction in which they are flat."""
-    _, spread, axes = np.linalg.svd(points - points.mean(0), full_matrices=len(points) < 3)
+    _, _, axes = np.linalg.svd(points - points.mean(0), full_matrices=len(points) < 3)
     heights = (points - points.mean(0)) @ axes[-1]
     if np.ptp(heights) > THIN_M:
         return points

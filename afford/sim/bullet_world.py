@@ -1,7 +1,7 @@
 """A world on PyBullet, through afford.sim.bullet.Client.
 
-Motors are velocity constraints with a limited impulse; a coupled joint is held to its driver by a gear. The object is one body with a
-compound of hulls; the part that a contact is on is that of the hull whose surface is nearest.
+Motors are velocity constraints with a limited impulse and speed; a coupled joint is held to its driver by a gear. The object is one
+body, a compound of hulls; the part that a contact is on is that of the hull whose surface is nearest.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ class BulletWorld:
             velocity=np.array(place), spin=np.array(turn), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
-        """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are near
-        each other is not in it, so the world forgets that now, as `restore` does."""
+        """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
+        near each other is not in it, so the world forgets that now, as `restore` does."""
         token = Saved(int(self.client.saveState()), self._force, self._left, self.state())
         self.restore(token)
         return token
@@ -199,8 +199,9 @@ def _hand(client: Client, scene: Scene, folder: Path, seen: bool) -> int:
     index = [-1, *(number[name] for name in hand.joints.name)]
     allowed = set(map(tuple, hand.contacts.tolist()))
     for b, second in enumerate(index):
+        # joint damping is off: the engine adds it as a force, which is unstable on links as light as those of fingers
         client.changeDynamics(body, second, lateralFriction=scene.physics.hand_friction, linearDamping=0.0, angularDamping=0.0,
-                              jointDamping=0.0)  # the engine adds it as a force: unstable on links as light as fingers'  # fmt: skip
+                              jointDamping=0.0)  # fmt: skip
         for a, first in enumerate(index[:b]):
             client.setCollisionFilterPair(body, body, first, second, int((a, b) in allowed))
     for k, driver in enumerate(hand.joints.driver):

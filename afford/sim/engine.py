@@ -1,7 +1,7 @@
 """One world, whichever engine computes it. Metres, seconds, newtons; poses are (7,): x y z, then quaternion x y z w.
 
-q (d,) and qd (d,) are the joints of the hand that move, in the order of its table; a command u (m,) is a target for each joint that has
-a motor, wrist first (afford.hands.coupling). Table top is z = 0; the gantry's base stands at the origin.
+q (d,) and qd (d,) are the joints of the hand that move, in the order of its table; a command u (m,) is a target for each joint that
+has a motor, wrist first (afford.hands.coupling). Table top is z = 0; the gantry's base stands at the origin.
 """
 
 from __future__ import annotations
@@ -91,6 +91,8 @@ def solver_steps(control_s: float, rate_hz: int) -> int:
 def checked(name: str, found: np.ndarray, size: int) -> np.ndarray:
     """(size,) float64, finite; ValueError otherwise."""
     out = np.asarray(found, np.float64)
-    if out.shape != (size,) or not np.isfinite(out).all():
-        raise ValueError(f"{name}: expected {size} finite numbers, got {'shape ' + str(out.shape) if out.shape != (size,) else out}")
+    if out.shape != (size,):
+        raise ValueError(f"{name}: expected {size} numbers, got shape {out.shape}")
+    if not np.isfinite(out).all():
+        raise ValueError(f"{name}: expected finite numbers, got {out}")
     return out

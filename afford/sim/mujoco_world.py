@@ -1,7 +1,8 @@
 """A world on MuJoCo. Apart from the reader of its models, the only importer of mujoco.
 
 The hand's URDF is read by MuJoCo itself, which turns `<mimic>` into equality constraints. Motors are position servos without
-overshoot: force = k (target - q) - k response_s qd, cut off at the motor's effort. Newton's solver, elliptic cones, implicit damping.
+overshoot: force = k (target - q) - k response_s qd, cut off at the motor's effort. Newton's solver, elliptic cones, damping taken
+implicitly.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from afford.hands.coupling import driven
 from afford.hands.folder import save as save_hand
-from afford.hands.kinematics import limits, moving, points
+from afford.hands.kinematics import moving, points
 from afford.sim.engine import State, checked, solver_steps
 from afford.sim.scene import Scene, finger_of_link
 from schemas.grasp import GraspObject

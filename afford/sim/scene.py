@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -54,9 +55,9 @@ class Scene:
         if wrong or zero:
             name = (wrong or zero)[0]
             raise ValueError(f"Physics.{name}: expected a number {'of 0 or more' if wrong else 'above 0'}, got {steps[name]}")
-        if self.hand.joints.role.count("wrist") != 6:
-            raise ValueError(f"{self.hand.name}: expected a hand on a gantry of 6 joints, got {self.hand.joints.role.count('wrist')}; "
-                             "build it with wrist=gantry")
+        wrist = self.hand.joints.role.count("wrist")
+        if wrist != 6:
+            raise ValueError(f"{self.hand.name}: expected a gantry of 6 joints, got {wrist}; build the hand with wrist=gantry")
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,8 @@ def randomised(scene: Scene, seed: int, ranges: Mapping[str, Range] = RANDOM) ->
     if unknown := sorted(set(ranges) - known):
         raise ValueError(f"randomised: expected fields of Physics ({', '.join(sorted(known))}), got {', '.join(unknown)}")
     rng = np.random.default_rng(seed)
-    return replace(scene, physics=replace(scene.physics, **{name: ranges[name].draw(rng) for name in sorted(ranges)}))
+    drawn: dict[str, Any] = {name: ranges[name].draw(rng) for name in sorted(ranges)}
+    return replace(scene, physics=replace(scene.physics, **drawn))
 
 
 def sensing(seed: int, latency_steps: int = 1, depth_noise_m: float = 0.003) -> Sensing:

@@ -1,7 +1,7 @@
 """A grasp by script: over a part of an object that lies on the table, down, close, lift, hold. The floor that learning stands on.
 
-The hand comes down over the part's long axis, at the place nearest to the object's centre of mass, thumb towards that centre; the palm
-looks down and sideways. Everything else is eighteen numbers, found by a search on a few objects (benchmarks/search_grasp.py).
+The hand comes down over the part's long axis, at the place nearest to the object's centre of mass, thumb towards that centre; the
+palm looks down and sideways. All else is seventeen numbers, found by a search on a few objects (benchmarks/search_grasp.py).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Many worlds at once, as arrays (n, ...). A thread steps each: MuJoCo computes outside Python's lock, PyBullet one world after another."""
+"""Many worlds at once, as arrays (n, ...), on threads: MuJoCo computes outside Python's lock, PyBullet one world after another."""
 
 from __future__ import annotations
 
@@ -70,4 +70,4 @@ class Worlds:
         """One State of arrays (n, ...); force (n, fingers + 1, most parts) is 0 where an object has fewer parts."""
         columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
         columns["force"] = [np.pad(force, ((0, 0), (0, self.parts - force.shape[1]))) for force in columns["force"]]
-        return State(**{name: np.array(column) for name, column in columns.items()})
+        return State(**{name: np.array(column) for name, column in columns.items()})  # type: ignore[arg-type]  # (n,) for numbers
