@@ -48,8 +48,8 @@ def main() -> None:
     page = Path(__file__).with_name("physics.md")
     page.write_text("\n".join([
         "# Physics", "", "Written by `benchmarks/bench_physics.py`.", "", "## Grasps by script", "",
-        f"{len(TOOLS)} kinds of tools x {len(SEEDS)} that the search has not seen. Penetration: deepest contact of hand and object in "
-        "each control step in which they touch.", "", _table(rows), "", "## Held, by kind", "", _by_kind(rows), "",
+        f"{len(TOOLS)} kinds of tools x {len(SEEDS)} that the search has not seen. Penetration: deepest contact of hand and object "
+        "in each control step in which they touch.", "", _table(rows), "", "## Held, by kind", "", _by_kind(rows), "",
         "## Hulls", "", "One object of each category; how far hulls stand out of it (95th percentile over each hull).", "",
         _hulls(), ""]))
 

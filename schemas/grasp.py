@@ -29,7 +29,7 @@ class GraspObject(Schema):
     normals: np.ndarray = array("n 3", "float32", "unit normals of the surface there, outwards", frame="object")
     point_part: np.ndarray = array("n", "int16", "index into `parts` of each point")
     size_m: np.ndarray = array("3", "float64", "extent along x, y, z", unit="m", frame="object")
-    stand_out_m: np.ndarray = array("h", "float64", "95th percentile of how far each hull's surface lies outside the mesh", unit="m")
+    stand_out_m: np.ndarray = array("h", "float64", "how far each hull stands out of the mesh (95th percentile)", unit="m")
 
     def hulls(self) -> tuple[np.ndarray, ...]:
         """The (k, 3) corners of each hull."""

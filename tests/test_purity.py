@@ -42,6 +42,7 @@ from stages import (
     motion_synthesise,
     object_build,
     object_plan,
+    object_solids,
     view_render,
 )
 from tests import impure_stages, landlock
@@ -76,7 +77,7 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("model_train", "training_record", "ablation_report"), "trained"),
              **dict.fromkeys(("view_render", "mask_propose"), "meshes"),
              **dict.fromkeys(("mesh_read", "mesh_texture"), "read_meshes"),
-             **dict.fromkeys(("object_plan", "object_build"), "objects"), "hand_model": "hands",
+             **dict.fromkeys(("object_plan", "object_build", "object_solids"), "objects"), "hand_model": "hands",
              **dict.fromkeys(("motion_read", "motion_synthesise", "hand_retarget", "motion_report"), "motions"),
              **dict.fromkeys(("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                               "negative_affordance_files", "object_record", "negative_affordance_score",
@@ -115,12 +116,15 @@ def stills(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def objects(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store in which an object of every unseen category was built."""
+    """A store in which an object of every unseen category was built, and cut into hulls."""
     store, graph = tmp_path_factory.mktemp("objects"), Graph()
     use_kernel_cache(ROOT, store)
     few = object_plan.Params(train_per_category=0, val_per_category=0, seen_per_category=0, unseen_per_category=1)
     spec = graph.each(graph.add(object_plan.run, params=few))
-    graph.target("objects", graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=9000, atlas_px=64)))
+    built = graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=9000, atlas_px=64))
+    mesh, parts = graph.pick(built, lambda built: built.mesh), graph.pick(built, lambda built: built.parts)
+    solids = graph.add(object_solids.run, mesh=mesh, parts=parts, params=object_solids.Params(hulls=12, points=64))
+    graph.target("objects", solids)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "objects")
     assert report.ok, report.failures
     return store

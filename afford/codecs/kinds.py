@@ -13,6 +13,7 @@ from schemas import (
     benchmark,
     clip,
     files,
+    grasp,
     grasps,
     hand,
     masks,
@@ -30,8 +31,8 @@ from schemas import (
 )
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, clip, files, grasps, hand, masks, mesh, motion, negative, prediction, report, sample, scene,
-           still, training, truth, video)  # fmt: skip
+MODULES = (affordance, benchmark, clip, files, grasp, grasps, hand, masks, mesh, motion, negative, prediction, report, sample,
+           scene, still, training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 

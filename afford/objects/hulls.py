@@ -21,6 +21,8 @@ OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)
 """where a cut is tried, as a share of the piece's extent"""
 THIN_M = 2e-4
 """what is flatter than this is made as thick"""
+RAYS = np.array([[0.44, 0.62, 0.65], [-0.71, 0.29, 0.64], [0.13, -0.83, -0.54]])
+"""directions, along no edge of anything"""
 PROBES = 200
 """points on a hull that are measured against the body"""
 EXACT_M = 1e-4
@@ -88,6 +90,17 @@ def _spread(points: np.ndarray) -> list[int]:
     return [a, b, c, int(np.abs((points - points[a]) @ side[c]).argmax())]
 
 
+def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether two of three rays from each of (n, 3) points cross the surface an odd number of times. (What trimesh calls
+    `contains` draws a direction from numpy's random state.)"""
+    odd = np.zeros(len(points), int)
+    for direction in RAYS:
+        _, ray = solid.ray.intersects_id(points, np.tile(direction, (len(points), 1)), multiple_hits=True)
+        odd += np.bincount(ray, minlength=len(points)) % 2
+    found: np.ndarray = odd >= 2
+    return found
+
+
 def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
     """How far the surface of a hull stands out of a body: 95th percentile, and nothing inside it."""
     nearest = Nearest(solid.vertices, solid.faces)
@@ -96,7 +109,7 @@ def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
         corner = hull.points[hull.simplices]
         area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
         probes = sample(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
-        away = np.where(solid.contains(probes), 0.0, nearest(probes)[2])
+        away = np.where(inside(solid, probes), 0.0, nearest(probes)[2])
         return float(np.percentile(away, 95))
 
     return stand_out_m

@@ -52,9 +52,9 @@ class Grasp:
     """how much deeper the wrist goes while closing"""
 
 
-GRASP = Grasp(grip_m=(0.0206, -0.0684, 0.1164), roll_rad=1.898, yaw_rad=0.1073, pitch_rad=-0.0196, open_base_rad=0.3422,
-              open_middle_rad=0.5596, open_thumb=0.708, base_rad=0.9254, middle_rad=1.0719,
-              thumb_rad=(0.4219, 1.2477, 0.1002, 0.1238, -0.5431), sink_m=0.0082)  # fmt: skip
+GRASP = Grasp(grip_m=(0.0209, -0.0693, 0.1155), roll_rad=1.8787, yaw_rad=0.101, pitch_rad=-0.0298, open_base_rad=0.3564,
+              open_middle_rad=0.6395, open_thumb=0.8094, base_rad=0.927, middle_rad=1.1046,
+              thumb_rad=(0.4743, 1.2387, 0.0903, 0.1551, -0.7246), sink_m=0.0114)  # fmt: skip
 """what benchmarks/search_grasp.py printed"""
 
 
