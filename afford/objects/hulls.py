@@ -25,6 +25,7 @@ RAYS = np.array([[0.44, 0.62, 0.65], [-0.71, 0.29, 0.64], [0.13, -0.83, -0.54]])
 """directions, along no edge of anything"""
 PROBES = 200
 """points on a hull that are measured against the body"""
+DIGITS = 9
 EXACT_M = 1e-4
 """corners of a hull that stand out of the others by less are left away"""
 
@@ -66,7 +67,8 @@ def decomposed(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, mos
 
 
 def corners(piece: Piece, most: int) -> np.ndarray:
-    """(k, 3) corners of its hull, the most telling first, k <= most: each is the farthest from the hull of those before it."""
+    """(k, 3) corners of its hull, k <= most: each was chosen as the farthest from the hull of those before it. To a nanometre: sums
+    of linear algebra differ beyond that with where arrays lie in memory."""
     points = piece.hull.points[piece.hull.vertices]
     ends = [int(points[:, axis].argmin()) for axis in range(3)] + [int(points[:, axis].argmax()) for axis in range(3)]
     taken = list(dict.fromkeys((*ends, *_spread(points))))
@@ -77,7 +79,7 @@ def corners(piece: Piece, most: int) -> np.ndarray:
             break
         taken.append(int(out.argmax()))
         hull = ConvexHull(points[taken])
-    kept: np.ndarray = hull.points[hull.vertices]
+    kept: np.ndarray = hull.points[hull.vertices].round(DIGITS) + 0.0
     return kept
 
 
@@ -133,7 +135,8 @@ def _thick(points: np.ndarray) -> np.ndarray:
 
 def _cut(piece: Piece, measure: Callable[[ConvexHull], float]) -> tuple[Piece, ...]:
     """Two pieces, cut where their hulls are smallest and roundest; none where no cut leaves two."""
-    axes = np.concatenate([np.eye(3), np.linalg.svd(piece.vertices - piece.vertices.mean(0), full_matrices=False)[2]])
+    own = np.linalg.svd(piece.vertices - piece.vertices.mean(0), full_matrices=False)[2]
+    axes = np.concatenate([np.eye(3), own.round(DIGITS)])
     heights = piece.vertices @ axes.T
     tries = [(_bulk(piece, axis, low + share * (high - low)), k, share)
              for k, (axis, low, high) in enumerate(zip(axes, heights.min(0), heights.max(0), strict=True)) for share in OFFSETS

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from afford.hands.coupling import driven
 from afford.hands.folder import save as save_hand
-from afford.hands.kinematics import forward, moving, points
+from afford.hands.kinematics import moving
 from afford.sim import object_urdf
 from afford.sim.bullet import Client
 from afford.sim.engine import State, checked, solver_steps
+from afford.sim.quaternions import inverse, matrix, product
 from afford.sim.scene import Physics, Scene, finger_of_link
 
 GEAR_NM = 100.0
@@ -55,6 +55,7 @@ class BulletWorld:
         number = _numbers(self.client, self.hand)
         moves, motors = moving(hand.joints), driven(hand.joints)
         self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
+        self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
         self._of_motor = np.searchsorted(moves, motors)
         self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[motors]
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
@@ -63,7 +64,7 @@ class BulletWorld:
         of_link = finger_of_link(hand)
         self._finger = {-1: int(of_link[0]), **{number[name]: int(of_link[k + 1]) for k, name in enumerate(hand.joints.name)}}
         self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
-        self._inertial = Rotation.from_quat(self.client.getDynamicsInfo(self.object, -1)[4])
+        self._inertial = np.array(self.client.getDynamicsInfo(self.object, -1)[4])
         self._force, self._left = np.zeros(3), 0
         self._fresh = int(self.client.saveState())
 
@@ -74,9 +75,9 @@ class BulletWorld:
         self.client.restoreState(stateId=self._fresh)
         for joint, value in zip(self._joints, q.tolist(), strict=True):
             self.client.resetJointState(self.hand, joint, value, 0.0)
-        turn = Rotation.from_quat(pose[3:])
-        centre = pose[:3] + turn.apply(self.scene.body.com_m)
-        self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), (turn * self._inertial).as_quat().tolist())
+        centre = pose[:3] + matrix(pose[3:]) @ self.scene.body.com_m
+        turn = product(pose[3:], self._inertial)
+        self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
         self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
         self._force, self._left = np.zeros(3), 0
         self._command(q[self._of_motor])
@@ -101,15 +102,14 @@ class BulletWorld:
         """Places are those of now; forces those of the last solver step."""
         hand, joints = self.scene.hand, self.client.getJointStates(self.hand, self._joints)
         q, qd, torque = (np.array([row[column] for row in joints]) for column in (0, 1, 3))
-        T = forward(hand.joints, q[None])
+        links = [(np.array(row[4]), row[5]) for row in self.client.getLinkStates(self.hand, self._seen, computeForwardKinematics=1)]
         body = self._body()
-        place, turn = self.client.getBaseVelocity(self.object)
+        velocity, spin = self.client.getBaseVelocity(self.object)
         force, deepest, count = self._touching(body)
-        palm = T[0, hand.palm]
         return State(
-            q=q, qd=qd, torque=torque[self._of_motor], tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0],
-            palm=np.concatenate([palm[:3, 3], Rotation.from_matrix(palm[:3, :3]).as_quat()]), body=body,
-            velocity=np.array(place), spin=np.array(turn), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
+            q=q, qd=qd, torque=torque[self._of_motor], palm=np.concatenate(links[-1]), body=body,
+            tips=np.array([place + matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
+            velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
         """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
@@ -151,8 +151,8 @@ class BulletWorld:
     def _body(self) -> np.ndarray:
         """(7,) pose of the object's frame; the engine has that of its principal axes."""
         centre, turn = self.client.getBasePositionAndOrientation(self.object)
-        own = Rotation.from_quat(turn) * self._inertial.inv()
-        return np.concatenate([np.array(centre) - own.apply(self.scene.body.com_m), own.as_quat()])
+        own = product(np.array(turn), inverse(self._inertial))
+        return np.concatenate([np.array(centre) - matrix(own) @ self.scene.body.com_m, own])
 
     def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
         """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
@@ -160,7 +160,7 @@ class BulletWorld:
         found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
         if not found:
             return force, 0.0, 0
-        spots = Rotation.from_quat(body[3:]).inv().apply(np.array([c[6] for c in found]) - body[:3])
+        spots = (np.array([c[6] for c in found]) - body[:3]) @ matrix(body[3:])
         beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
         parts = self.scene.body.hull_part[beside.argmin(axis=0)]
         np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
