@@ -1,0 +1,52 @@
+"""Where an object lies when it was dropped: any way up, from a hand's breadth above the table, as in AffordDex."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.hands.coupling import driven
+from afford.hands.kinematics import moving
+from afford.sim.engine import State, World
+from afford.sim.scene import Scene
+
+CONTROL_S = 0.05
+GAP_M = 0.05
+"""between the table and the lowest point at first"""
+SPEED_M_S, SPIN_RAD_S = 0.01, 0.1
+STILL = 6
+"""at rest below these speeds for so many control steps: what rocks is slow where it turns back"""
+
+
+def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = 4.0) -> np.ndarray:
+    """(7,) pose at rest, about the origin within `reach_m` at first; the same seed and world give the same pose. The hand stays
+    away. ValueError when it has not come to rest after `most_s`, as a thing that rolls."""
+    q = parked(scene)
+    held = q[np.searchsorted(moving(scene.hand.joints), driven(scene.hand.joints))]
+    world.reset(q, _thrown(scene, np.random.default_rng(seed), reach_m))
+    still = 0
+    for _ in range(round(most_s / CONTROL_S)):
+        state = world.step(held, CONTROL_S)
+        still = still + 1 if _rests(state) else 0
+        if still == STILL:
+            return state.body
+    raise ValueError(f"{scene.body.name}, drop {seed}: expected it to lie still after {most_s} s, got "
+                     f"{np.linalg.norm(state.velocity):.2f} m/s; take another seed")  # fmt: skip
+
+
+def parked(scene: Scene) -> np.ndarray:
+    """(d,) joints of an open hand that is out of the way."""
+    q = np.zeros(len(moving(scene.hand.joints)))
+    q[:3] = 0.0, 1.0, 0.8
+    return q
+
+
+def _thrown(scene: Scene, rng: np.random.Generator, reach_m: float) -> np.ndarray:
+    turn = Rotation.random(rng=rng)
+    centre = np.array([*rng.uniform(-reach_m, reach_m, 2), GAP_M])
+    corners = turn.apply(scene.body.corners - scene.body.com_m)
+    return np.concatenate([centre - (0, 0, corners[:, 2].min()) - turn.apply(scene.body.com_m), turn.as_quat()])
+
+
+def _rests(state: State) -> bool:
+    return bool(np.linalg.norm(state.velocity) < SPEED_M_S and np.linalg.norm(state.spin) < SPIN_RAD_S)
