@@ -98,6 +98,16 @@ def test_means_are_of_objects_then_of_tasks() -> None:
     assert "seen.iou" not in found and not any(np.isnan(value) for value in found.values())
 
 
+def test_every_task_of_a_thing_has_its_row() -> None:
+    """Means over the objects of a kind; a task without a negative part has no IoU and is no pair."""
+    mugs = [made("mug_1", "seen", "plain", 0.2, 0.9, NAN), made("mug_2", "seen", "mixed", 0.4, 0.7, NAN)]
+    found = report.metrics(mugs)
+    assert (found["pairs"], found["pairs_found"]) == (2, 1)
+    text = report.markdown(mugs, found)
+    assert "| mug: task 0 | seen | 0.300 |" in text and "| mug: task 1 | seen | 0.800 |" in text
+    assert "| mug: task 2 | seen |  |  |  | 0.500 |" in text and "1 of 2 pairs" in text
+
+
 def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
     """Over all of them and by split, also where no truth is known; those that took nothing do not count."""
     boxed = [made("mug_1", "unseen", "plain", 0.2, NAN, method="coarse_box", taken=0.5),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,8 +17,15 @@ from schemas.files import FileTree
 from schemas.negative import NegativeScores
 
 MEASURES = ("iou", "precision", "recall", "point_recall")
+BY_TASK = ("iou", "precision", "recall", "said")
+HIT = 0.5
+"""IoU from which a part counts as found"""
 TAKEN = "whole_object_taken"
 """of methods that take one mask in each view"""
+
+
+Row = tuple[str, str, list[NegativeScores], str]
+"""label, split, what was scored, method"""
 
 
 def write(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
@@ -46,6 +54,8 @@ def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
         for look in sorted({one.look for one in mine}):
             out[f"{split}.{look}.iou"] = mean([one for one in mine if one.look == look], "afford", "iou")
     out |= {f"{method}.{TAKEN}": mean(scores, method, TAKEN) for method in METHODS}
+    found = [mean(mine, "afford", "iou") for _, _, mine, _ in by_task(scores)]
+    out |= {"pairs": float(np.isfinite(found).sum()), "pairs_found": float((np.nan_to_num(found) >= HIT).sum())}
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
@@ -58,6 +68,14 @@ def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
     return float(np.mean(each)) if each else float("nan")
 
 
+def by_task(scores: Sequence[NegativeScores]) -> list[Row]:
+    """A row for each pair of a thing and a task."""
+    kinds = sorted({(one.split, one.category, row.task) for one in scores for row in one.rows})
+    return [(f"{kind}: {task or 'any use'}", split, [replace(one, rows=tuple(row for row in one.rows if row.task == task))
+                                                    for one in scores if (one.split, one.category) == (split, kind)], "afford")
+            for split, kind, task in kinds]  # fmt: skip
+
+
 def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> str:
     """Methods by split, then categories, then tasks."""
     lines = ["# Negative affordances", "", f"{len(scores)} objects; six views see {measured['seen_area.six']:.3f} of the visible "
@@ -67,10 +85,12 @@ def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> st
     kinds = [(split, kind, [one for one in mine if one.category == kind])
              for split, mine in by_split for kind in sorted({one.category for one in mine})]  # fmt: skip
     lines += _table("category", MEASURES, [(kind, split, mine, "afford") for split, kind, mine in kinds])
-    return "\n".join(lines)
+    lines += [f"{measured['pairs_found']:.0f} of {measured['pairs']:.0f} pairs of a thing and a task have a mean IoU of {HIT} or "
+              "more. Where nothing is negative in truth, `said` should be 0.", ""]  # fmt: skip
+    return "\n".join(lines + _table("thing and task", BY_TASK, by_task(scores)))
 
 
-def _table(head: str, measures: Sequence[str], rows: Sequence[tuple[str, str, list[NegativeScores], str]]) -> list[str]:
+def _table(head: str, measures: Sequence[str], rows: Sequence[Row]) -> list[str]:
     lines = [f"| {head} | split | {' | '.join(measures)} |", f"|---|---|{'--:|' * len(measures)}"]
     for name, split, mine, method in rows:
         found = [mean(mine, method, measure) for measure in measures]
