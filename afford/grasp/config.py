@@ -1,0 +1,57 @@
+"""What an environment of grasping can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from afford.grasp.base import BASES
+from afford.sim.scene import Physics
+
+
+@dataclass(frozen=True)
+class Config:
+    """Keywords of the environments. ValueError for what they cannot mean."""
+
+    engine: str = "mujoco"
+    """mujoco or bullet"""
+    physics: Physics = field(default_factory=Physics)
+    """how carefully worlds are computed"""
+    action_mode: str = "rate"
+    """rate: act.py"""
+    base: str = "none"
+    """what actions are added to: none, or script (base.py)"""
+    layout: str = "small"
+    """small, paper or points (observe.py)"""
+    role: str = "teacher"
+    """who sees: prior, teacher or student (observe.py)"""
+    reward: str = "afforddex"
+    """set of rewards (reward.py)"""
+    weights: Mapping[str, float] = field(default_factory=dict)
+    """other weights for some of its terms"""
+    steps: int = 40
+    """control steps of an episode; the script takes 38 to lift by 20 cm, 34 by 15 cm"""
+    lift_m: float = 0.20
+    """how far above its place at rest the object is to be brought"""
+    poses: str = "flat"
+    """flat: as it was built; dropped: as it falls. Both anywhere within xy_m, at any yaw"""
+    xy_m: float = 0.05
+    """how far from the origin, along x and y"""
+    randomise: bool = False
+    """whether physics and latency differ between worlds (afford/sim/scene.py, RANDOM)"""
+    push_n: float = 0.0
+    """force of pushes on the raised object; 0 for none"""
+    seed: int = 0
+    """of what differs between worlds, and of drops"""
+    threads: int = 1
+    """that compute worlds"""
+
+    def __post_init__(self) -> None:
+        if self.action_mode == "paper":
+            raise ValueError("action_mode: expected rate, got paper: wrenches on the wrist at 60 Hz are not there yet; use rate")
+        for name, allowed in (("action_mode", ("rate",)), ("base", BASES), ("poses", ("flat", "dropped"))):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
+        for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("push_n", 0.0), ("threads", 1)):
+            if not getattr(self, name) >= low:
+                raise ValueError(f"{name}: expected {low} or more, got {getattr(self, name)}")

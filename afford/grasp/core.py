@@ -1,0 +1,211 @@
+"""n grasps at once: worlds, their episodes, their rewards. Environments (env.py, vector.py) are this, in gymnasium's words.
+
+20 actions a second. An episode ends early (terminated) when the object is beyond reach; it is cut off (truncated) after `steps`.
+Everything random in an episode comes from the generator that its reset is given; what varies between worlds comes from `seed`.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from afford.grasp import act, base, rest
+from afford.grasp.config import Config
+from afford.grasp.measures import Measures, measure
+from afford.grasp.metrics import Log
+from afford.grasp.observe import Now, blocks, observe
+from afford.grasp.reward import rewards, weights
+from afford.grasp.scenery import Episode, scenery
+from afford.grasp.task import Task, centre, placed
+from afford.hands.coupling import driven
+from afford.hands.kinematics import moving
+from afford.sim.engine import State
+from afford.sim.scene import Scene, Sensing, randomised, sensing
+from afford.sim.scripted import CONTROL_S, aim
+from afford.sim.worlds import Worlds
+from schemas.hand import HandModel
+
+LOST_M = 0.5
+"""the object is beyond reach when it has moved so far along the table"""
+PUSH_S, PUSH_RAISED_M, PUSH_CHANCE = 0.05, 0.03, 0.25
+"""a push takes a twentieth of a second; while the object is raised by 3 cm, one step in four begins with one"""
+DROPS = 8
+"""resting poses of each object that was dropped"""
+
+
+@dataclass(frozen=True, eq=False)
+class Happened:
+    """What a step brought, (n,) each."""
+
+    reward: np.ndarray
+    terms: dict[str, np.ndarray]
+    """that the reward is the sum of"""
+    terminated: np.ndarray
+    truncated: np.ndarray
+    success: np.ndarray
+    """so far"""
+
+
+class Grasping:
+    """n worlds, each with its own task. `observe` and `report` speak of now."""
+
+    def __init__(self, hand: HandModel, tasks: Sequence[Task], config: Config) -> None:
+        """ValueError for what Config does not know."""
+        self.config, self.tasks = config, tuple(tasks)
+        self.blocks, self.weights = blocks(config.layout, config.role), weights(config.reward, config.weights)
+        self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
+        self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
+        self.scenery = scenery(hand, self.tasks)
+        self.worlds = Worlds(config.engine, self.scenes, config.threads)
+        self._of_motor = np.searchsorted(moving(hand.joints), driven(hand.joints))
+        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[driven(hand.joints)]
+        self.rates = act.table(act.RATES[config.base], len(self._limits))
+        self._resting: dict[int, list[np.ndarray]] = {}
+        self._now = _Running(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
+        self._state: State | None = None
+
+    @property
+    def motors(self) -> int:
+        """Width of an action."""
+        return len(self._limits)
+
+    @property
+    def width(self) -> int:
+        """Of an observation."""
+        return sum(block.width for block in self.blocks)
+
+    def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
+        """Begin episodes in worlds `which`, from the generators of all worlds."""
+        for k in which:
+            self._begin(k, self._pose(k, rngs[k]))
+        self._state = self.worlds.state()
+
+    def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
+        """Act (n, m); worlds whose episode is over go on, until they are reset. ValueError for actions that are not finite."""
+        now, rows = self._now, np.arange(len(self.tasks))
+        action = np.asarray(action, np.float64)
+        if action.shape != (len(rows), self.motors) or not np.isfinite(action).all():
+            raise ValueError(f"action: expected finite ({len(rows)}, {self.motors}), got shape {action.shape}"
+                             f"{'' if np.isfinite(action).all() else ' with numbers that are not finite'}")
+        at = now.step.clip(max=self.config.steps - 1)
+        u, now.offset = act.command(now.base[rows, at], act.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
+        now.sent = np.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
+        now.action = action.clip(-1, 1)
+        self._push(rngs)
+        latency = [one.latency_steps for one in self.sensing]
+        self._state = self.worlds.step(now.sent[rows, latency], CONTROL_S)
+        measured = self.measures()
+        now.log.note(measured, at)
+        now.step = now.step + 1
+        terms = rewards(self.weights, measured)
+        lost = measured.away_m > LOST_M
+        late = (now.step >= self.config.steps) & ~lost
+        return Happened(np.sum(list(terms.values()), axis=0), terms, lost, late, now.log.success.copy())
+
+    def measures(self) -> Measures:
+        """What rewards look at."""
+        return measure(self.scenery, self._now.episode, self.state(), self._now.action)
+
+    def observe(self) -> np.ndarray:
+        """(n, width) float32."""
+        now, state = self._now, self.state()
+        lag = (now.sent[:, 0] - state.q[:, self._of_motor]) / self.rates[:, 0]
+        seen = Now(self.scenery, now.episode, state, self.measures(), now.action, now.offset / self.rates[:, 0], lag,
+                   now.step / self.config.steps)  # fmt: skip
+        return observe(self.blocks, seen)
+
+    def report(self) -> dict[str, np.ndarray]:
+        """How episodes went that end now: metrics.MEANING."""
+        return self._now.log.report(self.measures())
+
+    def state(self) -> State:
+        """Of all worlds. RuntimeError before the first reset."""
+        if self._state is None:
+            raise RuntimeError("expected a reset before the first step")
+        return self._state
+
+    def script(self) -> np.ndarray:
+        """(n, steps, m) targets of the grasp by script, for objects that lie as these did at their reset."""
+        return np.stack([base.scripted(scene, self._now.pose[k], one.hold, self.config.steps, self.config.lift_m)
+                         for k, (scene, one) in enumerate(zip(self.scenes, self.tasks, strict=True))])  # fmt: skip
+
+    def towards(self, u: np.ndarray) -> np.ndarray:
+        """(n, m) the action that leads to targets (n, m), as far as one step goes."""
+        return act.towards(self.rates, self._now.sent[:, 0], u, self._now.episode.yaw)
+
+    def save(self) -> Any:
+        """Everything that the next step depends on, but the generators of the caller."""
+        return self.worlds.save(), copy.deepcopy(self._now), self._state
+
+    def restore(self, token: Any) -> None:
+        """Back to what was saved."""
+        worlds, now, _ = token
+        self._state, self._now = self.worlds.restore(worlds), copy.deepcopy(now)
+
+    def close(self) -> None:
+        """Give the engine back; twice is harmless."""
+        self.worlds.close()
+
+    def _begin(self, k: int, pose: np.ndarray) -> None:
+        one, scene, config, now = self.tasks[k], self.scenes[k], self.config, self._now
+        q = base.begin(scene, pose, one.hold)
+        now.begin(k, pose, centre(one.body, pose), aim(scene, pose, one.hold)[1], config.lift_m, q[self._of_motor],
+                  base.commands(config.base, scene, pose, one.hold, config.steps, config.lift_m))  # fmt: skip
+        self.worlds.reset(q[None], pose[None], [k])
+
+    def _pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
+        """Where the object of world k begins."""
+        if k not in self._resting:
+            self._resting[k] = self._rest(k)
+        lying = self._resting[k][rng.integers(len(self._resting[k]))]
+        xy, yaw = rng.uniform(-self.config.xy_m, self.config.xy_m, 2), rng.uniform(-np.pi, np.pi)
+        return placed(self.tasks[k].body, lying, xy, yaw)
+
+    def _rest(self, k: int) -> list[np.ndarray]:
+        world, scene = self.worlds.worlds[k], self.scenes[k]
+        if self.config.poses == "flat":
+            return [rest.flat(world, scene)]
+        rng = np.random.default_rng([self.config.seed, k])
+        return [rest.dropped(world, scene, rng) for _ in range(DROPS)]
+
+    def _push(self, rngs: Sequence[np.random.Generator]) -> None:
+        if not self.config.push_n:
+            return
+        raised = self.scenery.centre(self.state())[:, 2] - self._now.episode.origin[:, 2] > PUSH_RAISED_M
+        for k in np.flatnonzero(raised).tolist():
+            if rngs[k].random() < PUSH_CHANCE:
+                direction = rngs[k].normal(size=3)
+                self.worlds.worlds[k].push(self.config.push_n * direction / np.linalg.norm(direction), PUSH_S)
+
+
+class _Running:
+    """What episodes have come to, (n, ...) each; a deep copy is a copy."""
+
+    def __init__(self, n: int, steps: int, motors: int, latency: int) -> None:
+        self.step = np.zeros(n, int)
+        self.pose = np.tile([0.0, 0, 0, 0, 0, 0, 1], (n, 1))
+        self.episode = Episode(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
+        self.base, self.sent = np.zeros((n, steps, motors)), np.zeros((n, 1 + latency, motors))
+        self.offset, self.action = np.zeros((n, motors)), np.zeros((n, motors))
+        self.log = Log(n, steps)
+
+    def begin(self, k: int, pose: np.ndarray, origin: np.ndarray, yaw: float, lift_m: float, u: np.ndarray,
+              commands: np.ndarray) -> None:  # fmt: skip
+        """World k anew."""
+        self.step[k], self.pose[k], self.sent[k], self.base[k] = 0, pose, u, commands
+        self.offset[k] = self.action[k] = 0.0
+        self.episode.origin[k], self.episode.yaw[k], self.episode.goal[k] = origin, yaw, origin + (0, 0, lift_m)
+        self.log.clear(np.array([k]))
+
+
+def _scene(hand: HandModel, one: Task, config: Config, k: int) -> Scene:
+    scene = Scene(hand, one.body, config.physics)
+    return randomised(scene, config.seed + k) if config.randomise else scene
+
+
+def _sensing(config: Config, k: int) -> Sensing:
+    return sensing(config.seed + k) if config.randomise else Sensing()

@@ -1,0 +1,109 @@
+"""n objects and a hand as arrays, and what an episode of each begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.grasp.task import NEGATIVE_POINTS, Task, spread_points
+from afford.hands.kinematics import forward, moving
+from afford.sim.engine import State
+from schemas.hand import HandModel
+
+OBJECT_POINTS = 128
+"""of the surface, as far apart as can be"""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What an episode began with, in n worlds. Its frame has its origin at the object's centre of mass at rest, z up, x along the
+    part to hold, towards that centre."""
+
+    origin: np.ndarray
+    """(n, 3) centre of mass at rest, world"""
+    yaw: np.ndarray
+    """(n,) of the frame"""
+    goal: np.ndarray
+    """(n, 3) where the centre of mass is to be, world"""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What stays the same from episode to episode."""
+
+    hand: HandModel
+    com: np.ndarray
+    """(n, 3) object frame"""
+    surface: np.ndarray
+    """(n, k, 3) points of the object, object frame"""
+    held: np.ndarray
+    """(n, k) bool, of the part that is to be held"""
+    N_object: np.ndarray
+    """(n, 100, 3) negative points, object frame; zero where there are none"""
+    any_negative: np.ndarray
+    """(n,) bool"""
+    negative: np.ndarray
+    """(n, p) bool, parts that must not be touched"""
+    palm_offset: np.ndarray
+    """(3,) the middle of the palm, half-way from its origin to the knuckle of the middle finger, in its frame"""
+
+    def centre(self, state: State) -> np.ndarray:
+        """(n, 3) centre of mass, world."""
+        return to_world(state.body, self.com[:, None])[:, 0]
+
+    def points(self, state: State) -> np.ndarray:
+        """(n, k, 3) surface, world."""
+        return to_world(state.body, self.surface)
+
+    def negative_points(self, state: State) -> np.ndarray:
+        """(n, 100, 3) negative points, world."""
+        return to_world(state.body, self.N_object)
+
+    def palm(self, state: State) -> np.ndarray:
+        """(n, 3) middle of the palm, world."""
+        return to_world(state.palm, np.tile(self.palm_offset, (len(state.palm), 1, 1)))[:, 0]
+
+
+def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
+    """Tasks side by side; objects with fewer parts have more that are not negative, and that nothing touches."""
+    parts = max(len(one.negative) for one in tasks)
+    surface = [spread_points(one.body.points.astype(np.float64), OBJECT_POINTS) for one in tasks]
+    held = [_part(one, points) == one.hold for one, points in zip(tasks, surface, strict=True)]
+    none = np.zeros((NEGATIVE_POINTS, 3))
+    return Scenery(
+        hand=hand, com=np.stack([one.body.com_m for one in tasks]), surface=np.stack(surface), held=np.stack(held),
+        N_object=np.stack([one.N_t if len(one.N_t) else none for one in tasks]),
+        any_negative=np.array([len(one.N_t) > 0 for one in tasks]),
+        negative=np.stack([np.pad(one.negative, (0, parts - len(one.negative))) for one in tasks]),
+        palm_offset=_middle_of_palm(hand))  # fmt: skip
+
+
+def to_world(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n, 7) poses of frames, (n, k, 3) points in them -> world."""
+    R = Rotation.from_quat(pose[:, 3:]).as_matrix()
+    return points @ R.swapaxes(1, 2) + pose[:, None, :3]
+
+
+def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """(n, ..., 3) directions of the world along the axes of frames turned by yaw (n,) about the vertical."""
+    c, s = (np.expand_dims(f(yaw), tuple(range(1, vectors.ndim - 1))) for f in (np.cos, np.sin))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+
+
+def _part(one: Task, points: np.ndarray) -> np.ndarray:
+    """(k,) part of points that are among the object's own."""
+    chosen = np.linalg.norm(points[:, None] - one.body.points[None].astype(np.float64), axis=2).argmin(axis=1)
+    found: np.ndarray = one.body.point_part[chosen]
+    return found
+
+
+def _middle_of_palm(hand: HandModel) -> np.ndarray:
+    T = forward(hand.joints, np.zeros((1, len(moving(hand.joints)))))[0]
+    names = hand.fingers.name
+    knuckle = hand.fingers.base_link[names.index("middle") if "middle" in names else -1]
+    found: np.ndarray = 0.5 * (np.linalg.inv(T[hand.palm]) @ T[knuckle])[:3, 3]
+    return found

@@ -1,0 +1,66 @@
+"""What is to be grasped, by which part, and where a hand must not go (N_t); where the object begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.negative.points import farthest
+from schemas.grasp import GraspObject
+
+NEGATIVE_POINTS = 100
+"""papers: section 7.4"""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One object and one use of it."""
+
+    body: GraspObject
+    hold: int
+    """index of the part that is to be held"""
+    negative: np.ndarray
+    """(p,) bool, parts that must not be touched; in truth, for judging"""
+    N_t: np.ndarray
+    """(100, 3) float64 m, object frame, negative points that a policy is shown and rewards look at; (0, 3) when there are none"""
+
+
+def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: np.ndarray | None = None) -> Task:
+    """A task; `hold` is the largest part that is not negative where it is not named, N_t comes from the negative parts' own points
+    where none (k, 3) are given. ValueError for parts that the object lacks, or none that is left to hold."""
+    unknown = sorted({*negative, *filter(None, [hold])} - set(body.parts))
+    if unknown:
+        raise ValueError(f"{body.name}: expected parts among {', '.join(body.parts)}, got {', '.join(unknown)}")
+    bad = np.array([name in negative for name in body.parts])
+    size = np.bincount(body.point_part, minlength=len(bad)) * ~bad
+    part = body.parts.index(hold) if hold else int(size.argmax())
+    if not size[part]:
+        raise ValueError(f"{body.name}: expected a part with points on it that may be held, got negative parts "
+                         f"{', '.join(negative)}{f' and hold={hold!r}' if hold else ''}")
+    found = body.points[bad[body.point_part]] if N_t is None else N_t
+    return Task(body, part, bad, spread_points(np.asarray(found, np.float64), NEGATIVE_POINTS))
+
+
+def spread_points(points: np.ndarray, count: int) -> np.ndarray:
+    """(count, 3) of the points (k, 3), farthest apart first; again from the first when there are fewer; (0, 3) of none."""
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError(f"points: expected finite (k, 3), got shape {points.shape}")
+    chosen = farthest(points, count)
+    return points[np.resize(chosen, count)] if len(chosen) else np.zeros((0, 3))
+
+
+def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
+    """(3,) centre of mass of an object whose frame is at the pose (7,)."""
+    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(body.com_m) + pose[:3]
+    return found
+
+
+def placed(body: GraspObject, rest: np.ndarray, xy_m: np.ndarray, yaw_rad: float) -> np.ndarray:
+    """(7,) the pose at rest, turned about the vertical, with its centre of mass over xy; its height stays."""
+    turn = Rotation.from_euler("z", yaw_rad)
+    lying = turn * Rotation.from_quat(rest[3:])
+    under = np.append(xy_m, rest[2]) - lying.apply(body.com_m) * (1, 1, 0)
+    return np.concatenate([under, lying.as_quat()])

@@ -1,0 +1,64 @@
+"""Rewards: the published ones by hand, and what the dense set pays for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from afford.grasp.reward import REWARDS, TERMS, rewards, weights
+from tests.made_grasps import measured
+
+
+def total(name: str, **given: object) -> float:
+    return float(sum(term[0] for term in rewards(weights(name), measured(**given)).values()))
+
+
+def test_the_papers_reward_by_hand() -> None:
+    """Hand 10 cm from the object, it 4 cm from its goal, two fingertips 2 cm from negative points: -19.14. papers: section 13."""
+    near = [[0.02, 0.02, 0.5, 0.031, 0.5]]
+    assert total("afforddex", palm_m=[0.1], goal_m=[0.04], N_m=near) == pytest.approx(-19.14)
+
+
+def test_bounds_are_strict() -> None:
+    """At exactly 5 cm there is no success, at exactly 3 cm no violation; without negative points there is none."""
+    assert total("afforddex", palm_m=[0.0], goal_m=[0.05]) == pytest.approx(-0.05)
+    assert total("afforddex", palm_m=[0.0], goal_m=[0.06], N_m=[[0.03] * 5]) == pytest.approx(-0.06)
+    assert total("afforddex", palm_m=[0.0], goal_m=[0.06], N_m=[[np.inf] * 5]) == pytest.approx(-0.06)
+
+
+def test_unidexgrasp_by_hand() -> None:
+    """Far away only distances count, and only so far; near, carrying, raising and arriving pay. papers: section 7.3."""
+    assert total("unidexgrasp++", tips_centre_m=[[1.0] * 5], palm_m=[2.0]) == pytest.approx(-0.5 * 3 - 0.5)
+    at = {"tips_centre_m": [[0.1] * 5], "palm_m": [0.1]}
+    up = np.zeros((1, 24))
+    up[0, 2] = 0.5
+    assert total("unidexgrasp++", **at, goal_m=[0.2]) == pytest.approx(-0.25 - 0.1 + 0.5)
+    assert total("unidexgrasp++", **at, goal_m=[0.2], height_m=[0.03], action=up) == pytest.approx(-0.35 + 0.5 + 0.15)
+    assert total("unidexgrasp++", **at, goal_m=[0.05], height_m=[0.2]) == pytest.approx(-0.35 + 0.8 + 0.2 + 1 / 1.5)
+
+
+def test_dense_pays_only_what_is_gripped() -> None:
+    """At the goal without a grip there is no more than at the start; with one there is; a press on a negative part costs."""
+    grip, bare = [[1.0, 0.0, 2.0, 0.0, 0.0, 0.0]], [[0.0] * 6]
+    at = {"tips_m": [[0.0] * 5], "goal_m": [0.01]}
+    assert total("dense", **at, force_held=bare) == 0.0
+    assert total("dense", **at, force_held=grip) == pytest.approx(2 * 0.14 + 1)
+    assert total("dense", **at, force_held=grip, force_negative=[[0, 1, 1, 0, 0, 0]]) == pytest.approx(2 * 0.14 + 1 - 0.5)
+    assert total("dense", **at, force_held=grip, N_m=[[0.015, 1, 1, 1, 1]]) == pytest.approx(1.28 - 0.5 * np.exp(-1))
+
+
+def test_one_finger_is_no_grip() -> None:
+    """Nor is a touch too light to feel; two fingers, or one and the palm, are."""
+    assert not measured(force_held=[[0, 1, 0, 0, 0, 0]], force_negative=[[0, 1, 0, 0, 0, 0]]).gripped[0]
+    assert not measured(force_held=[[1, 0.005, 0, 0, 0, 0]]).gripped[0]
+    assert measured(force_held=[[0, 0, 0, 0, 1, 1]]).gripped[0]
+
+
+def test_sets_are_made_of_known_terms_and_can_be_changed() -> None:
+    """Another weight for one term leaves the others; unknown names are refused."""
+    assert {name for table in REWARDS.values() for name in table} == set(TERMS)
+    assert weights("afforddex", {"negative_tips": -5.0}) == {**REWARDS["afforddex"], "negative_tips": -5.0}
+    with pytest.raises(ValueError, match="got 'best'"):
+        weights("best")
+    with pytest.raises(ValueError, match="got luck"):
+        weights("dense", {"luck": 1.0})

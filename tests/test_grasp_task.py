@@ -1,0 +1,74 @@
+"""Tasks: which part to hold, which points to keep off, where the object lies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from afford.grasp.rest import dropped, flat
+from afford.grasp.task import NEGATIVE_POINTS, centre, placed, spread_points, task
+from afford.sim.engine import world
+from tests.made_scenes import block, scene, tool
+
+
+def test_negative_points_are_of_the_negative_parts() -> None:
+    """100 of them; what is held is the largest of the rest; given points are taken instead."""
+    body = tool("spatula", 12)
+    one = task(body, ("shaft", "head"))
+    assert one.hold == body.parts.index("handle")
+    assert one.N_t.shape == (NEGATIVE_POINTS, 3)
+    own = body.points[np.isin(body.point_part, [body.parts.index("shaft"), body.parts.index("head")])]
+    assert {tuple(p) for p in one.N_t.astype(np.float32)} <= {tuple(p) for p in own}
+    given = np.random.default_rng(0).normal(size=(300, 3))
+    assert {tuple(p) for p in task(body, ("head",), N_t=given).N_t} <= {tuple(p) for p in given}
+
+
+def test_nothing_may_be_negative() -> None:
+    """Then there are no points; and few points are repeated, not invented."""
+    assert task(block()).N_t.shape == (0, 3)
+    few = np.eye(3)
+    assert {tuple(p) for p in spread_points(few, 10)} == {tuple(p) for p in few}
+
+
+def test_what_cannot_be_is_refused() -> None:
+    """A part that is not there, nothing left to hold, points that are no points."""
+    with pytest.raises(ValueError, match="got wing"):
+        task(block(), ("wing",))
+    with pytest.raises(ValueError, match="may be held"):
+        task(block(), ("foot", "top"))
+    with pytest.raises(ValueError, match="may be held"):
+        task(block(), ("top",), hold="top")
+    with pytest.raises(ValueError, match="finite"):
+        task(block(), N_t=np.full((3, 3), np.nan))
+
+
+def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
+    """The centre of mass is over the place, whatever the yaw."""
+    body = tool("spatula", 12)
+    lying = np.array([0.3, 0.2, 0.01, *Rotation.from_euler("xyz", [0.2, -0.1, 0.5]).as_quat()])
+    pose = placed(body, lying, np.array([0.02, -0.03]), 1.1)
+    assert centre(body, pose)[:2] == pytest.approx([0.02, -0.03])
+    assert centre(body, pose)[2] == pytest.approx(centre(body, lying)[2])
+    turn = Rotation.from_quat(pose[3:]) * Rotation.from_quat(lying[3:]).inv()
+    assert turn.as_rotvec() == pytest.approx([0, 0, 1.1])
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet"])
+def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
+    """Put down flat, and dropped at three orientations: a second later they have not moved, and touch the table."""
+    where = scene(tool("spatula", 12))
+    made, rng = world(engine, where), np.random.default_rng(0)
+    q = np.zeros(28)
+    q[:3] = 1.0
+    u = np.zeros(24)
+    u[:3] = 1.0
+    poses = [flat(made, where), *(dropped(made, where, rng) for _ in range(3))]
+    for pose in poses:
+        made.reset(q, pose)
+        after = made.step(u, 1.0).body
+        assert np.linalg.norm(after[:3] - pose[:3]) < 0.004
+        assert (Rotation.from_quat(after[3:]) * Rotation.from_quat(pose[3:]).inv()).magnitude() < 0.05
+        low = min(float((Rotation.from_quat(pose[3:]).apply(hull) + pose[:3])[:, 2].min()) for hull in where.body.hulls())
+        assert abs(low) < 0.002
+    made.close()
