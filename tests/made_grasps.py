@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasp.env import AffordanceGrasp
+from afford.grasp.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasp.measures import Measures
 from afford.grasp.task import Task, task
-from afford.grasp.vector import AffordanceGraspVector
 from tests.made_hands import shadow
 from tests.made_scenes import tool
 

@@ -11,11 +11,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from afford.grasp.core import LOST_M
-from afford.grasp.env import ID, AffordanceGrasp
+from afford.grasp.env import ID, AffordanceGrasp, AffordanceGraspVector
 from afford.grasp.metrics import MEANING
 from afford.grasp.reward import REWARDS
 from afford.grasp.task import task
-from afford.grasp.vector import AffordanceGraspVector, Learning
+from afford.grasp.vector import Learning
 from tests.made_grasps import env, held_by_handle, vector
 from tests.made_hands import shadow
 from tests.made_scenes import block
@@ -53,9 +53,9 @@ def test_a_grasp_by_script_succeeds(engine: str, base: str) -> None:
     """As actions where there is no base, as the base where there are no actions: the reward is attainable, and AS is judged."""
     made = env(base=base, engine=engine, reward="dense")
     made.reset(seed=5)
-    script, total = made.grasping.script(), 0.0
+    script, total = made.core.script(), 0.0
     for k in range(40):
-        action = made.grasping.towards(script[:, k])[0] if base == "none" else np.zeros(24)
+        action = made.core.towards(script[:, k])[0] if base == "none" else np.zeros(24)
         _, reward, terminated, truncated, info = made.step(action)
         total += reward
     made.close()
@@ -110,15 +110,15 @@ def test_what_is_restored_goes_on_as_it_did(engine: str) -> None:
 
 def test_commands_can_come_late() -> None:
     """A world with a latency of one step does what the others do a step later."""
-    made = next(one for one in (env(randomise=True, seed=s) for s in range(9)) if one.grasping.sensing[0].latency_steps == 1)
+    made = next(one for one in (env(randomise=True, seed=s) for s in range(9)) if one.core.sensing[0].latency_steps == 1)
     made.reset(seed=0)
     up = np.zeros(24)
     up[2] = 1.0
-    before = made.grasping.state().palm[0, 2]
+    before = made.core.state().palm[0, 2]
     made.step(up)
-    assert made.grasping.state().palm[0, 2] == pytest.approx(before, abs=0.003)
+    assert made.core.state().palm[0, 2] == pytest.approx(before, abs=0.003)
     made.step(np.zeros(24))
-    assert made.grasping.state().palm[0, 2] > before + 0.015
+    assert made.core.state().palm[0, 2] > before + 0.015
     made.close()
 
 
@@ -128,12 +128,12 @@ def test_an_object_out_of_reach_ends_the_episode() -> None:
     made.reset(seed=0)
     over = False
     for _ in range(30):
-        made.grasping.worlds.worlds[0].push(np.array([9.0, 0.0, 3.0]), 0.05)
+        made.core.worlds.worlds[0].push(np.array([9.0, 0.0, 3.0]), 0.05)
         *_, over, late, _ = made.step(np.zeros(24))
         if over:
             break
     assert over and not late
-    assert made.grasping.measures().away_m[0] > LOST_M
+    assert made.core.measures().away_m[0] > LOST_M
     with pytest.raises(RuntimeError, match="expected a reset"):
         made.step(np.zeros(24))
     made.close()
@@ -181,7 +181,7 @@ def test_gymnasium_makes_the_vector_too() -> None:
     assert not np.array_equal(moves[2].observation, moves[2].reached)
     assert moves[2].truncated.all()
     assert "as_violation_pct" in moves[2].notes and "reward/hand" in moves[0].notes
-    assert first.shape == moves[2].reached.shape == (2, made.unwrapped.grasping.width)
+    assert first.shape == moves[2].reached.shape == (2, made.unwrapped.core.width)
     made.close()
 
 

@@ -22,9 +22,9 @@ def moment() -> Now:
     made.reset(seed=3)
     for action in ACTIONS:
         made.step(action)
-    grasping = made.grasping
-    now, state = grasping._now, grasping.state()
-    out = Now(grasping.scenery, now.episode, state, grasping.measures(), now.action, now.offset, now.offset, np.array([0.2]))
+    core = made.core
+    now, state = core._now, core.state()
+    out = Now(core.scenery, now.episode, state, core.measures(), now.action, now.offset, now.offset, np.array([0.2]))
     made.close()
     return out
 

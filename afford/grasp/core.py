@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from afford.grasp import act, base, rest
 from afford.grasp.config import Config
+from afford.grasp.happened import Happened
 from afford.grasp.measures import Measures, measure
 from afford.grasp.metrics import Log
 from afford.grasp.observe import Now, blocks, observe
@@ -35,19 +35,6 @@ PUSH_S, PUSH_RAISED_M, PUSH_CHANCE = 0.05, 0.03, 0.25
 """a push takes a twentieth of a second; while the object is raised by 3 cm, one step in four begins with one"""
 DROPS = 8
 """resting poses of each object that was dropped"""
-
-
-@dataclass(frozen=True, eq=False)
-class Happened:
-    """What a step brought, (n,) each."""
-
-    reward: np.ndarray
-    terms: dict[str, np.ndarray]
-    """that the reward is the sum of"""
-    terminated: np.ndarray
-    truncated: np.ndarray
-    success: np.ndarray
-    """so far"""
 
 
 class Grasping:

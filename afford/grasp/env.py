@@ -11,67 +11,41 @@ tables: docs/grasp-environments.md.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
-import numpy as np
-from gymnasium import spaces
 
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
-from afford.grasp.observe import LIMIT
+from afford.grasp.single import Single
 from afford.grasp.task import Task
+from afford.grasp.vector import Many
 from schemas.hand import HandModel
 
 ID = "afford/AffordanceGrasp-v0"
 
 
-class AffordanceGrasp(gymnasium.Env):
+class AffordanceGrasp(Single):
     """One world. Keywords are the fields of config.Config."""
-
-    metadata = {"render_modes": []}  # noqa: RUF012  # the attribute is gymnasium's
 
     def __init__(self, hand: HandModel, task: Task, **config: Any) -> None:
         """ValueError or TypeError for what Config does not know."""
-        self.grasping = Grasping(hand, (task,), Config(**config))
-        self.observation_space = spaces.Box(-LIMIT, LIMIT, (self.grasping.width,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (self.grasping.motors,), np.float32)
-        self._over = True
+        self.core = Grasping(hand, (task,), Config(**config))
+        super().__init__(self.core)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode; the same seed gives the same."""
-        super().reset(seed=seed)
-        self.grasping.reset([0], [self.np_random])
-        self._over = False
-        return self.grasping.observe()[0], {"success": False}
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """A twentieth of a second. RuntimeError when the episode is over."""
-        if self._over:
-            raise RuntimeError("AffordanceGrasp: expected a reset, since no episode is under way")
-        out = self.grasping.step(np.asarray(action)[None], [self.np_random])
-        info: dict[str, Any] = {"success": bool(out.success[0])}
-        info |= {f"reward/{name}": float(term[0]) for name, term in out.terms.items()}
-        self._over = bool(out.terminated[0] or out.truncated[0])
-        if self._over:
-            info["report"] = {name: float(figure[0]) for name, figure in self.grasping.report().items()}
-        return self.grasping.observe()[0], float(out.reward[0]), bool(out.terminated[0]), bool(out.truncated[0]), info
+class AffordanceGraspVector(Many):
+    """n worlds; tasks are taken in turn. Keywords are the fields of config.Config."""
 
-    def save(self) -> Any:
-        """Everything that the next steps depend on."""
-        return self.grasping.save(), self.np_random.bit_generator.state, self._over
-
-    def restore(self, token: Any) -> np.ndarray:
-        """Back to what was saved; it goes on as it did then. The observation."""
-        self.grasping.restore(token[0])
-        self.np_random.bit_generator.state = token[1]
-        self._over = token[2]
-        return self.grasping.observe()[0]
-
-    def close(self) -> None:
-        """Give the engine back; twice is harmless."""
-        self.grasping.close()
+    def __init__(self, num_envs: int, hand: HandModel, tasks: Sequence[Task], **config: Any) -> None:
+        """ValueError without tasks."""
+        if not tasks or num_envs < 1:
+            raise ValueError("AffordanceGraspVector: expected a task or more and an environment or more, got "
+                             f"{len(tasks)} and {num_envs}")
+        self.core = Grasping(hand, [tasks[k % len(tasks)] for k in range(num_envs)], Config(**config))
+        super().__init__(self.core, num_envs)
 
 
 gymnasium.register(id=ID, entry_point="afford.grasp.env:AffordanceGrasp",
-                   vector_entry_point="afford.grasp.vector:AffordanceGraspVector")  # fmt: skip
+                   vector_entry_point="afford.grasp.env:AffordanceGraspVector")  # fmt: skip

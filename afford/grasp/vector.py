@@ -1,4 +1,4 @@
-"""Many grasps as one environment of gymnasium, and as what PPO learns in.
+"""Many worlds as one environment of gymnasium, and as what PPO learns in.
 
 An episode that ends begins anew in the same step: the observation is then the first of the next, and `final_obs` the last of it.
 """
@@ -13,28 +13,20 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from afford.grasp.config import Config
-from afford.grasp.core import Grasping
 from afford.grasp.observe import LIMIT
-from afford.grasp.task import Task
+from afford.grasp.single import Core
 from afford.rl.ppo import Moved
-from schemas.hand import HandModel
 
 
-class AffordanceGraspVector(VectorEnv):
-    """n worlds; tasks are taken in turn. Keywords are the fields of config.Config."""
+class Many(VectorEnv):
+    """A core of n worlds."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # the attribute is gymnasium's
 
-    def __init__(self, num_envs: int, hand: HandModel, tasks: Sequence[Task], **config: Any) -> None:
-        """ValueError without tasks."""
-        if not tasks or num_envs < 1:
-            raise ValueError("AffordanceGraspVector: expected a task or more and an environment or more, got "
-                             f"{len(tasks)} and {num_envs}")
-        self.num_envs = num_envs
-        self.grasping = Grasping(hand, [tasks[k % len(tasks)] for k in range(num_envs)], Config(**config))
-        self.single_observation_space = spaces.Box(-LIMIT, LIMIT, (self.grasping.width,), np.float32)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (self.grasping.motors,), np.float32)
+    def __init__(self, core: Core, num_envs: int) -> None:
+        self._core, self.num_envs = core, num_envs
+        self.single_observation_space = spaces.Box(-LIMIT, LIMIT, (core.width,), np.float32)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (core.motors,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = []
@@ -45,40 +37,40 @@ class AffordanceGraspVector(VectorEnv):
         if seed is not None or not self._rngs:
             seeds = [None] * self.num_envs if seed is None else _seeds(seed, self.num_envs)
             self._rngs = [np.random.default_rng(one) for one in seeds]
-        self.grasping.reset(range(self.num_envs), self._rngs)
-        return self.grasping.observe(), {}
+        self._core.reset(range(self.num_envs), self._rngs)
+        return self._core.observe(), {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """A twentieth of a second; infos have `reward/...` (n,), and where episodes ended `final_obs` and `final_info`."""
-        out = self.grasping.step(actions, self._rngs)
-        observation, ended = self.grasping.observe(), out.terminated | out.truncated
+        out = self._core.step(actions, self._rngs)
+        observation, ended = self._core.observe(), out.terminated | out.truncated
         infos: dict[str, Any] = {"success": out.success, **{f"reward/{name}": term for name, term in out.terms.items()}}
         if ended.any():
-            infos |= _final(observation, ended, self.grasping.report())
-            self.grasping.reset(np.flatnonzero(ended).tolist(), self._rngs)
-            observation = self.grasping.observe()
+            infos |= _final(observation, ended, self._core.report())
+            self._core.reset(np.flatnonzero(ended).tolist(), self._rngs)
+            observation = self._core.observe()
         return observation, out.reward, out.terminated, out.truncated, infos
 
     def save(self) -> Any:
         """Everything that the next steps depend on."""
-        return self.grasping.save(), [rng.bit_generator.state for rng in self._rngs]
+        return self._core.save(), [rng.bit_generator.state for rng in self._rngs]
 
     def restore(self, token: Any) -> np.ndarray:
         """Back to what was saved; the observation (n, d)."""
-        self.grasping.restore(token[0])
+        self._core.restore(token[0])
         for rng, state in zip(self._rngs, token[1], strict=True):
             rng.bit_generator.state = state
-        return self.grasping.observe()
+        return self._core.observe()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Give the engines back."""
-        self.grasping.close()
+        self._core.close()
 
 
 class Learning:
-    """A vector of grasps as afford.rl.ppo.Environments; rewards are scaled, notes have each term and the report of what ended."""
+    """Many worlds as afford.rl.ppo.Environments; rewards are scaled, notes have each term and the report of what ended."""
 
-    def __init__(self, envs: AffordanceGraspVector, seed: int, scale: float = 0.1) -> None:
+    def __init__(self, envs: Many, seed: int, scale: float = 0.1) -> None:
         self.envs, self.seed, self.scale = envs, seed, scale
 
     def reset(self) -> np.ndarray:
