@@ -9,7 +9,12 @@ import numpy as np
 from afford.grasp.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasp.measures import Measures
 from afford.grasp.task import Task, task
+from afford.hands.kinematics import forward, points
+from afford.motion.signals import speed, twist
+from schemas.hand import HandModel
+from schemas.motion import HandReference
 from tests.made_hands import shadow
+from tests.made_motions import trajectory
 from tests.made_scenes import tool
 
 
@@ -36,3 +41,15 @@ def measured(**given: Any) -> Measures:
         "N_m": [[1.0] * 5], "force_held": [[0.0] * 6], "force_negative": [[0.0] * 6], "penetration_m": [0.0], "away_m": [0.0],
         "action": [[0.0] * 24]}  # fmt: skip
     return Measures(**{name: np.array(value, float) for name, value in (far | given).items()})
+
+
+def reference(hand: HandModel, frames: int = 90, seed: int = 0) -> HandReference:
+    """A gentle motion of the hand itself, above the table, as if somebody had been retargeted."""
+    q = trajectory(hand, frames, seed, share=0.3)
+    q[:, 2] += 0.6
+    T, zero = forward(hand.joints, q), np.zeros((len(hand.fingers.name), 3))
+    places = (points(T, hand.fingers.base_link, zero), points(T, hand.fingers.middle_link, zero),
+              points(T, hand.fingers.tip_link, hand.fingers.tip_m))  # fmt: skip
+    return HandReference(f"own_{seed}", hand.name, hand.side, False, 60.0, q, speed(q, 60.0), T[:, hand.palm],
+                         twist(T[:, hand.palm], 60.0), *places, np.zeros(frames, np.uint8), "", np.zeros((0, 7)), np.eye(4),
+                         np.zeros(frames), np.zeros(frames))  # fmt: skip
