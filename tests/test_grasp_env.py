@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from afford.grasp.core import LOST_M
 from afford.grasp.env import ID, AffordanceGrasp, AffordanceGraspVector
 from afford.grasp.metrics import MEANING
+from afford.grasp.observe import LAYOUTS
 from afford.grasp.reward import REWARDS
 from afford.grasp.task import task
 from afford.grasp.vector import Learning
@@ -147,9 +148,10 @@ def test_pushes_push() -> None:
     assert not np.array_equal(paths[0][-2], paths[1][-2])
 
 
-def test_the_vector_is_the_single_one_many_times() -> None:
+@pytest.mark.parametrize("layout", sorted(LAYOUTS))
+def test_the_vector_is_the_single_one_many_times(layout: str) -> None:
     """World k with seed + k: the same bits; at the end the final observation is kept and the next episode has begun."""
-    many, one = vector(2, steps=6, base="none"), env(held_by_handle("screwdriver"), steps=6, base="none")
+    many, one = vector(2, steps=6, layout=layout), env(held_by_handle("screwdriver"), steps=6, layout=layout)
     many.reset(seed=4)
     alone = [one.reset(seed=5)[0]]
     for k in range(6):

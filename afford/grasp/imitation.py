@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,20 +43,28 @@ class Tracking:
     """(n,) the same of the wrist's"""
 
 
-TERMS: Mapping[str, Callable[[Tracking], np.ndarray]] = {
-    "fingers": lambda t: (np.exp(-50 * t.level_1_m**2) + np.exp(-40 * t.level_2_m**2)).sum(axis=1),
-    "smooth": lambda t: -(t.power_w + t.wrist_power_w),
-    "level_1": lambda t: np.exp(-50 * t.level_1_m.mean(axis=1)),
-    "level_2": lambda t: np.exp(-40 * t.level_2_m.mean(axis=1)),
-    "wrist_place": lambda t: np.exp(-40 * t.wrist_m),
-    "wrist_turn": lambda t: np.exp(-t.wrist_rad),
-    "wrist_linear": lambda t: np.exp(-np.abs(t.linear_m_s).mean(axis=1)),
-    "wrist_angular": lambda t: np.exp(-np.abs(t.angular_rad_s).mean(axis=1)),
-    "joint_speeds": lambda t: np.exp(-np.abs(t.joints_rad_s).mean(axis=1)),
-    "calm": lambda t: np.exp(-10 * t.power_w),
-    "wrist_calm": lambda t: np.exp(-2 * t.wrist_power_w),
-}
-"""name -> (n,) before its weight"""
+class Term(NamedTuple):
+    """One reason for reward."""
+
+    doc: str
+    of: Callable[[Tracking], np.ndarray]
+    """-> (n,) before its weight"""
+
+
+TERMS: Mapping[str, Term] = {
+    "fingers": Term("sum over fingers of exp(-50 d^2) of level 1 and exp(-40 d^2) of level 2",
+                    lambda t: (np.exp(-50 * t.level_1_m**2) + np.exp(-40 * t.level_2_m**2)).sum(axis=1)),
+    "smooth": Term("W, minus the sum of |torque x speed| of all motors", lambda t: -(t.power_w + t.wrist_power_w)),
+    "level_1": Term("exp(-50 x mean distance) of level 1", lambda t: np.exp(-50 * t.level_1_m.mean(axis=1))),
+    "level_2": Term("exp(-40 x mean distance) of level 2", lambda t: np.exp(-40 * t.level_2_m.mean(axis=1))),
+    "wrist_place": Term("exp(-40 d) of the palm's place", lambda t: np.exp(-40 * t.wrist_m)),
+    "wrist_turn": Term("exp(-angle) of the palm's rotation", lambda t: np.exp(-t.wrist_rad)),
+    "wrist_linear": Term("exp(-mean |difference|) of the palm's velocity", lambda t: np.exp(-np.abs(t.linear_m_s).mean(axis=1))),
+    "wrist_angular": Term("the same of its angular velocity", lambda t: np.exp(-np.abs(t.angular_rad_s).mean(axis=1))),
+    "joint_speeds": Term("the same of the speeds of fingers' joints", lambda t: np.exp(-np.abs(t.joints_rad_s).mean(axis=1))),
+    "calm": Term("exp(-10 W) of the fingers' motors", lambda t: np.exp(-10 * t.power_w)),
+    "wrist_calm": Term("exp(-2 W) of the wrist's", lambda t: np.exp(-2 * t.wrist_power_w)),
+}  # fmt: skip
 
 REWARDS: Mapping[str, Mapping[str, float]] = {
     "paper": {"fingers": 0.8, "smooth": 0.05},
@@ -68,7 +77,7 @@ def rewards(name: str, tracking: Tracking) -> dict[str, np.ndarray]:
     """Every term (n,) times its weight; their sum is the reward. ValueError for a set that is not known."""
     if name not in REWARDS:
         raise ValueError(f"reward: expected one of {', '.join(sorted(REWARDS))}, got {name!r}")
-    return {term: weight * TERMS[term](tracking) for term, weight in REWARDS[name].items()}
+    return {term: weight * TERMS[term].of(tracking) for term, weight in REWARDS[name].items()}
 
 
 def tolerance_m(training_step: int) -> float:

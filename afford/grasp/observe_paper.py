@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasp.moment import Block, Now
 from afford.grasp.observe_small import fingers_q
-from afford.grasp.scenery import OBJECT_POINTS, to_frame
+from afford.grasp.scenery import OBJECT_POINTS, about_z, to_frame
 from afford.grasp.task import NEGATIVE_POINTS
 from afford.hands.coupling import driven
 from afford.hands.kinematics import ancestry, forward, jacobian, moving
@@ -26,7 +26,7 @@ def _tips(now: Now) -> np.ndarray:
     """(n, f, 13) pose, velocity and angular velocity, by the hand's kinematics."""
     hand, q, qd = now.scenery.hand, now.state.q, now.state.qd
     T, links, yaw = forward(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
-    turn = Rotation.from_euler("z", -yaw)
+    turn = about_z(-yaw)
     quaternion = np.stack([(turn * Rotation.from_matrix(T[:, link, :3, :3])).as_quat() for link in links], axis=1)
     velocity = np.einsum("nfid,nd->nfi", jacobian(hand.joints, T, links, hand.fingers.tip_m), qd)
     move = moving(hand.joints)
@@ -47,13 +47,13 @@ def _tip_forces(now: Now) -> np.ndarray:
 
 def _palm_euler(now: Now) -> np.ndarray:
     yaw = now.palm_yaw
-    turned = Rotation.from_euler("z", -yaw) * Rotation.from_quat(now.state.palm[:, 3:])
+    turned = about_z(-yaw) * Rotation.from_quat(now.state.palm[:, 3:])
     return np.concatenate([now.spot(now.state.palm[:, :3], yaw), turned.as_euler("xyz")], axis=1)
 
 
 def _paper_object(now: Now) -> np.ndarray:
     yaw, state = now.palm_yaw, now.state
-    turned = (Rotation.from_euler("z", -yaw) * Rotation.from_quat(state.body[:, 3:])).as_quat()
+    turned = (about_z(-yaw) * Rotation.from_quat(state.body[:, 3:])).as_quat()
     away = now.episode.goal - now.scenery.centre(state)
     parts = (now.spot(state.body[:, :3], yaw), turned, to_frame(state.velocity, yaw), 0.2 * to_frame(state.spin, yaw),
              to_frame(away, yaw))  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,25 +17,41 @@ TIPS_GATE_M, PALM_GATE_M = 0.6, 0.12
 LIFTED_M, RAISED_M = 0.03, 0.20
 NEAR_M = 0.015
 TIPS_CAP_M, PALM_CAP_M = 3.0, 0.5
-GRASP_REACH_M, FORCES_CAP = 0.15, 2.0
+GRASP_REACH_M = 0.15
 
-TERMS: dict[str, Callable[[Measures], np.ndarray]] = {
-    "hand": lambda m: m.palm_m,
-    "goal": lambda m: m.goal_m,
-    "success": lambda m: (m.goal_m < GOAL_M).astype(float),
-    "negative_tips": lambda m: (m.N_m < NEGATIVE_M).sum(axis=1).astype(float),
-    "fingers": lambda m: m.tips_centre_m.sum(axis=1).clip(max=TIPS_CAP_M),
-    "palm": lambda m: m.palm_m.clip(max=PALM_CAP_M),
-    "carry": lambda m: near(m) * (0.9 - 2 * m.goal_m),
-    "hand_up": lambda m: near(m) * up(m),
-    "arrived": lambda m: near(m) * (m.goal_m <= GOAL_M) / (1 + 10 * m.goal_m),
-    "tips": lambda m: m.tips_m.mean(axis=1),
-    "gripped_goal": lambda m: m.gripped * (GRASP_REACH_M - m.goal_m).clip(min=0),
-    "gripped_success": lambda m: m.gripped * (m.goal_m < GOAL_M).astype(float),
-    "negative_contacts": lambda m: (0.25 * (m.force_negative > TOUCH_N).sum(axis=1)).clip(max=FORCES_CAP),
-    "negative_near": lambda m: m.touching.any(axis=1) * np.exp(-m.N_m.min(axis=1) / NEAR_M),
-}
-"""name -> (n,) before its weight; metres or counts (docs/grasp-environments.md)"""
+
+class Term(NamedTuple):
+    """One reason for reward."""
+
+    doc: str
+    of: Callable[[Measures], np.ndarray]
+    """-> (n,) before its weight"""
+
+
+TERMS: Mapping[str, Term] = {
+    "hand": Term("m, middle of the palm to the object's centre of mass", lambda m: m.palm_m),
+    "goal": Term("m, the object's centre of mass to its goal", lambda m: m.goal_m),
+    "success": Term("1 where that is below 5 cm", lambda m: (m.goal_m < GOAL_M).astype(float)),
+    "negative_tips": Term("fingertips within 3 cm of a negative point",
+                          lambda m: (m.N_m < NEGATIVE_M).sum(axis=1).astype(float)),
+    "fingers": Term("m, sum of fingertips to the object's centre of mass, at most 3",
+                    lambda m: m.tips_centre_m.sum(axis=1).clip(max=TIPS_CAP_M)),
+    "palm": Term("m, middle of the palm to it, at most 0.5", lambda m: m.palm_m.clip(max=PALM_CAP_M)),
+    "carry": Term("0.9 - 2 x m to the goal, where the hand is near: fingers at most 0.6 and palm at most 0.12 m",
+                  lambda m: near(m) * (0.9 - 2 * m.goal_m)),
+    "hand_up": Term("where near: 0.1 + 0.1 x upward action for an object 3 cm above the table, 0.2 from 20 cm on",
+                    lambda m: near(m) * up(m)),
+    "arrived": Term("where near and within 5 cm of the goal: 1 / (1 + 10 x m to it)",
+                    lambda m: near(m) * (m.goal_m <= GOAL_M) / (1 + 10 * m.goal_m)),
+    "tips": Term("m, mean of fingertips to the object's surface", lambda m: m.tips_m.mean(axis=1)),
+    "gripped_goal": Term("m by which the object is nearer to its goal than 15 cm, where two or more of fingers and palm press",
+                         lambda m: m.gripped * (GRASP_REACH_M - m.goal_m).clip(min=0)),
+    "gripped_success": Term("1 where so gripped and within 5 cm", lambda m: m.gripped * (m.goal_m < GOAL_M).astype(float)),
+    "negative_contacts": Term("a quarter for each of fingers and palm that presses on a negative part",
+                              lambda m: 0.25 * (m.force_negative > TOUCH_N).sum(axis=1)),
+    "negative_near": Term("exp(-d / 1.5 cm) of the fingertip nearest to a negative point, while anything touches the object",
+                          lambda m: m.touching.any(axis=1) * np.exp(-m.N_m.min(axis=1) / NEAR_M)),
+}  # fmt: skip
 
 REWARDS: Mapping[str, Mapping[str, float]] = {
     "afforddex": {"hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0},
@@ -56,7 +73,7 @@ def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
 
 def rewards(table: Mapping[str, float], measured: Measures) -> dict[str, np.ndarray]:
     """Every term (n,) times its weight; their sum is the reward."""
-    return {name: weight * TERMS[name](measured) for name, weight in table.items()}
+    return {name: weight * TERMS[name].of(measured) for name, weight in table.items()}
 
 
 def near(m: Measures) -> np.ndarray:

@@ -87,6 +87,11 @@ def to_world(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ R.swapaxes(1, 2) + pose[:, None, :3]
 
 
+def about_z(yaw: np.ndarray) -> Rotation:
+    """n turns about the vertical by yaw (n,)."""
+    return Rotation.from_rotvec(np.multiply.outer(yaw, [0.0, 0.0, 1.0]))
+
+
 def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """(n, ..., 3) directions of the world along the axes of frames turned by yaw (n,) about the vertical."""
     c, s = (np.expand_dims(f(yaw), tuple(range(1, vectors.ndim - 1))) for f in (np.cos, np.sin))

@@ -1,0 +1,135 @@
+"""Write the tables of docs/grasp-environments.md from the code, and how fast the environment of grasping is in both engines.
+
+    PYTHONPATH=. python benchmarks/bench_grasp_env.py
+
+CPU seconds, one thread; a control step is 1/20 s and includes observation and reward. Random actions over the grasp by script, so
+that hands touch, hold and drop.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from afford.grasp import imitation, reward
+from afford.grasp.act import RATES, table
+from afford.grasp.env import AffordanceGraspVector
+from afford.grasp.metrics import MEANING
+from afford.grasp.observe import LAYOUTS, STATES, blocks
+from afford.grasp.task import Task, task
+from afford.hands.assets import shadow_files
+from afford.hands.coupling import driven
+from afford.sim.scene import RANDOM, Physics
+from benchmarks.pages import ROOT, into
+from schemas.hand import HandModel
+from schemas.mesh import ObjectSpec
+from stages import hand_model, object_build, object_solids
+
+PAGE = ROOT / "docs" / "grasp-environments.md"
+TOOLS = ("screwdriver", "hammer", "knife", "spatula")
+WORLDS, STEPS, EPISODES = 8, 40, 4
+SETTINGS = (("mujoco", "small", 50), ("mujoco", "small", 100), ("mujoco", "paper", 50), ("bullet", "small", 20),
+            ("bullet", "small", 50), ("bullet", "small", 100))  # fmt: skip
+
+
+def main() -> None:
+    """Write."""
+    hand = hand_model.run(shadow_files(), hand_model.Params())
+    for name, text in {"action": actions(hand), "observation": observations(), "reward": rewards(), "imitation": imitations(),
+                       "report": report(), "random": randomisation(), "speed": speeds(hand)}.items():  # fmt: skip
+        into(PAGE, name, Path(__file__).name, text)
+
+
+def actions(hand: HandModel) -> str:
+    """One row for each number of an action: how far it moves its target in a step, and how far it may in all."""
+    names = [hand.joints.name[k] for k in driven(hand.joints)]
+    both = {base: table(rates, len(names)) for base, rates in RATES.items()}
+    units = ["m" if k < 3 else "rad" for k in range(len(names))]
+    rows = [f"| {k} | {name} | {unit} | {both['none'][k, 0]:g} | {both['script'][k, 0]:g} | {both['script'][k, 1]:g} |"
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))]  # fmt: skip
+    head = ["| | motor | unit | a step, base `none` | a step, base `script` | in all, base `script` |", "|--:|---|---|--:|--:|--:|"]
+    return "\n".join([*head, *rows, ""])
+
+
+def observations() -> str:
+    """One row for each block of each layout."""
+    rows = ["| layout | group | block | numbers | what |", "|---|---|---|--:|---|"]
+    for layout, groups in LAYOUTS.items():
+        for group, chosen in groups.items():
+            rows += [f"| {layout} | {group} | {block.name} | {block.width} | {block.doc} |" for block in chosen]
+    widths = ["| layout | " + " | ".join(f"{role} ({' '.join(groups)})" for role, groups in STATES.items()) + " |",
+              "|---|" + "--:|" * len(STATES)]  # fmt: skip
+    for layout in LAYOUTS:
+        widths.append(f"| {layout} | " + " | ".join(str(sum(b.width for b in blocks(layout, role))) for role in STATES) + " |")
+    return "\n".join([*rows, "", *widths, ""])
+
+
+def rewards() -> str:
+    """One row for each term: its weight in each set."""
+    rows = ["| term | " + " | ".join(reward.REWARDS) + " | what |", "|---|" + "--:|" * len(reward.REWARDS) + "---|"]
+    for name, term in reward.TERMS.items():
+        rows.append(f"| {name} | {_weights(reward.REWARDS, name)} | {term.doc} |")
+    return "\n".join([*rows, ""])
+
+
+def imitations() -> str:
+    """The same, of imitation."""
+    rows = ["| term | " + " | ".join(imitation.REWARDS) + " | what |", "|---|" + "--:|" * len(imitation.REWARDS) + "---|"]
+    for name, term in imitation.TERMS.items():
+        rows.append(f"| {name} | {_weights(imitation.REWARDS, name)} | {term.doc} |")
+    return "\n".join([*rows, ""])
+
+
+def report() -> str:
+    """One row for each figure."""
+    return "\n".join(["| figure | what |", "|---|---|", *(f"| {name} | {what} |" for name, what in MEANING.items()), ""])
+
+
+def randomisation() -> str:
+    """One row for each number of physics that varies."""
+    rows = [f"| {name} | {r.low:g} | {r.high:g} | {r.spread} |" for name, r in RANDOM.items()]
+    return "\n".join(["| of Physics | from | to | spread |", "|---|--:|--:|---|", *rows, ""])
+
+
+def speeds(hand: HandModel) -> str:
+    """Control steps a CPU second."""
+    tasks = [_task(category) for category in TOOLS]
+    rows = ["| engine | layout | iterations | control steps / CPU s | a reset, ms |", "|---|---|--:|--:|--:|"]
+    for engine, layout, iterations in SETTINGS:
+        envs = AffordanceGraspVector(WORLDS, hand, tasks, engine=engine, layout=layout, base="script", steps=STEPS,
+                                     physics=Physics(iterations=iterations))  # fmt: skip
+        envs.reset(seed=0)
+        step_s, reset_s = _times(envs)
+        envs.close()
+        rows.append(f"| {engine} | {layout} | {iterations} | {1 / step_s:.0f} | {1000 * reset_s:.1f} |")
+    return "\n".join([*rows, ""])
+
+
+def _times(envs: AffordanceGraspVector) -> tuple[float, float]:
+    """CPU seconds of one world's step, and of one world's reset, once resting poses are known."""
+    rng, step_s, reset_s = np.random.default_rng(0), 0.0, 0.0
+    for episode in range(EPISODES):
+        start = time.process_time()
+        envs.reset(seed=episode)
+        middle = time.process_time()
+        for _ in range(STEPS - 1):
+            envs.step(rng.uniform(-0.5, 0.5, (WORLDS, 24)))
+        reset_s, step_s = reset_s + middle - start, step_s + time.process_time() - middle
+    return step_s / (EPISODES * (STEPS - 1) * WORLDS), reset_s / (EPISODES * WORLDS)
+
+
+def _weights(tables: Mapping[str, Mapping[str, float]], term: str) -> str:
+    return " | ".join(f"{weights[term]:g}" if term in weights else "" for weights in tables.values())
+
+
+def _task(category: str) -> Task:
+    built = object_build.run(ObjectSpec(f"{category}_11", category, 11, "plain", "train"), object_build.Params(atlas_px=64))
+    body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
+    return task(body, [part for part in body.parts if part != "handle"])
+
+
+if __name__ == "__main__":
+    main()
