@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
+from afford.grasp import env
+from afford.grasp.observe import blocks, slices
+from afford.hands.coupling import driven
 from benchmarks import bench_grasp_env as page
 from tests.made_hands import shadow
+
+
+def test_the_contract_in_the_docstring_is_kept() -> None:
+    """Which number of an action is which motor, which numbers of the published observation are which block."""
+    text = str(env.__doc__)
+    names = [shadow().joints.name[k] for k in driven(shadow().joints)]
+    rows = re.findall(r"(\d+)-(\d+) +((?:[A-Z]{2}J\d ?)+)", text)
+    assert len(rows) == 5
+    for first, last, motors in rows:
+        assert motors.split() == names[int(first) : int(last) + 1]
+    found = {name: (int(a), int(b) + 1) for a, b, name in re.findall(r"(\d+)-(\d+) +([a-z_]+)\b(?! along|,)", text)}
+    assert found == {name: (at.start, at.stop) for name, at in slices(blocks("paper", "prior")).items()}
 
 
 @pytest.mark.parametrize(("name", "block"), [

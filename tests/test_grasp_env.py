@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scipy.spatial.transform import Rotation
 
 from afford.grasp.core import LOST_M
 from afford.grasp.env import ID, AffordanceGrasp, AffordanceGraspVector
@@ -137,6 +138,21 @@ def test_an_object_out_of_reach_ends_the_episode() -> None:
     assert made.core.measures().away_m[0] > LOST_M
     with pytest.raises(RuntimeError, match="expected a reset"):
         made.step(np.zeros(24))
+    made.close()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_dropped_objects_lie_in_many_ways(engine: str) -> None:
+    """At other orientations from reset to reset, near the origin, and still: nothing moves while the hand waits above."""
+    made, ups = env(poses="dropped", engine=engine), list[float]()
+    for seed in range(12):
+        made.reset(seed=seed)
+        before = made.core.state().body[0]
+        assert np.abs(made.core.scenery.centre(made.core.state())[0, :2]).max() <= 0.05 + 1e-9
+        made.step(np.zeros(24))
+        assert np.linalg.norm(made.core.state().body[0, :3] - before[:3]) < 0.002
+        ups.append(float(Rotation.from_quat(before[3:]).as_matrix()[2, 2]))
+    assert np.ptp(ups) > 0.5
     made.close()
 
 

@@ -3,10 +3,20 @@
     import gymnasium, afford.grasp.env
     env = gymnasium.make("afford/AffordanceGrasp-v0", hand=hand, task=task(body, negative=("blade",)), base="script")
 
-Action (24,) in -1..1, 20 a second: rates of the wrist (x along the part to hold, y, z, yaw, pitch, roll) and of 18 motors of
-fingers (THJ4 to THJ0 last); see act.py. Observation: a vector, see observe.py. Reward: the sum of `reward/...` in info, see
-reward.py. Terminated when the object is out of reach, truncated after `steps`; the last info has `report`, see metrics.py. All in
-tables: docs/grasp-environments.md.
+Action (24,) in -1..1, 20 a second, rates of the motors' targets (act.py):
+
+    0-2    x along the part to hold, y, z of the wrist      12-14  RFJ3 RFJ2 RFJ1
+    3-5    yaw, pitch, roll of the wrist                    15-18  LFJ4 LFJ3 LFJ2 LFJ1
+    6-8    FFJ3 FFJ2 FFJ1                                   19-23  THJ4 THJ3 THJ2 THJ1 THJ0
+    9-11   MFJ3 MFJ2 MFJ1
+
+Observation, a vector by `layout` and `role` (observe.py). `layout="paper"` are the published numbers:
+
+    0-21     q          44-65    torque      131-160  tip_force   167-190  action     207-235  unused
+    22-43    qd         66-130   tips        161-166  palm        191-206  object     236-299  feature
+
+Reward: the sum of `reward/...` in info (reward.py). Terminated when the object is out of reach, truncated after `steps`; the last
+info has `report` (metrics.py). All in tables: docs/grasp-environments.md.
 """
 
 from __future__ import annotations
