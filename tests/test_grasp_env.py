@@ -158,8 +158,8 @@ def test_dropped_objects_lie_in_many_ways(engine: str) -> None:
 
 def test_pushes_push() -> None:
     """What is held moves when it is pushed, and not before it is raised."""
-    calm, windy = env(base="script"), env(base="script", push_n=30.0)
-    paths = [played(made, 5, np.zeros((38, 24))) for made in (calm, windy)]
+    calm, windy = env(base="script"), env(base="script", push_n=8.0)
+    paths = [played(made, 5, np.zeros((36, 24))) for made in (calm, windy)]
     assert same([*paths[0][:30]], [*paths[1][:30]])
     assert not np.array_equal(paths[0][-2], paths[1][-2])
 
