@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasp.rest import dropped, flat
 from afford.grasp.task import NEGATIVE_POINTS, centre, placed, spread_points, task
+from afford.sim.drops import drops, laid
 from afford.sim.engine import world
 from tests.made_scenes import block, scene, tool
 
@@ -58,12 +58,12 @@ def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
 def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
     """Put down flat, and dropped at three orientations: a second later they have not moved, and touch the table."""
     where = scene(tool("spatula", 12))
-    made, rng = world(engine, where), np.random.default_rng(0)
+    made = world(engine, where)
     q = np.zeros(28)
     q[:3] = 1.0
     u = np.zeros(24)
     u[:3] = 1.0
-    poses = [flat(made, where), *(dropped(made, where, rng) for _ in range(3))]
+    poses = [laid(made, where), *drops(made, where, 0, 3)]
     for pose in poses:
         made.reset(q, pose)
         after = made.step(u, 1.0).body

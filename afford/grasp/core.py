@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasp import act, base, rest
+from afford.grasp import act, base
 from afford.grasp.config import Config
 from afford.grasp.happened import Happened
 from afford.grasp.measures import Measures, measure
@@ -23,6 +23,7 @@ from afford.grasp.scenery import Episode, scenery
 from afford.grasp.task import Task, centre, placed
 from afford.hands.coupling import driven
 from afford.hands.kinematics import moving
+from afford.sim.drops import drops, laid
 from afford.sim.engine import State
 from afford.sim.scene import Scene, Sensing, randomised, sensing
 from afford.sim.scripted import CONTROL_S, aim
@@ -155,9 +156,8 @@ class Grasping:
     def _rest(self, k: int) -> list[np.ndarray]:
         world, scene = self.worlds.worlds[k], self.scenes[k]
         if self.config.poses == "flat":
-            return [rest.flat(world, scene)]
-        rng = np.random.default_rng([self.config.seed, k])
-        return [rest.dropped(world, scene, rng) for _ in range(DROPS)]
+            return [laid(world, scene)]
+        return drops(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
 
     def _push(self, rngs: Sequence[np.random.Generator]) -> None:
         if not self.config.push_n:
