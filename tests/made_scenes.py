@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from afford.hands.coupling import driven
+from afford.hands.coupling import commanded
 from afford.hands.kinematics import moving
 from afford.sim.scene import Physics, Scene
 from schemas.grasp import GraspObject
@@ -50,7 +50,7 @@ def away() -> np.ndarray:
 def commands(q: np.ndarray) -> np.ndarray:
     """(24,) the motors' share of joints."""
     joints = shadow().joints
-    found: np.ndarray = q[np.searchsorted(moving(joints), driven(joints))]
+    found: np.ndarray = q[commanded(joints)]
     return found
 
 

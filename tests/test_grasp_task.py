@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasp.task import NEGATIVE_POINTS, centre, placed, spread_points, task
+from afford.grasp.task import NEGATIVE_POINTS, placed, spread_points, task
 from afford.sim.drops import drops, laid
 from afford.sim.engine import world
+from afford.sim.scene import centre
 from tests.made_scenes import block, scene, tool
 
 

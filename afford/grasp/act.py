@@ -34,6 +34,15 @@ RATES = {
 """by base: alone, the policy must do everything; over a base it may only correct"""
 
 
+def checked(action: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """The actions as float64; ValueError for another shape than (n, m), or for numbers that are not finite."""
+    out = np.asarray(action, np.float64)
+    if out.shape != shape or not np.isfinite(out).all():
+        raise ValueError(f"action: expected finite {shape}, got shape {out.shape}"
+                         f"{'' if np.isfinite(out).all() else ' with numbers that are not finite'}")
+    return out
+
+
 def table(rates: Rates, motors: int) -> np.ndarray:
     """(m, 2) rate and cap of each motor."""
     wrist = (rates.along_m, rates.across_m, rates.up_m, rates.yaw_rad, rates.tilt_rad, rates.tilt_rad)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.hands.coupling import driven
-from afford.hands.kinematics import moving
+from afford.hands.coupling import commanded
 from afford.sim.scene import Scene
 from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, start, targets
 
@@ -21,7 +20,7 @@ def commands(base: str, scene: Scene, pose: np.ndarray, part: int, steps: int, l
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
     if base == "none":
         joints = scene.hand.joints
-        u = begin(scene, pose, part)[np.searchsorted(moving(joints), driven(joints))]
+        u = begin(scene, pose, part)[commanded(joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")

@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.grasp.imitation import REWARDS, STRICT_M
 from afford.hands.kinematics import moving
+from afford.sim.engine import CONTROL_S
 from afford.sim.scene import Physics
-from afford.sim.scripted import CONTROL_S
 from schemas.hand import HandModel
 from schemas.motion import HandReference
 

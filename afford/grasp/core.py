@@ -20,13 +20,12 @@ from afford.grasp.metrics import Log
 from afford.grasp.observe import Now, blocks, observe
 from afford.grasp.reward import rewards, weights
 from afford.grasp.scenery import Episode, scenery
-from afford.grasp.task import Task, centre, placed
-from afford.hands.coupling import driven
-from afford.hands.kinematics import moving
+from afford.grasp.task import Task, placed
+from afford.hands.coupling import commanded, limits_u
 from afford.sim.drops import drops, laid
-from afford.sim.engine import State
-from afford.sim.scene import Scene, Sensing, randomised, sensing
-from afford.sim.scripted import CONTROL_S, aim
+from afford.sim.engine import CONTROL_S, State
+from afford.sim.scene import Scene, Sensing, centre, randomised, sensing
+from afford.sim.scripted import aim
 from afford.sim.worlds import Worlds
 from schemas.hand import HandModel
 
@@ -49,8 +48,8 @@ class Grasping:
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = scenery(hand, self.tasks)
         self.worlds = Worlds(config.engine, self.scenes, config.threads)
-        self._of_motor = np.searchsorted(moving(hand.joints), driven(hand.joints))
-        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[driven(hand.joints)]
+        self._of_motor = commanded(hand.joints)
+        self._limits = limits_u(hand.joints)
         self.rates = act.table(act.RATES[config.base], len(self._limits))
         self._resting: dict[int, list[np.ndarray]] = {}
         self._now = _Running(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
@@ -75,10 +74,7 @@ class Grasping:
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
         """Act (n, m); worlds whose episode is over go on, until they are reset. ValueError for actions that are not finite."""
         now, rows = self._now, np.arange(len(self.tasks))
-        action = np.asarray(action, np.float64)
-        if action.shape != (len(rows), self.motors) or not np.isfinite(action).all():
-            raise ValueError(f"action: expected finite ({len(rows)}, {self.motors}), got shape {action.shape}"
-                             f"{'' if np.isfinite(action).all() else ' with numbers that are not finite'}")
+        action = act.checked(action, (len(rows), self.motors))
         at = now.step.clip(max=self.config.steps - 1)
         u, now.offset = act.command(now.base[rows, at], act.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
         now.sent = np.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
@@ -127,12 +123,11 @@ class Grasping:
 
     def save(self) -> Any:
         """Everything that the next step depends on, but the generators of the caller."""
-        return self.worlds.save(), copy.deepcopy(self._now), self._state
+        return self.worlds.save(), copy.deepcopy(self._now)
 
     def restore(self, token: Any) -> None:
         """Back to what was saved."""
-        worlds, now, _ = token
-        self._state, self._now = self.worlds.restore(worlds), copy.deepcopy(now)
+        self._state, self._now = self.worlds.restore(token[0]), copy.deepcopy(token[1])
 
     def close(self) -> None:
         """Give the engine back; twice is harmless."""

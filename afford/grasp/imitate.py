@@ -19,12 +19,11 @@ from afford.grasp.clips import Clips, ImitationConfig
 from afford.grasp.happened import Happened
 from afford.grasp.imitation import Tracking, failed, rewards
 from afford.grasp.observe import LIMIT
-from afford.grasp.scenery import to_frame
-from afford.hands.coupling import driven
+from afford.grasp.scenery import palm_yaw, to_frame
+from afford.hands.coupling import commanded, limits_u
 from afford.hands.kinematics import forward, jacobian, moving, points
-from afford.sim.engine import State
+from afford.sim.engine import CONTROL_S, State
 from afford.sim.scene import Scene
-from afford.sim.scripted import CONTROL_S
 from afford.sim.worlds import Worlds
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
@@ -42,8 +41,8 @@ class Imitating:
         """ValueError for no references, or such of another hand."""
         self.hand, self.clips, self.config = hand, Clips(hand, references), config
         self.worlds = Worlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
-        self._of_motor = np.searchsorted(moving(hand.joints), driven(hand.joints))
-        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[driven(hand.joints)]
+        self._of_motor = commanded(hand.joints)
+        self._limits = limits_u(hand.joints)
         self.rates = act.table(act.RATES["none" if config.base == "none" else "script"], len(self._limits))
         self._now = _Following(count, len(self._limits))
         self._state: State | None = None
@@ -72,10 +71,8 @@ class Imitating:
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
         """Act (n, m). ValueError for actions that are not finite."""
-        now, action = self._now, np.asarray(action, np.float64)
-        if action.shape != now.offset.shape or not np.isfinite(action).all():
-            raise ValueError(f"action: expected finite {now.offset.shape}, got shape {action.shape}"
-                             f"{'' if np.isfinite(action).all() else ' with numbers that are not finite'}")
+        now = self._now
+        action = act.checked(action, now.offset.shape)
         now.step = now.step + 1
         base = self._wanted("q")[:, self._of_motor] if self.config.base == "reference" else now.start
         now.sent, now.offset = act.command(base, act.moved(self.rates, now.offset, action), np.zeros(len(action)), self._limits)
@@ -108,7 +105,7 @@ class Imitating:
         which turn it is off a step ahead; how far both levels of fingers are off; share of the clip that is over."""
         now, state = self._now, self.state()
         T, joints = forward(self.hand.joints, state.q), state.q[:, self._of_motor]
-        palm, yaw = self._wanted("T_world_palm", ahead=1), self._palm_yaw(state)
+        palm, yaw = self._wanted("T_world_palm", ahead=1), palm_yaw(self.hand, state)
         turn = (Rotation.from_matrix(palm[:, :3, :3]) * Rotation.from_quat(state.palm[:, 3:]).inv()).as_rotvec()
         velocity = self._palm_velocity(T, state)
         arrows = np.stack([velocity[:, :3], 0.2 * velocity[:, 3:], palm[:, :3, 3] - state.palm[:, :3], turn], axis=1)
@@ -163,10 +160,6 @@ class Imitating:
         axes = np.einsum("nkij,kj->nki", T[:, hand.joints.child[wrist], :3, :3], hand.joints.axis[wrist])
         columns = np.searchsorted(moving(hand.joints), wrist)
         return np.concatenate([linear, np.einsum("nki,nk->ni", axes, state.qd[:, columns])], axis=1)
-
-    def _palm_yaw(self, state: State) -> np.ndarray:
-        z = Rotation.from_quat(state.palm[:, 3:]).as_matrix() @ self.hand.R_palm_grip[:, 2]
-        return np.arctan2(z[:, 1], z[:, 0])
 
 
 class _Following:

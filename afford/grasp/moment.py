@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasp.measures import Measures
-from afford.grasp.scenery import Episode, Scenery, to_frame
+from afford.grasp.scenery import Episode, Scenery, palm_yaw, to_frame
 from afford.sim.engine import State
 
 
@@ -37,9 +37,8 @@ class Now:
 
     @property
     def palm_yaw(self) -> np.ndarray:
-        """(n,) where the palm's fingers point, seen from above (its grip axis z)."""
-        z = Rotation.from_quat(self.state.palm[:, 3:]).as_matrix() @ self.scenery.hand.R_palm_grip[:, 2]
-        return np.arctan2(z[:, 1], z[:, 0])
+        """(n,) see scenery.palm_yaw."""
+        return palm_yaw(self.scenery.hand, self.state)
 
 
 @dataclass(frozen=True)

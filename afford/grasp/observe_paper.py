@@ -10,7 +10,7 @@ from afford.grasp.moment import Block, Now
 from afford.grasp.observe_small import fingers_q
 from afford.grasp.scenery import OBJECT_POINTS, about_z, to_frame
 from afford.grasp.task import NEGATIVE_POINTS
-from afford.hands.coupling import driven
+from afford.hands.coupling import commanded
 from afford.hands.kinematics import ancestry, forward, jacobian, moving
 
 
@@ -18,7 +18,7 @@ def _all_torques(now: Now) -> np.ndarray:
     """Of the motors; joints that are coupled have none and show 0."""
     joints = now.scenery.hand.joints
     out = np.zeros_like(now.state.q)
-    out[:, np.searchsorted(moving(joints), driven(joints))] = now.state.torque
+    out[:, commanded(joints)] = now.state.torque
     return 10.0 * out[:, 6:]
 
 

@@ -99,6 +99,12 @@ def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
 
 
+def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
+    """(n,) where the fingers point, seen from above (the palm's grip axis z)."""
+    z = Rotation.from_quat(state.palm[:, 3:]).as_matrix() @ hand.R_palm_grip[:, 2]
+    return np.arctan2(z[:, 1], z[:, 0])
+
+
 def _part(one: Task, points: np.ndarray) -> np.ndarray:
     """(k,) part of points that are among the object's own."""
     chosen = np.linalg.norm(points[:, None] - one.body.points[None].astype(np.float64), axis=2).argmin(axis=1)

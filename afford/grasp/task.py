@@ -52,12 +52,6 @@ def spread_points(points: np.ndarray, count: int) -> np.ndarray:
     return points[np.resize(chosen, count)] if len(chosen) else np.zeros((0, 3))
 
 
-def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
-    """(3,) centre of mass of an object whose frame is at the pose (7,)."""
-    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(body.com_m) + pose[:3]
-    return found
-
-
 def placed(body: GraspObject, rest: np.ndarray, xy_m: np.ndarray, yaw_rad: float) -> np.ndarray:
     """(7,) the pose at rest, turned about the vertical, with its centre of mass over xy; its height stays."""
     turn = Rotation.from_euler("z", yaw_rad)

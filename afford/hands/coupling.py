@@ -18,6 +18,16 @@ def driven(joints: HandJoints) -> np.ndarray:
     return np.array([k for k, role in enumerate(joints.role) if role in ("wrist", "actuated")], np.int64)
 
 
+def commanded(joints: HandJoints) -> np.ndarray:
+    """(m,) where the joints that are commanded stand in q: u is q[commanded]."""
+    return np.searchsorted(moving(joints), driven(joints))
+
+
+def limits_u(joints: HandJoints) -> np.ndarray:
+    """(m, 2) lowest and highest position of the joints that are commanded, rad or m."""
+    return np.stack([joints.lower, joints.upper], axis=1)[driven(joints)]
+
+
 def spread(joints: HandJoints) -> tuple[np.ndarray, np.ndarray]:
     """A (d, m) and b (d,): q = A u + b. A Jacobian by q times A is one by u."""
     rows, columns = moving(joints), driven(joints)

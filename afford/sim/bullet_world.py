@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from afford.hands.coupling import driven
+from afford.hands.coupling import commanded, driven, limits_u
 from afford.hands.folder import save as save_hand
 from afford.hands.kinematics import moving
 from afford.sim import object_urdf
@@ -56,8 +56,8 @@ class BulletWorld:
         moves, motors = moving(hand.joints), driven(hand.joints)
         self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
         self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
-        self._of_motor = np.searchsorted(moves, motors)
-        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[motors]
+        self._of_motor = commanded(hand.joints)
+        self._limits = limits_u(hand.joints)
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
         self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
         self._speeds = hand.joints.velocity[motors].tolist()

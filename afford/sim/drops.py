@@ -7,12 +7,11 @@ from itertools import islice
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.hands.coupling import driven
+from afford.hands.coupling import commanded
 from afford.hands.kinematics import moving
-from afford.sim.engine import State, World
+from afford.sim.engine import CONTROL_S, State, World
 from afford.sim.scene import Scene
 
-CONTROL_S = 0.05
 GAP_M = 0.05
 """between the table and the lowest point at first"""
 LAID_M = 0.001
@@ -58,7 +57,7 @@ def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = 4.0
 def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.ndarray | None:
     """(7,) where it lies, None when it has not come to rest."""
     q = parked(scene)
-    held = q[np.searchsorted(moving(scene.hand.joints), driven(scene.hand.joints))]
+    held = q[commanded(scene.hand.joints)]
     world.reset(q, pose)
     still = 0
     for _ in range(round(most_s / CONTROL_S)):

@@ -15,6 +15,8 @@ import numpy as np
 from afford.registry import load
 from afford.sim.scene import Scene
 
+CONTROL_S = 0.05
+"""a control step: 20 commands a second"""
 BACKENDS = {
     "mujoco": "afford.sim.mujoco_world:MujocoWorld",
     "bullet": "afford.sim.bullet_world:BulletWorld",

@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from afford.hands.coupling import driven
+from afford.hands.coupling import commanded, driven, limits_u
 from afford.hands.folder import save as save_hand
 from afford.hands.kinematics import moving, points
 from afford.sim.engine import State, checked, solver_steps
@@ -55,7 +55,7 @@ class MujocoWorld:
         self._q = np.array([int(self.model.joint(names[k]).qposadr[0]) for k in moving(hand.joints)])
         self._qd = np.array([int(self.model.joint(names[k]).dofadr[0]) for k in moving(hand.joints)])
         self._motors = np.array([self.model.actuator(name).id for name in motors])
-        self._limits = np.stack([hand.joints.lower, hand.joints.upper], axis=1)[driven(hand.joints)]
+        self._limits = limits_u(hand.joints)
         self._links = np.array([self.model.body(name).id for name in hand.links])
         self._object = self.model.body("object").id
         self._free = int(self.model.joint("object").qposadr[0]), int(self.model.joint("object").dofadr[0])
@@ -68,8 +68,7 @@ class MujocoWorld:
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[self._q] = q
         self._data.qpos[self._free[0] :][:7] = pose[[0, 1, 2, 6, 3, 4, 5]]
-        columns = {int(k): column for column, k in enumerate(moving(self.scene.hand.joints))}
-        self._data.ctrl[self._motors] = q[[columns[int(k)] for k in driven(self.scene.hand.joints)]]
+        self._data.ctrl[self._motors] = q[commanded(self.scene.hand.joints)]
         self._force, self._left = np.zeros(3), 0
         mujoco.mj_forward(self.model, self._data)
         return self.state()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from afford.hands.kinematics import ancestry
 from schemas.grasp import GraspObject
@@ -97,6 +98,12 @@ class Sensing:
     """control steps by which a command comes late"""
     depth_noise_m: float = 0.0
     """standard deviation of depth"""
+
+
+def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
+    """(3,) centre of mass of an object whose frame is at the pose (7,)."""
+    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(body.com_m) + pose[:3]
+    return found
 
 
 def finger_of_link(hand: HandModel) -> np.ndarray:

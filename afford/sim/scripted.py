@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.hands.coupling import driven, spread
-from afford.sim.engine import State, World
-from afford.sim.scene import Scene
+from afford.hands.coupling import commanded, driven, spread
+from afford.sim.engine import CONTROL_S, World
+from afford.sim.scene import Scene, centre
 
-CONTROL_S = 0.05
 SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
 """control steps of 0.05 s: the object comes to rest, then 0.4 s, 0.5 s, 0.6 s and 0.2 s"""
 ABOVE_M, LIFT_M = 0.12, 0.15
@@ -55,7 +54,7 @@ class Grasp:
 GRASP = Grasp(grip_m=(0.0209, -0.0693, 0.1155), roll_rad=1.8787, yaw_rad=0.101, pitch_rad=-0.0298, open_base_rad=0.3564,
               open_middle_rad=0.6395, open_thumb=0.8094, base_rad=0.927, middle_rad=1.1046,
               thumb_rad=(0.4743, 1.2387, 0.0903, 0.1551, -0.7246), sink_m=0.0114)  # fmt: skip
-"""what benchmarks/search_grasp.py printed"""
+"""what benchmarks/search_grasp.py printed; MuJoCo's settings have changed a little since, so that a search now ends nearby"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +95,14 @@ def aim(scene: Scene, body: np.ndarray, part: int) -> tuple[np.ndarray, float]:
     """(3,) place to grasp at, and the yaw of the part's long axis, from there to the centre of mass."""
     found, turn = scene.body, Rotation.from_quat(body[3:])
     spots = turn.apply(found.points[found.point_part == part].astype(float)) + body[:3]
-    centre = turn.apply(found.com_m) + body[:3]
+    weight = centre(found, body)
     middle = spots.mean(0)
     axis = np.linalg.svd((spots - middle)[:, :2], full_matrices=False)[2][0]
-    axis = axis if axis @ (centre - middle)[:2] >= 0 else -axis
+    axis = axis if axis @ (weight - middle)[:2] >= 0 else -axis
     reach = (spots - middle)[:, :2] @ axis
     low, high = min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)
     place = middle.copy()
-    place[:2] += float(np.clip((centre - middle)[:2] @ axis, low, high)) * axis
+    place[:2] += float(np.clip((weight - middle)[:2] @ axis, low, high)) * axis
     return place, float(np.arctan2(axis[1], axis[0]))
 
 
@@ -121,27 +120,16 @@ def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Gras
     q = start(scene, body, part, grasp)
     state = world.reset(q, body)
     for _ in range(SETTLE):
-        state = world.step(_commands(scene, q), CONTROL_S)
-    rest = _centre(scene, state)
+        state = world.step(q[commanded(scene.hand.joints)], CONTROL_S)
+    rest = centre(scene.body, state.body)
     states = [state := world.step(u, CONTROL_S) for u in targets(scene, state.body, part, grasp)]
-    closed, end = states[DESCEND + CLOSE - 1], _centre(scene, states[-1])
+    closed, end = states[DESCEND + CLOSE - 1], centre(scene.body, states[-1].body)
     pressed = closed.force[:-1].sum(axis=1) > 0
     away = float(np.linalg.norm(end - rest - (0, 0, LIFT_M)))
     return Outcome(
         held=away < NEAR_M and states[-1].contacts > 0, gripped=bool(pressed[0] and pressed[1:].any()),
-        shoved_m=float(np.linalg.norm(_centre(scene, closed) - rest)), rise_m=float(end[2] - rest[2]), away_m=away,
+        shoved_m=float(np.linalg.norm(centre(scene.body, closed.body) - rest)), rise_m=float(end[2] - rest[2]), away_m=away,
         penetration_m=np.array([state.penetration_m for state in states if state.contacts]))  # fmt: skip
-
-
-def _centre(scene: Scene, state: State) -> np.ndarray:
-    place: np.ndarray = Rotation.from_quat(state.body[3:]).apply(scene.body.com_m) + state.body[:3]
-    return place
-
-
-def _commands(scene: Scene, q: np.ndarray) -> np.ndarray:
-    joints = scene.hand.joints
-    moves = [k for k, kind in enumerate(joints.kind) if kind != "fixed"]
-    return q[[moves.index(int(k)) for k in driven(joints)]]
 
 
 def _wrist(place: np.ndarray, yaw: float, grasp: Grasp) -> np.ndarray:
