@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from afford.hands.kinematics import forward, limits
 from afford.sim.engine import BACKENDS, world
-from afford.sim.scene import STRICT, Scene
-from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, aim, perform, start, targets
+from afford.sim.scene import STRICT, Scene, centre
+from afford.sim.scripted import CLOSE, DESCEND, END_M, GRASP, HOLD, LIFT, LIFT_M, along, at_part, perform, start, targets
 from schemas.grasp import GraspObject
 from tests.made_hands import shadow
 from tests.made_scenes import at, tool
@@ -68,23 +68,38 @@ def test_commands_stay_within_the_hand_and_are_smooth() -> None:
     """34 commands; no wrist moves faster than 0.6 m/s; the start is above, and its palm where the grip says."""
     body = tool("hammer", 12)
     scene = strict(body)
-    u = np.array(list(targets(scene, at(), handle(body), GRASP)))
+    u = np.array(list(targets(scene, at_part(scene, at(), handle(body)), GRASP)))
     assert len(u) == DESCEND + CLOSE + LIFT + HOLD
     assert np.abs(np.diff(u[:, :3], axis=0)).max() < 0.6 * 0.05
     assert u[-1, 2] - u[DESCEND + CLOSE - 1, 2] == pytest.approx(LIFT_M)
-    q = start(scene, at(), handle(body), GRASP)
+    q = start(scene, at_part(scene, at(), handle(body)), GRASP)
     low, high = limits(scene.hand.joints).T
     assert (q[:6] >= low[:6]).all()
     assert (q[:6] <= high[:6]).all()
     T = forward(scene.hand.joints, q[None])[0, scene.hand.palm]
     grip = T[:3, :3] @ GRASP.grip_m + T[:3, 3]
-    assert grip[:2] == pytest.approx(aim(scene, at(), handle(body))[0][:2], abs=1e-9)
+    assert grip[:2] == pytest.approx(at_part(scene, at(), handle(body)).place[:2], abs=1e-9)
 
 
 def test_the_aim_is_on_the_part_towards_the_centre_of_mass() -> None:
     """On a hammer's handle, nearer to the head than its middle, and not within 4 cm of its end."""
     body = tool("hammer", 12)
-    place, yaw = aim(strict(body), at(), handle(body))
+    place, yaw = at_part(strict(body), at(), handle(body))
     spots = body.points[body.point_part == handle(body)]
     assert spots[:, 1].mean() < place[1] <= spots[:, 1].max() - 0.039
     assert np.sin(yaw) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_place_along_the_object_knows_nothing_of_parts() -> None:
+    body = tool("hammer", 12)
+    scene = strict(body)
+    turned = Rotation.from_euler("z", 2.0)
+    there = np.concatenate([np.zeros(3), turned.as_quat()])
+    middle, aside = along(scene, there, 0.0), along(scene, there, 0.05)
+    assert -np.pi / 2 <= middle.yaw <= np.pi / 2
+    axis = np.array([np.cos(middle.yaw), np.sin(middle.yaw)])
+    assert (aside.place - middle.place)[:2] @ axis == pytest.approx(0.05, abs=1e-9)
+    assert (middle.place - centre(body, there))[:2] @ axis == pytest.approx(0.0, abs=1e-9)
+    far = along(scene, there, 9.0).place
+    spots = turned.apply(body.points.astype(float))
+    assert ((spots[:, :2] - far[:2]) @ axis).max() == pytest.approx(END_M, abs=1e-6)

@@ -12,14 +12,16 @@ from schemas import (
     affordance,
     benchmark,
     clip,
+    episodes,
     files,
     grasp,
-    grasps,
+    grasp_task,
     hand,
     masks,
     mesh,
     motion,
     negative,
+    object_list,
     prediction,
     report,
     sample,
@@ -31,8 +33,8 @@ from schemas import (
 )
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, clip, files, grasp, grasps, hand, masks, mesh, motion, negative, prediction, report, sample,
-           scene, still, training, truth, video)  # fmt: skip
+MODULES = (affordance, benchmark, clip, episodes, files, grasp, grasp_task, hand, masks, mesh, motion, negative, object_list,
+           prediction, report, sample, scene, still, training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 

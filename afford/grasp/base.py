@@ -1,4 +1,4 @@
-"""What the hand does before a policy adds to it: nothing, or the grasp by script. Both begin open, 12 cm above the part to hold."""
+"""What the hand does before a policy adds to it: nothing, or the grasp by script. Both begin open, 12 cm above the aim."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import numpy as np
 
 from afford.hands.coupling import commanded
 from afford.sim.scene import Scene
-from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, start, targets
+from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, start, targets
 
 BASES = ("none", "script")
 
 
-def begin(scene: Scene, pose: np.ndarray, part: int) -> np.ndarray:
-    """(d,) joints at the beginning, for an object at the pose (7,)."""
-    return start(scene, pose, part, GRASP)
+def begin(scene: Scene, aim: Aim) -> np.ndarray:
+    """(d,) joints at the beginning."""
+    return start(scene, aim, GRASP)
 
 
-def commands(base: str, scene: Scene, pose: np.ndarray, part: int, steps: int, lift_m: float) -> np.ndarray:
+def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float) -> np.ndarray:
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
     if base == "none":
         joints = scene.hand.joints
-        u = begin(scene, pose, part)[commanded(joints)]
+        u = begin(scene, aim)[commanded(joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")
-    return scripted(scene, pose, part, steps, lift_m)
+    return scripted(scene, aim, steps, lift_m)
 
 
 def script_steps(lift_m: float) -> int:
@@ -32,12 +32,12 @@ def script_steps(lift_m: float) -> int:
     return DESCEND + CLOSE + _lift_steps(lift_m) + HOLD
 
 
-def scripted(scene: Scene, pose: np.ndarray, part: int, steps: int, lift_m: float) -> np.ndarray:
+def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float) -> np.ndarray:
     """(steps, m) targets of the script, lifting by lift_m; ValueError when there are fewer steps than it takes."""
     if steps < script_steps(lift_m):
         raise ValueError(f"steps: expected {script_steps(lift_m)} or more for a grasp by script that lifts {lift_m:g} m, "
                          f"got {steps}")
-    closed = np.array(list(targets(scene, pose, part, GRASP)))[: DESCEND + CLOSE]
+    closed = np.array(list(targets(scene, aim, GRASP)))[: DESCEND + CLOSE]
     s = (np.arange(1, steps - len(closed) + 1) / _lift_steps(lift_m)).clip(max=1.0)
     lifted = np.repeat(closed[-1:], len(s), axis=0)
     lifted[:, 2] += lift_m * s * s * (3 - 2 * s)

@@ -37,6 +37,10 @@ class Config:
     """flat: as it was built; dropped: as it falls. Both anywhere within xy_m, at any yaw"""
     xy_m: float = 0.05
     """how far from the origin, along x and y"""
+    start: str = "part"
+    """where the hand begins, and its base grasps: part, over the part to hold; anywhere, blind to parts"""
+    start_m: float = 0.06
+    """anywhere: how far from the centre of mass that place is at most, along the object"""
     randomise: bool = False
     """whether physics and latency differ between worlds (afford/sim/scene.py, RANDOM)"""
     push_n: float = 0.0
@@ -49,9 +53,10 @@ class Config:
     def __post_init__(self) -> None:
         if self.action_mode == "paper":
             raise ValueError("action_mode: expected rate, got paper: wrenches on the wrist at 60 Hz are not there yet; use rate")
-        for name, allowed in (("action_mode", ("rate",)), ("base", BASES), ("poses", ("flat", "dropped"))):
+        for name, allowed in (("action_mode", ("rate",)), ("base", BASES), ("poses", ("flat", "dropped")),
+                              ("start", ("part", "anywhere"))):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
-        for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("push_n", 0.0), ("threads", 1)):
+        for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("push_n", 0.0), ("threads", 1)):
             if not getattr(self, name) >= low:
                 raise ValueError(f"{name}: expected {low} or more, got {getattr(self, name)}")

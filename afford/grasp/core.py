@@ -25,7 +25,7 @@ from afford.hands.coupling import commanded, limits_u
 from afford.sim.drops import drops, laid
 from afford.sim.engine import CONTROL_S, State
 from afford.sim.scene import Scene, Sensing, centre, randomised, sensing
-from afford.sim.scripted import aim
+from afford.sim.scripted import Aim, along, at_part
 from afford.sim.worlds import Worlds
 from schemas.hand import HandModel
 
@@ -68,7 +68,8 @@ class Grasping:
     def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin episodes in worlds `which`, from the generators of all worlds."""
         for k in which:
-            self._begin(k, self._pose(k, rngs[k]))
+            pose = self._pose(k, rngs[k])
+            self._begin(k, pose, self._aim(k, pose, rngs[k]))
         self._state = self.worlds.state()
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
@@ -114,8 +115,8 @@ class Grasping:
 
     def script(self) -> np.ndarray:
         """(n, steps, m) targets of the grasp by script, for objects that lie as these did at their reset."""
-        return np.stack([base.scripted(scene, self._now.pose[k], one.hold, self.config.steps, self.config.lift_m)
-                         for k, (scene, one) in enumerate(zip(self.scenes, self.tasks, strict=True))])  # fmt: skip
+        return np.stack([base.scripted(scene, aim, self.config.steps, self.config.lift_m)
+                         for scene, aim in zip(self.scenes, self._now.aim, strict=True)])  # fmt: skip
 
     def towards(self, u: np.ndarray) -> np.ndarray:
         """(n, m) the action that leads to targets (n, m), as far as one step goes."""
@@ -133,12 +134,18 @@ class Grasping:
         """Give the engine back; twice is harmless."""
         self.worlds.close()
 
-    def _begin(self, k: int, pose: np.ndarray) -> None:
-        one, scene, config, now = self.tasks[k], self.scenes[k], self.config, self._now
-        q = base.begin(scene, pose, one.hold)
-        now.begin(k, pose, centre(one.body, pose), aim(scene, pose, one.hold)[1], config.lift_m, q[self._of_motor],
-                  base.commands(config.base, scene, pose, one.hold, config.steps, config.lift_m))  # fmt: skip
+    def _begin(self, k: int, pose: np.ndarray, aim: Aim) -> None:
+        scene, config = self.scenes[k], self.config
+        q = base.begin(scene, aim)
+        self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, q[self._of_motor],
+                        base.commands(config.base, scene, aim, config.steps, config.lift_m))  # fmt: skip
         self.worlds.reset(q[None], pose[None], [k])
+
+    def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
+        """Where the hand of world k begins and its base goes."""
+        if self.config.start == "part":
+            return at_part(self.scenes[k], pose, self.tasks[k].hold)
+        return along(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
 
     def _pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
         """Where the object of world k begins."""
@@ -169,18 +176,17 @@ class _Running:
 
     def __init__(self, n: int, steps: int, motors: int, latency: int) -> None:
         self.step = np.zeros(n, int)
-        self.pose = np.tile([0.0, 0, 0, 0, 0, 0, 1], (n, 1))
+        self.aim = [Aim(np.zeros(3), 0.0)] * n
         self.episode = Episode(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
         self.base, self.sent = np.zeros((n, steps, motors)), np.zeros((n, 1 + latency, motors))
         self.offset, self.action = np.zeros((n, motors)), np.zeros((n, motors))
         self.log = Log(n, steps)
 
-    def begin(self, k: int, pose: np.ndarray, origin: np.ndarray, yaw: float, lift_m: float, u: np.ndarray,
-              commands: np.ndarray) -> None:  # fmt: skip
+    def begin(self, k: int, aim: Aim, origin: np.ndarray, lift_m: float, u: np.ndarray, commands: np.ndarray) -> None:
         """World k anew."""
-        self.step[k], self.pose[k], self.sent[k], self.base[k] = 0, pose, u, commands
+        self.step[k], self.aim[k], self.sent[k], self.base[k] = 0, aim, u, commands
         self.offset[k] = self.action[k] = 0.0
-        self.episode.origin[k], self.episode.yaw[k], self.episode.goal[k] = origin, yaw, origin + (0, 0, lift_m)
+        self.episode.origin[k], self.episode.yaw[k], self.episode.goal[k] = origin, aim.yaw, origin + (0, 0, lift_m)
         self.log.clear(np.array([k]))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
-from schemas.grasps import SPLITS, GraspObjects
+from schemas.object_list import SPLITS, GraspObjects
 
 LINE = re.compile(r"""^(['"]?)(?P<code>[\w./-]+)\1\s*:\s*\[(?P<scales>[^\]]+)\]$""")
 SCALES = (0.01, 1.0)

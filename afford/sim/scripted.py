@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,7 +21,9 @@ SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
 """control steps of 0.05 s: the object comes to rest, then 0.4 s, 0.5 s, 0.6 s and 0.2 s"""
 ABOVE_M, LIFT_M = 0.12, 0.15
 END_M = 0.04
-"""the aim keeps this far from the ends of the part"""
+"""the aim keeps this far from the ends of the part, or of the object"""
+SLICE_M = 0.025
+"""what is this far along the object, both ways, is grasped with it"""
 NEAR_M = 0.05
 """held: the object's centre of mass ends this near to its place at rest, lifted by LIFT_M"""
 FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ0")
@@ -57,6 +60,15 @@ GRASP = Grasp(grip_m=(0.0209, -0.0693, 0.1155), roll_rad=1.8787, yaw_rad=0.101, 
 """what benchmarks/search_grasp.py printed; MuJoCo's settings have changed a little since, so that a search now ends nearby"""
 
 
+class Aim(NamedTuple):
+    """Where a grasp goes."""
+
+    place: np.ndarray
+    """(3,) m, world"""
+    yaw: float
+    """of what is grasped across; the thumb is on its positive side"""
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What came of it."""
@@ -74,10 +86,9 @@ class Outcome:
     """(k,) deepest between hand and object, after each control step since they touch"""
 
 
-def targets(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Iterator[np.ndarray]:
-    """The commands (m,) of descend, close, lift and hold, for an object at rest at the pose (7,)."""
-    place, yaw = aim(scene, body, part)
-    wrist = _wrist(place, yaw, grasp)
+def targets(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
+    """The commands (m,) of descend, close, lift and hold."""
+    wrist = _wrist(aim, grasp)
     above, sunk = np.array([0, 0, ABOVE_M, 0, 0, 0]), np.array([0, 0, -grasp.sink_m, 0, 0, 0])
     up = np.array([0, 0, LIFT_M, 0, 0, 0])
     opened, closed = _fingers(scene, grasp, closed=False), _fingers(scene, grasp, closed=True)
@@ -91,11 +102,11 @@ def targets(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Iterator
         yield np.concatenate([wrist + sunk + up, closed])
 
 
-def aim(scene: Scene, body: np.ndarray, part: int) -> tuple[np.ndarray, float]:
-    """(3,) place to grasp at, and the yaw of the part's long axis, from there to the centre of mass."""
-    found, turn = scene.body, Rotation.from_quat(body[3:])
-    spots = turn.apply(found.points[found.point_part == part].astype(float)) + body[:3]
-    weight = centre(found, body)
+def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
+    """Amid a part of an object at rest at the pose (7,), as near to the centre of mass as the part goes; yaw of the part's long
+    axis, from there to that centre."""
+    found = scene.body
+    spots, weight = _spots(scene, body, found.point_part == part), centre(found, body)
     middle = spots.mean(0)
     axis = np.linalg.svd((spots - middle)[:, :2], full_matrices=False)[2][0]
     axis = axis if axis @ (weight - middle)[:2] >= 0 else -axis
@@ -103,13 +114,26 @@ def aim(scene: Scene, body: np.ndarray, part: int) -> tuple[np.ndarray, float]:
     low, high = min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)
     place = middle.copy()
     place[:2] += float(np.clip((weight - middle)[:2] @ axis, low, high)) * axis
-    return place, float(np.arctan2(axis[1], axis[0]))
+    return Aim(place, float(np.arctan2(axis[1], axis[0])))
 
 
-def start(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> np.ndarray:
+def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
+    """So far from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees: a place that knows nothing of
+    parts. Kept off the object's ends."""
+    spots, weight = _spots(scene, body, np.ones(len(scene.body.points), bool)), centre(scene.body, body)
+    axis = np.linalg.svd((spots - spots.mean(0))[:, :2], full_matrices=False)[2][0]
+    axis = axis if axis[0] > 0 or (axis[0] == 0 and axis[1] > 0) else -axis
+    reach = (spots - weight)[:, :2] @ axis
+    chosen = float(np.clip(along_m, min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)))
+    near = np.abs(reach - chosen) <= SLICE_M
+    place = spots[near if near.any() else np.abs(reach - chosen).argmin()[None]].mean(0)
+    place[:2] += (chosen - (place - weight)[:2] @ axis) * axis
+    return Aim(place, float(np.arctan2(axis[1], axis[0])))
+
+
+def start(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
     """(d,) joints before the descent."""
-    place, yaw = aim(scene, body, part)
-    u = np.concatenate([_wrist(place, yaw, grasp), _fingers(scene, grasp, closed=False)])
+    u = np.concatenate([_wrist(aim, grasp), _fingers(scene, grasp, closed=False)])
     u[2] += ABOVE_M
     A, b = spread(scene.hand.joints)
     return A @ u + b
@@ -117,12 +141,12 @@ def start(scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> np.ndarray
 
 def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
     """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
-    q = start(scene, body, part, grasp)
+    q = start(scene, at_part(scene, body, part), grasp)
     state = world.reset(q, body)
     for _ in range(SETTLE):
         state = world.step(q[commanded(scene.hand.joints)], CONTROL_S)
     rest = centre(scene.body, state.body)
-    states = [state := world.step(u, CONTROL_S) for u in targets(scene, state.body, part, grasp)]
+    states = [state := world.step(u, CONTROL_S) for u in targets(scene, at_part(scene, state.body, part), grasp)]
     closed, end = states[DESCEND + CLOSE - 1], centre(scene.body, states[-1].body)
     pressed = closed.force[:-1].sum(axis=1) > 0
     away = float(np.linalg.norm(end - rest - (0, 0, LIFT_M)))
@@ -132,11 +156,17 @@ def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Gras
         penetration_m=np.array([state.penetration_m for state in states if state.contacts]))  # fmt: skip
 
 
-def _wrist(place: np.ndarray, yaw: float, grasp: Grasp) -> np.ndarray:
+def _spots(scene: Scene, body: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """(k, 3) points of the object at the pose (7,)."""
+    spots: np.ndarray = Rotation.from_quat(body[3:]).apply(scene.body.points[which].astype(float)) + body[:3]
+    return spots
+
+
+def _wrist(aim: Aim, grasp: Grasp) -> np.ndarray:
     """(6,) of the gantry: its angles turn about z, then y, then x; the palm's x, its thumb, points along the part."""
-    turned = (yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    turned = (aim.yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
     R = Rotation.from_euler("ZYX", [turned, grasp.pitch_rad, grasp.roll_rad])
-    return np.array([*(place - R.apply(grasp.grip_m)), turned, grasp.pitch_rad, grasp.roll_rad])
+    return np.array([*(aim.place - R.apply(grasp.grip_m)), turned, grasp.pitch_rad, grasp.roll_rad])
 
 
 def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:

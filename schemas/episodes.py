@@ -1,0 +1,51 @@
+"""How grasps went, episode by episode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.spec import Schema, array, value
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class GraspTrace(Schema):
+    """One episode, step by step; row 0 is its beginning, row k what action k led to."""
+
+    name: str = value("id: task and number of the episode")
+    task: str = value("name of the GraspTask")
+    rate_hz: float = value("rows a second", unit="Hz")
+    q: np.ndarray = array("t d", "float64", "joints of the hand", unit="rad or m")
+    palm: np.ndarray = array("t 7", "float64", "pose of the palm: x y z, quaternion x y z w", unit="m", frame="world")
+    body: np.ndarray = array("t 7", "float64", "pose of the object", unit="m", frame="world")
+    tips: np.ndarray = array("t f 3", "float64", "fingertips, thumb first", unit="m", frame="world")
+    force: np.ndarray = array("t g", "float64", "of each finger, and last the rest of the hand, on the object", unit="N")
+    force_negative: np.ndarray = array("t g", "float64", "of the same on negative parts", unit="N")
+    penetration_m: np.ndarray = array("t", "float64", "deepest contact of hand and object", unit="m")
+    action: np.ndarray = array("t m", "float64", "that led here; 0 in row 0")
+    terms: tuple[str, ...] = value("names of the reward's terms")
+    reward: np.ndarray = array("t r", "float64", "each term; 0 in row 0")
+    goal: np.ndarray = array("3", "float64", "where the object's centre of mass is to be", unit="m", frame="world")
+
+
+@dataclass(frozen=True)
+class GraspEpisodes(Schema):
+    """n episodes of one policy in one setting."""
+
+    name: str = value("id, unique among its siblings: policy-level-engine")
+    policy: str = value("e.g. teacher, no_negative, student, prior, script")
+    level: str = value("one of schemas.grasp_task.LEVELS")
+    engine: str = value("mujoco or bullet")
+    seed: int = value("of the training; of the script 0")
+    task: tuple[str, ...] = value("n names of tasks")
+    figures: tuple[str, ...] = value("k names, afford/grasp/metrics.py MEANING")
+    values: np.ndarray = array("n k", "float64", "figures of each episode; NaN where one has no meaning")
+    traces: tuple[GraspTrace, ...] = value("a few of them, step by step")
+
+    def figure(self, name: str) -> np.ndarray:
+        """(n,) of one figure; ValueError for one that was not measured."""
+        found: np.ndarray = self.values[:, self.figures.index(name)]
+        return found
