@@ -107,6 +107,14 @@ class Grasping:
         """How episodes went that end now: metrics.MEANING."""
         return self._now.log.report(self.measures())
 
+    def goal(self) -> np.ndarray:
+        """(n, 3) where the objects' centres of mass are to be, world."""
+        return self._now.episode.goal.copy()
+
+    def depths(self) -> np.ndarray:
+        """(n, steps) m, of the deepest contact after each step; NaN where hand and object do not touch."""
+        return self._now.log.depth_m.copy()
+
     def state(self) -> State:
         """Of all worlds. RuntimeError before the first reset."""
         if self._state is None:

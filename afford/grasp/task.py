@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.negative.points import farthest
 from schemas.grasp import GraspObject
+from schemas.grasp_task import GraspTask
 
 NEGATIVE_POINTS = 100
 """papers: section 7.4"""
@@ -42,6 +43,11 @@ def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: n
                          f"{', '.join(negative)}{f' and hold={hold!r}' if hold else ''}")
     found = body.points[bad[body.point_part]] if N_t is None else N_t
     return Task(body, part, bad, spread_points(np.asarray(found, np.float64), NEGATIVE_POINTS))
+
+
+def of(given: GraspTask) -> Task:
+    """A task as the pipeline passes it on; N_t is what it says, also where that is not the truth."""
+    return task(given.body, given.negative, given.hold, given.N_t)
 
 
 def spread_points(points: np.ndarray, count: int) -> np.ndarray:

@@ -1,0 +1,156 @@
+"""Episodes of many policies, levels and engines as metrics and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from afford.dataset.files import empty_folder, tree, write_json
+from afford.grasp.published import ROWS
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+from schemas.grasp_task import LEVELS
+from schemas.training import TrainingLog
+
+MAIN = "bullet"
+"""the engine whose figures have no prefix"""
+PCT = 100.0
+
+
+class Cell(NamedTuple):
+    """One policy on one level in one engine, over seeds."""
+
+    policy: str
+    level: str
+    engine: str
+    runs: tuple[GraspEpisodes, ...]
+
+    def mean(self, name: str, successes: bool = False) -> float:
+        """Of a figure, over episodes of each seed, then over seeds; NaN where no episode has it."""
+        each = [_mean(one.figure(name), one.figure("success") > 0 if successes else None) for one in self.runs]
+        known = [x for x in each if np.isfinite(x)]
+        return float(np.mean(known)) if known else float("nan")
+
+    def spread(self, name: str) -> float:
+        """Standard deviation over seeds; NaN for one."""
+        each = [_mean(one.figure(name), None) for one in self.runs]
+        return float(np.std(each, ddof=1)) if len(each) > 1 else float("nan")
+
+    def depth_mm(self, percent: float) -> float:
+        """Percentile over all steps of all episodes in which hand and object touch; NaN where they never do."""
+        found = np.concatenate([one.depth_m.ravel() for one in self.runs])
+        found = found[np.isfinite(found)]
+        return float(1000 * np.percentile(found, percent)) if len(found) else float("nan")
+
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of Succ, over all episodes."""
+        found = np.concatenate([one.figure("success") for one in self.runs])
+        ci = binomtest(int(found.sum()), len(found)).proportion_ci(method="wilson")
+        return float(ci.low), float(ci.high)
+
+    @property
+    def episodes(self) -> int:
+        """How many, over all seeds."""
+        return sum(len(one.task) for one in self.runs)
+
+
+def cells(episodes: Sequence[GraspEpisodes]) -> list[Cell]:
+    """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS."""
+    policies, levels = list(dict.fromkeys(one.policy for one in episodes)), dict.fromkeys((*LEVELS, *(e.level for e in episodes)))
+    engines = list(dict.fromkeys((MAIN, *(one.engine for one in episodes))))
+    keys = [(policy, level, engine) for policy in policies for level in levels for engine in engines]
+    found = [Cell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key)) for key in keys]
+    return [cell for cell in found if cell.runs]
+
+
+FIGURES: tuple[tuple[str, str, Callable[[Cell], float]], ...] = (
+    ("succ", "Succ %", lambda c: PCT * c.mean("success")),
+    ("succ_low", "95 %, from", lambda c: PCT * c.interval()[0]),
+    ("succ_high", "to", lambda c: PCT * c.interval()[1]),
+    ("succ_sd", "sd of seeds", lambda c: PCT * c.spread("success")),
+    ("held", "held %", lambda c: PCT * c.mean("held")),
+    ("hls", "HLS", lambda c: c.mean("hls")),
+    ("jerk", "log jerk", lambda c: c.mean("log_jerk")),
+    ("as_violation_pct", "AS %, successes", lambda c: c.mean("as_violation_pct", successes=True)),
+    ("as_violation_pct.all", "AS %, all", lambda c: c.mean("as_violation_pct")),
+    ("as_safe_count", "safe tips", lambda c: c.mean("as_safe_count")),
+    ("negative_contact_end", "contact at the end", lambda c: c.mean("negative_contact_end")),
+    ("negative_contact_any", "ever", lambda c: c.mean("negative_contact_any")),
+    ("penetration_mm.median", "depth mm, median", lambda c: c.depth_mm(50)),
+    ("penetration_mm.p95", "p95", lambda c: c.depth_mm(95)),
+    ("episodes", "n", lambda c: float(c.episodes)),
+)
+"""name in metrics, head of the column, and how it is computed"""
+SHARES = ("succ", "succ_low", "succ_high", "succ_sd", "held")
+"""percent in tables, shares in metrics"""
+
+
+def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
+    """Flat; names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes,
+    `.all` over all episodes."""
+    out = dict[str, float]()
+    for cell in cells(episodes):
+        prefix = f"{cell.policy}." if cell.engine == MAIN else f"{cell.engine}.{cell.policy}."
+        named = {name: of(cell) / (PCT if name in SHARES else 1.0) for name, _, of in FIGURES}
+        out |= {f"{prefix}{name}.{cell.level}": value for name, value in named.items()}
+        if cell.level == "train":
+            out |= {f"{prefix}{name}": value for name, value in named.items()}
+    for name in ("penetration_mm.median", "penetration_mm.p95"):
+        out |= {name: out[f"teacher.{name}"]} if f"teacher.{name}" in out else {}
+    return {name: value for name, value in out.items() if np.isfinite(value)}
+
+
+def markdown(episodes: Sequence[GraspEpisodes]) -> str:
+    """All cells, the published rows, and the first policy task by task."""
+    lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
+             "negative point at the last step. Physics is strict (100 iterations); policies act by their mean.", "",
+             f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} |",
+             f"|---|---|---|{'--:|' * len(FIGURES)}"]  # fmt: skip
+    for cell in cells(episodes):
+        values = [_text(of(cell), 2 if "depth" in head or "contact" in head else 1) for _, head, of in FIGURES]
+        lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
+    return "\n".join([*lines, "", *_published(), "", *_tasks(episodes), ""])
+
+
+def _published() -> list[str]:
+    lines = ["## Published", "", "AffordDex, on its objects in Isaac Gym; HLS there by a vision-language model.", "",
+             "| table | row | level | Succ | HLS | AS |", "|---|---|---|--:|--:|--:|"]  # fmt: skip
+    return lines + [f"| {r.table} | {r.row} | {r.level} | {r.succ:g} | {r.hls:g} | {r.as_pct:g} |" for r in ROWS]
+
+
+def _tasks(episodes: Sequence[GraspEpisodes]) -> list[str]:
+    """Every task of the first policy in the main engine."""
+    mine = [one for one in episodes if one.policy == episodes[0].policy and one.engine == episodes[0].engine]
+    lines = [f"## {episodes[0].policy}, {episodes[0].engine}: task by task", "", "| level | task | n | Succ | AS %, successes |",
+             "|---|---|--:|--:|--:|"]  # fmt: skip
+    for one in mine:
+        for name in dict.fromkeys(one.task):
+            rows = np.array([task == name for task in one.task])
+            succ = one.figure("success")[rows]
+            safe = _mean(one.figure("as_violation_pct")[rows], succ > 0)
+            lines.append(f"| {one.level} | {name} | {rows.sum()} | {PCT * succ.mean():.0f} | {_text(safe, 1)} |")
+    return lines
+
+
+def _mean(values: np.ndarray, chosen: np.ndarray | None) -> float:
+    kept = values[np.isfinite(values) & (chosen if chosen is not None else True)]
+    return float(kept.mean()) if len(kept) else float("nan")
+
+
+def _text(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else ""
+
+
+def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path) -> FileTree:
+    """metrics.json and report.md; ValueError when nothing was played."""
+    if not episodes:
+        raise ValueError(f"{name}: expected episodes to report of, got none")
+    folder = empty_folder(scratch / name)
+    last = {f"training.{log.name}.{curve.name}": float(curve.value[-1]) for log in logs for curve in log.curves if len(curve.value)}
+    write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in last.items() if np.isfinite(value)})
+    (folder / "report.md").write_text(markdown(episodes), encoding="utf-8")
+    return tree(name, folder)

@@ -1,0 +1,54 @@
+"""What an object may be grasped for, by the lexicon, where a hand can hold it for that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from afford.backends.describe.lexicon import TASKS
+from afford.backends.describe.rules import look_up
+from afford.grasp.task import task
+from schemas.grasp import GraspObject
+from schemas.grasp_task import GraspTask
+
+
+def uses(body: GraspObject, category: str, level: str, label: str, least_m: float,
+         thickness_m: tuple[float, float]) -> Iterator[GraspTask]:  # fmt: skip
+    """One for each set of forbidden parts: uses that forbid the same are one. ValueError for an unknown category."""
+    if category not in TASKS:
+        raise ValueError(f"{body.name}: expected a category of the lexicon, got {category!r}; known are {', '.join(sorted(TASKS))}")
+    done = set[tuple[str, ...]]()
+    for use in TASKS[category]:
+        notes = look_up(body.name, category, use).notes
+        negative = tuple(note.part for note in notes if note.role == "negative" and note.part in body.parts)
+        hold = next((part for part in _largest_first(body) if part in {n.part for n in notes if n.role == "positive"}), "")
+        if not negative or not hold or negative in done or not holdable(body, hold, least_m, thickness_m):
+            continue
+        done.add(negative)
+        made = task(body, negative, hold)
+        name = "/".join(filter(None, (body.name + label, use.replace(" ", "_"))))
+        yield GraspTask(name, level, use, body, negative, hold, made.N_t)
+
+
+def holdable(body: GraspObject, part: str, least_m: float, thickness_m: tuple[float, float]) -> bool:
+    """Whether a part is long enough, and neither too thin nor too thick, between the 2nd and the 98th percentile along its axes."""
+    spots = body.points[body.point_part == body.parts.index(part)].astype(np.float64)
+    if len(spots) < 8:
+        return False
+    axes = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2]
+    length, across, thin = np.ptp(np.percentile((spots - spots.mean(0)) @ axes.T, [2, 98], axis=0), axis=0)
+    return bool(length >= least_m and thickness_m[0] <= thin and across <= thickness_m[1])
+
+
+def scaled(body: GraspObject, factor: float) -> GraspObject:
+    """The same thing larger or smaller, of the same density."""
+    lengths = {name: getattr(body, name) * factor for name in ("corners", "com_m", "size_m", "stand_out_m")}
+    points = (body.points * np.float32(factor)).astype(np.float32)
+    return replace(body, points=points, mass_kg=body.mass_kg * factor**3, inertia_kgm2=body.inertia_kgm2 * factor**5, **lengths)
+
+
+def _largest_first(body: GraspObject) -> list[str]:
+    count = np.bincount(body.point_part[body.point_part >= 0], minlength=len(body.parts))
+    return [body.parts[k] for k in np.argsort(-count, kind="stable")]

@@ -1,0 +1,34 @@
+"""episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, a sheet, curves.
+
+Reads   GraspEpisodes; TrainingLog of the trainings; HandModel and GraspTasks, for pictures
+Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md
+Method  means over episodes, then over seeds; Wilson's intervals
+Fails   ValueError when nothing was played
+Paper   AffordDex, tables of results and ablations
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.context import Context
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+from schemas.training import TrainingLog
+
+LIBRARIES = ("numpy", "scipy", "blake3")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    name: str = "grasp"
+    """of the report"""
+
+
+def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context) -> FileTree:
+    """One report of all policies."""
+    from afford.grasp.report import write
+
+    return write(params.name, episodes, logs, ctx.scratch)

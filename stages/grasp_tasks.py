@@ -1,0 +1,45 @@
+"""an object and the lexicon -> its uses as grasp tasks: what to hold, which parts a hand must not touch.
+
+Reads   ObjectSpec, GraspObject
+Writes  GraspTask of every use that can be held, at every scale
+Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when the part to hold is too short
+        or too thick for the hand, or too thin to be lifted off a table; N_t are farthest points of the forbidden parts
+Fails   ValueError for a category that the lexicon does not have, or numbers out of range
+Paper   AffordDex: 100 negative points of each object; tasks are ours
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.grasp import GraspObject
+from schemas.grasp_task import GraspTask
+from schemas.mesh import ObjectSpec
+
+LIBRARIES = ("numpy", "scipy")
+THREADS = 1
+MEMORY_GIB = 0.3
+
+
+@dataclass(frozen=True)
+class Params:
+    scales: tuple[float, ...] = (1.0,)
+    """sizes of the object; 1 is as it was built"""
+    level: str = ""
+    """what these tasks are for (schemas/grasp_task.py LEVELS); '' takes it from the split of the object"""
+    least_length_m: float = 0.07
+    """shortest part that is held"""
+    thickness_m: tuple[float, float] = (0.009, 0.06)
+    """thinnest and thickest: the second extent across its length"""
+
+
+def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask, ...]:
+    """The tasks of one object; none where no use can be held."""
+    from afford.grasp.uses import scaled, uses
+
+    if not params.scales or min(params.scales) <= 0:
+        raise ValueError(f"grasp_tasks.scales: expected numbers above 0, got {params.scales}")
+    level = params.level or {"train": "train", "val": "val", "seen": "unseen_object", "unseen": "unseen_category"}[spec.split]
+    sizes = [(f"x{scale:g}" if scale != 1.0 else "", scaled(body, scale)) for scale in params.scales]
+    return tuple(one for label, size in sizes
+                 for one in uses(size, spec.category, level, label, params.least_length_m, params.thickness_m))  # fmt: skip

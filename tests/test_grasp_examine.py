@@ -1,0 +1,112 @@
+"""Examinations: the same beginnings for everybody, figures of each episode, traces that say what happened."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from afford.grasp.config import Config
+from afford.grasp.core import Grasping
+from afford.grasp.evaluate import Still, play
+from afford.grasp.examine import FIGURES
+from afford.grasp.report import cells, markdown, metrics
+from afford.grasp.task import of
+from schemas.context import Context
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+from schemas.grasp_task import GraspTask
+from schemas.mesh import ObjectSpec
+from schemas.motion import ReferenceSet, RetargetReport
+from stages import grasp_evaluate, grasp_report, grasp_tasks
+from tests.made_grasps import reference
+from tests.made_hands import shadow
+from tests.made_samples import Scratch
+from tests.made_scenes import tool
+
+NOBODY = FileTree("none", ())
+FAST = grasp_evaluate.Params(policy="script", engine="mujoco", episodes=4, start="part", traces=2)
+
+
+def tasks() -> tuple[GraspTask, ...]:
+    specs = [ObjectSpec(kind, kind, 12, "plain", "train") for kind in ("screwdriver", "spatula")]
+    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params())[0] for one in specs)
+
+
+def people() -> ReferenceSet:
+    kept = tuple(reference(shadow(), 60, seed) for seed in range(3))
+    return ReferenceSet("people", kept, RetargetReport("people", (), 3, ()))
+
+
+def examined(context: Context, **params: object) -> GraspEpisodes:
+    return grasp_evaluate.run(shadow(), (tasks(),), NOBODY, people(), replace(FAST, **params), context)  # type: ignore[arg-type]  # named
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> GraspEpisodes:
+    return examined(Scratch(tmp_path_factory.mktemp("script")))
+
+
+def test_the_script_holds_what_it_can(script: GraspEpisodes) -> None:
+    assert script.values.shape == (4, len(FIGURES)) and set(script.task) == {one.name for one in tasks()}
+    assert script.figure("held").mean() >= 0.75 and (script.figure("success") >= script.figure("held")).all()
+    assert ((script.figure("hls") >= 0) & (script.figure("hls") <= 10)).all()
+
+
+def test_the_seed_says_how_episodes_begin(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    again, other = examined(Scratch(tmp_path_factory.mktemp("a"))), examined(Scratch(tmp_path_factory.mktemp("b")), seed=1)
+    assert np.array_equal(again.values, script.values, equal_nan=True)
+    assert np.array_equal(again.depth_m, script.depth_m, equal_nan=True)
+    assert not np.array_equal(other.values, script.values, equal_nan=True)
+
+
+def test_a_trace_agrees_with_the_figures(script: GraspEpisodes) -> None:
+    assert len(script.traces) == 2
+    for trace in script.traces:
+        k = script.task.index(trace.task)
+        body = next(one.body for one in tasks() if one.name == trace.task)
+        turn = trace.body[-1, 3:]
+        assert np.linalg.norm(turn) == pytest.approx(1) and not trace.action[0].any() and len(trace.q) == 41
+        assert trace.force[-1].sum() > 0 if script.figure("held")[k] else True
+        assert script.depth_m[k][np.isfinite(script.depth_m[k])].max() == pytest.approx(trace.penetration_m.max())
+        assert trace.goal[2] > body.com_m[2] + 0.15
+
+
+def test_an_episode_that_ended_keeps_its_figures() -> None:
+    one = tasks()[0]
+    grasping = Grasping(shadow(), [of(one)], Config(base="script", steps=40))
+    played = play(grasping, Still(), [np.random.default_rng(0)])
+    assert played.ended.tolist() == [40] and played.q.shape[1] == 41
+    assert played.report["held"][0] == grasping.report()["held"][0]
+    grasping.close()
+
+
+def test_no_tasks_is_said(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="expected tasks, got none"):
+        grasp_evaluate.run(shadow(), ((),), NOBODY, people(), FAST, Scratch(tmp_path_factory.mktemp("none")))
+
+
+def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    strict = replace(script, engine="bullet", name="b", policy="teacher")
+    found = metrics([strict, script])
+    assert found["teacher.succ.train"] == found["teacher.succ"] == script.figure("success").mean()
+    assert "mujoco.script.succ.train" in found and found["penetration_mm.p95"] == found["teacher.penetration_mm.p95"]
+    assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(cells([strict, script])) == 2
+    text = markdown([strict, script])
+    assert all(one.name in text for one in tasks()) and "UniDexGrasp++" in text
+    files = grasp_report.run((strict, script), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("report")))
+    assert [file.name for file in files.files] == ["metrics.json", "report.md"]
+
+
+def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:
+    values = script.values.copy()
+    for name, column in (("success", [1, 0, 1, 0]), ("as_violation_pct", [20, 80, 0, 60])):
+        values[:, FIGURES.index(name)] = column
+    found = metrics([replace(script, values=values, engine="bullet", policy="teacher")])
+    assert found["teacher.as_violation_pct"] == 10 and found["teacher.as_violation_pct.all"] == 40
+
+
+def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="expected episodes"):
+        grasp_report.run((), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("empty")))

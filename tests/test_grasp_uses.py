@@ -1,0 +1,63 @@
+"""What an object may be grasped for: by the lexicon, where a hand can hold it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from afford.grasp.task import of
+from afford.grasp.uses import holdable, scaled
+from schemas.grasp_task import LEVELS, GraspTask
+from schemas.mesh import ObjectSpec
+from stages import grasp_tasks
+from tests.made_scenes import tool
+
+
+def made(category: str, split: str = "train", **params: object) -> tuple[GraspTask, ...]:
+    spec = ObjectSpec(category, category, 1, "plain", split)
+    return grasp_tasks.run(spec, tool(category, 1), replace(grasp_tasks.Params(), **params))  # type: ignore[arg-type]  # named
+
+
+def test_a_use_forbids_parts_and_holds_another() -> None:
+    for category in ("knife", "hammer", "brush", "spatula", "shovel"):
+        for one in made(category):
+            assert one.hold in one.body.parts and one.hold not in one.negative and set(one.negative) <= set(one.body.parts)
+            assert one.level == "train" and len(one.N_t) == 100
+            points = one.body.points[np.isin(one.body.point_part, [one.body.parts.index(part) for part in one.negative])]
+            assert {tuple(p) for p in one.N_t.tolist()} <= {tuple(p) for p in points.astype(float).tolist()}
+
+
+def test_one_thing_has_uses_that_forbid_different_parts() -> None:
+    scrub, hand_over = made("brush")
+    assert scrub.hold == "handle" and "handle" in hand_over.negative and hand_over.hold == "head"
+    assert of(scrub).hold != of(hand_over).hold and not np.array_equal(scrub.N_t, hand_over.N_t)
+    assert len({one.name for one in made("brush")}) == 2
+
+
+def test_a_thin_blade_on_the_table_is_not_held() -> None:
+    assert [one.hold for one in made("knife")] == ["handle"]
+    assert not holdable(tool("knife", 1), "blade", 0.07, (0.009, 0.06)) and not made("knife", least_length_m=0.5)
+
+
+def test_levels_come_from_splits() -> None:
+    assert [made("hammer", split)[0].level for split in ("train", "seen", "unseen")] == [LEVELS[0], LEVELS[1], LEVELS[3]]
+    assert made("hammer", level="unseen_size")[0].level == "unseen_size"
+
+
+def test_another_size_is_the_same_thing_larger() -> None:
+    body = tool("hammer", 1)
+    large = scaled(body, 1.5)
+    assert large.mass_kg == pytest.approx(1.5**3 * body.mass_kg) and large.size_m == pytest.approx(1.5 * body.size_m)
+    assert large.points == pytest.approx(1.5 * body.points, rel=1e-6)
+    assert large.inertia_kgm2 == pytest.approx(1.5**5 * body.inertia_kgm2)
+    names = [one.name for one in made("hammer", scales=(0.9, 1.1))]
+    assert len(set(names)) == len(names) and any("x0.9" in name for name in names)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(ValueError, match="numbers above 0"):
+        made("hammer", scales=(0.0,))
+    with pytest.raises(ValueError, match="category of the lexicon"):
+        grasp_tasks.run(ObjectSpec("x", "x", 1, "plain", "train"), tool("hammer", 1), grasp_tasks.Params())
