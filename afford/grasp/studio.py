@@ -18,7 +18,7 @@ from afford.hands.kinematics import forward
 from afford.hands.skin import skins
 from afford.palette import Colour
 from afford.render.draw import render
-from afford.render.mesh import Mesh, mesh, merge
+from afford.render.mesh import merge, mesh
 from afford.render.model import Camera, Instance, Light, Material, Rendered
 from afford.render.solids import patch, tube
 from afford.render.textures import Textures
@@ -80,11 +80,11 @@ class Studio:
 
     def _instances(self, trace: GraspTrace, row: int) -> list[Instance]:
         T, body = forward(self.hand.joints, trace.q[row : row + 1])[0], matrix(trace.body[row])
-        ring = tube(_ring(trace.goal), np.full(RING_CORNERS + 1, RING_M), 6)
+        circle = tube(ring(trace.goal), np.full(RING_CORNERS + 1, RING_M), 6)
         return [*(Instance(shape, self._look["hand"], T[link], HAND) for link, shape in self._links),
                 *(Instance(shape, self._look[colour], body, THING) for colour, shape in self._parts),
                 Instance(self._table, self._look["table"], entity=GROUND, casts=False),
-                Instance(ring, self._look["goal"], entity=RING, casts=False)]  # fmt: skip
+                Instance(circle, self._look["goal"], entity=RING, casts=False)]  # fmt: skip
 
 
 def view(trace: GraspTrace, hand: HandModel, width: int, height: int) -> Camera:
@@ -119,6 +119,18 @@ def matrix(pose: np.ndarray) -> np.ndarray:
     return T
 
 
+def hand_colour(hand: HandModel) -> Colour:
+    """That of its palm, darker."""
+    r, g, b = (HAND_SHADE * hand.rgb[hand.palm]).astype(int).tolist()
+    return r, g, b
+
+
+def ring(goal: np.ndarray) -> np.ndarray:
+    """(k, 3) a level circle around the goal, its first point again at the end, as wide as success."""
+    angle = np.linspace(0, 2 * np.pi, RING_CORNERS + 1)
+    return goal + GOAL_M * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+
+
 def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     hull = ConvexHull(corners)
     faces = hull.simplices.astype(np.int64)
@@ -136,19 +148,12 @@ def _by_colour(task: GraspTask) -> dict[str, list[Piece]]:
 
 
 def _colours(task: GraspTask, hand: HandModel) -> dict[str, Colour]:
-    r, g, b = (HAND_SHADE * hand.rgb[hand.palm]).astype(int).tolist()
     parts = {str(colour): colour for colour in (NEGATIVE, HELD, OTHER)}
-    return {"hand": (r, g, b), "table": TABLE, "goal": GOAL, **parts}
+    return {"hand": hand_colour(hand), "table": TABLE, "goal": GOAL, **parts}
 
 
 def _image(colour: Colour) -> np.ndarray:
     return np.full((1, 1, 3), colour, np.uint8)
-
-
-def _ring(goal: np.ndarray) -> np.ndarray:
-    """(k, 3) a closed level circle."""
-    angle = np.linspace(0, 2 * np.pi, RING_CORNERS + 1)
-    return goal + GOAL_M * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
 
 
 def _middle(trace: GraspTrace) -> np.ndarray:

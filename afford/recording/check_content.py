@@ -14,7 +14,7 @@ from mcap.records import Channel, Message
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.recording.content import EPOCH_NS
-from afford.recording.topics import CAMERA
+from afford.recording.topics import CAMERA, timed_parts
 
 FRAMES = "/frame_decode/image"
 MAGIC = {"jpeg": b"\xff\xd8\xff", "png": b"\x89PNG\r\n\x1a\n"}
@@ -47,8 +47,8 @@ def check_content(path: Path) -> list[str]:
 
 def _payload(channel: Channel, message: Message, value: Any, seen: Seen) -> None:
     where = f"{channel.topic} at {(message.log_time - EPOCH_NS) / SECOND_NS:.3f} s"
-    stamp = value.timestamp.seconds * SECOND_NS + value.timestamp.nanos
-    if not stamp == message.log_time == message.publish_time:
+    stamps = {part.timestamp.seconds * SECOND_NS + part.timestamp.nanos for part in timed_parts(value)}
+    if stamps | {message.publish_time} != {message.log_time}:
         seen.problems.append(f"{where}: timestamp, log time and publish time differ")
     if value.DESCRIPTOR.full_name == "foxglove.CompressedImage":
         seen.times[channel.topic].append(message.log_time)

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from afford.encode import png
@@ -20,6 +19,7 @@ from afford.palette import Palette
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
 from afford.recording.pictures import PNG, jpeg, overlay_png
+from afford.recording.spatial import cloud
 from afford.recording.topics import channel, image, image_channel, log, stamped
 from schemas.mesh import ObjectViews
 from schemas.negative import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
@@ -51,8 +51,8 @@ def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescript
               found: NegativeAffordances, rooms: list[str]) -> Iterator[Message]:  # fmt: skip
     yield from _words(told)
     for room, one in zip(rooms, found.tasks, strict=True):
-        yield cloud(f"{room}/points", found.points, one.negative)
-        yield cloud(f"{room}/N_t", one.N_t, np.ones(len(one.N_t), bool))
+        yield _cloud(f"{room}/points", found.points, one.negative)
+        yield _cloud(f"{room}/N_t", one.N_t, np.ones(len(one.N_t), bool))
     for view in range(len(views.views)):
         time_ns, mine = EPOCH_NS + view * STEP_NS, np.flatnonzero(candidates.view == view)
         yield image(VIEW, time_ns, jpeg(views.rgb[view]), "jpeg")
@@ -62,17 +62,9 @@ def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescript
             yield image(f"{room}/overlay", time_ns, _overlay(views.face[view], one))
 
 
-def cloud(topic: str, points: np.ndarray, negative: np.ndarray) -> Message:
+def _cloud(topic: str, points: np.ndarray, negative: np.ndarray) -> Message:
     """Points (n, 3) with their labels (n,) as colours: red where a hand must not go."""
-    rows = np.empty(len(points), [("xyz", "<f4", 3), ("rgba", "u1", 4)])
-    rows["xyz"], rows["rgba"] = points, colours(negative.astype(np.float32))
-    kind = PackedElementField.NumericType
-    fields = [PackedElementField(name=axis, offset=4 * k, type=kind.Value("FLOAT32")) for k, axis in enumerate("xyz")]
-    fields += [PackedElementField(name=name, offset=12 + k, type=kind.Value("UINT8"))
-               for k, name in enumerate(("red", "green", "blue", "alpha"))]  # fmt: skip
-    message = PointCloud(frame_id=FRAME, point_stride=rows.itemsize, fields=fields, data=rows.tobytes())
-    message.pose.orientation.w = 1.0
-    return stamped(topic, EPOCH_NS, message)
+    return cloud(topic, EPOCH_NS, FRAME, points, colours(negative.astype(np.float32)))
 
 
 def _words(told: PartDescriptions) -> Iterator[Message]:

@@ -7,6 +7,8 @@ from typing import Any
 from google.protobuf import descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
 
+from schemas.hand import FINGERS
+
 PACKAGE = "affordance.v1"
 FILE = "affordance/v1/affordance.proto"
 TYPES = {
@@ -15,6 +17,8 @@ TYPES = {
     "string": FieldDescriptorProto.TYPE_STRING,
     "bool": FieldDescriptorProto.TYPE_BOOL,
 }
+PRESSING = (*FINGERS, "rest")
+"""what of a hand presses: fingers, and the rest of it"""
 MESSAGES = {
     "FrameState": {"frame": "int64", "brightness": "double", "motion": "double"},
     "MaskState": {"frame": "int64", "confidence": "double", "area_px": "double", "visible": "bool", "key": "bool",
@@ -35,6 +39,9 @@ MESSAGES = {
                     "object_right": "string"},
     "Document": {"name": "string", "media_type": "string", "text": "string"},
     "Scalar": {"step": "int64", "value": "double"},
+    "GraspState": {"step": "int64", "goal_m": "double", "height_m": "double", "success": "bool", "as_violation_pct": "double",
+                   "as_safe_count": "double", "penetration_mm": "double", "reward": "double"},
+    "GraspForce": {"step": "int64", **{f"{one}{what}_n": "double" for what in ("", "_negative") for one in PRESSING}},
 }  # fmt: skip
 """message -> field -> type, after the field `timestamp` that every message begins with"""
 
@@ -62,3 +69,4 @@ FrameState, MaskState, Contact, InpaintState = own("FrameState"), own("MaskState
 CompleteState, AffordanceState = own("CompleteState"), own("AffordanceState")
 Narration, SampleState, Document = own("Narration"), own("SampleState"), own("Document")
 Scalar = own("Scalar")
+GraspState, GraspForce = own("GraspState"), own("GraspForce")

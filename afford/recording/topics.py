@@ -36,9 +36,17 @@ def image_channel(topic: str, **metadata: object) -> Channel:
 
 
 def stamped(topic: str, time_ns: int, message: Any) -> Message:
-    """A message with its timestamp set; time_ns counts from EPOCH_NS on, like log time."""
-    message.timestamp.seconds, message.timestamp.nanos = divmod(time_ns, SECOND_NS)
+    """A message with its timestamps set; time_ns counts from EPOCH_NS on, like log time."""
+    for timed in timed_parts(message):
+        timed.timestamp.seconds, timed.timestamp.nanos = divmod(time_ns, SECOND_NS)
     return Message(time_ns, topic, message.SerializeToString(deterministic=True))
+
+
+def timed_parts(message: Any) -> list[Any]:
+    """What of a message has a timestamp: itself, or (SceneUpdate, FrameTransforms) the parts of its lists."""
+    if "timestamp" in message.DESCRIPTOR.fields_by_name:
+        return [message]
+    return [part for field in message.DESCRIPTOR.fields for part in getattr(message, field.name)]
 
 
 def image(topic: str, time_ns: int, data: bytes, kind: str = "png", frame_id: str = CAMERA) -> Message:

@@ -1,0 +1,184 @@
+"""Grasps -> /grasp_evaluate/...: joints, links and object where they are, forces, rewards by term, how it goes, and what it looks like.
+
+Episodes follow each other, a second apart. A step is 1 / rate_hz of media time, so row r of an episode comes r / rate_hz after its
+beginning. Meshes are triangles that hang on the frames of links and object; the same as coloured points for viewers that draw no
+triangles. The object is grey-blue, ochre where it is to be held and red where it must not be touched.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from afford.grasp.studio import GOAL, NEGATIVE, colour_of, hand_colour, matrix, pieces, ring, view
+from afford.grasp.traced import Traced, traced
+from afford.hands.kinematics import forward, moving
+from afford.hands.skin import Skin, skins
+from afford.negative.points import sample
+from afford.palette import Colour
+from afford.recording.content import EPOCH_NS, Channel, Message, Recording
+from afford.recording.own_types import PRESSING, Document, GraspForce, GraspState, Scalar
+from afford.recording.pictures import jpeg
+from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
+from afford.recording.topics import CAMERA, SECOND_NS, channel, image, image_channel, log, stamped
+from schemas.episodes import GraspEpisodes, GraspTrace
+from schemas.grasp_task import GraspTask
+from schemas.hand import FINGERS, HandModel
+
+ROOM = "/grasp_evaluate"
+IMAGE, LENS, TRANSFORMS, SCENE = f"{ROOM}/image", f"{ROOM}/calibration", f"{ROOM}/transforms", f"{ROOM}/scene"
+PALM, OBJECT, STATE, FORCE = f"{ROOM}/palm", f"{ROOM}/object", f"{ROOM}/state", f"{ROOM}/force"
+POINTS, N_T, FIGURES, SAID = f"{ROOM}/points/object", f"{ROOM}/points/N_t", f"{ROOM}/figures", f"{ROOM}/log"
+THING = "object"
+"""frame_id of the object"""
+GAP_NS = SECOND_NS
+SPACING_M = 0.003
+"""between points of the hand"""
+
+
+class Episode(NamedTuple):
+    """An episode that is recorded, and how to draw a row of it: (h, w, 3) uint8."""
+
+    trace: GraspTrace
+    task: GraspTask
+    draw: Callable[[int], np.ndarray]
+
+
+def record(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Recording:
+    """The traces of `found`, in their order; `seed` draws points on the hand. ValueError for a trace that is not of this hand."""
+    for one in episodes:
+        _fits(one.trace, hand)
+    return Recording(_channels(episodes, hand), _messages(found, episodes, hand, seed))
+
+
+def times(trace: GraspTrace, start_ns: int) -> list[int]:
+    """Log times of the rows of an episode."""
+    return [start_ns + round(row * SECOND_NS / trace.rate_hz) for row in range(len(trace.q))]
+
+
+def _fits(trace: GraspTrace, hand: HandModel) -> None:
+    joints, fingers = len(moving(hand.joints)), len(hand.fingers.name)
+    if trace.q.shape[1] != joints or trace.force.shape[1] != fingers + 1:
+        raise ValueError(f"trace {trace.name}: expected {joints} joints and {fingers + 1} forces of the hand {hand.name}, got "
+                         f"{trace.q.shape[1]} and {trace.force.shape[1]}; give the hand that was evaluated")
+
+
+def _channels(episodes: Sequence[Episode], hand: HandModel) -> tuple[Channel, ...]:
+    kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, PALM: PoseInFrame, OBJECT: PoseInFrame, STATE: GraspState,
+             FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document, SAID: Log}  # fmt: skip
+    kinds |= {_points(hand, skin): PointCloud for skin in skins(hand)}
+    kinds |= {_joint(name): Scalar for name in _joints(hand)}
+    kinds |= {_reward(name): Scalar for one in episodes for name in one.trace.terms}
+    return (image_channel(IMAGE), *(channel(topic, kind) for topic, kind in kinds.items()))
+
+
+def _messages(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Iterator[Message]:
+    start, colour = EPOCH_NS, hand_colour(hand)
+    yield stamped(FIGURES, start, Document(name=found.name, media_type="application/json", text=_figures(found)))
+    yield from _hand(hand, colour, start, seed)
+    for one in episodes:
+        rows = times(one.trace, start)
+        yield from _begin(one, hand, start)
+        yield from _rows(one, hand, rows)
+        start = rows[-1] + GAP_NS
+
+
+def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[Message]:
+    """Links do not change: their meshes and points come once."""
+    found, rng = skins(hand), np.random.default_rng(seed)
+    yield scene(SCENE, time_ns, [entity(_frame(hand, skin.link), _frame(hand, skin.link),
+                                        [triangles(skin.vertices, skin.faces, colour)]) for skin in found])  # fmt: skip
+    for skin in found:
+        a, b, c = skin.vertices[skin.faces].swapaxes(0, 1)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+        points, _ = sample(skin.vertices, skin.faces, area, int(np.ceil(area.sum() / SPACING_M**2)), rng)
+        yield cloud(_points(hand, skin), time_ns, _frame(hand, skin.link), points, _rgba([colour] * len(points)))
+
+
+def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
+    """The object, its goal and the camera, at the beginning of an episode."""
+    task, trace = one.task, one.trace
+    meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in pieces(task.body)]
+    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(ring(trace.goal), GOAL)])])
+    colours = _rgba([colour_of(task, part) for part in task.body.point_part.tolist()])
+    yield cloud(POINTS, time_ns, THING, task.body.points, colours)
+    yield cloud(N_T, time_ns, THING, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
+    bad = ", ".join(task.negative) or "nothing"
+    yield log(SAID, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
+
+
+def _rows(one: Episode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
+    trace, how, T = one.trace, traced(one.trace, one.task), forward(hand.joints, one.trace.q)
+    for row, time_ns in enumerate(rows):
+        picture = one.draw(row)
+        camera = view(trace, hand, picture.shape[1], picture.shape[0])
+        frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
+        yield transforms(TRANSFORMS, time_ns, {**frames, THING: matrix(trace.body[row]), CAMERA: camera.T_world_cam})
+        yield calibration(LENS, time_ns, CAMERA, camera.K, camera.width, camera.height)
+        yield image(IMAGE, time_ns, jpeg(picture), "jpeg")
+        yield pose(PALM, time_ns, trace.palm[row])
+        yield pose(OBJECT, time_ns, trace.body[row])
+        yield from _numbers(trace, how, hand, row, time_ns)
+
+
+def _numbers(trace: GraspTrace, how: Traced, hand: HandModel, row: int, time_ns: int) -> Iterator[Message]:
+    yield stamped(STATE, time_ns, GraspState(
+        step=row, goal_m=how.goal_m[row], height_m=how.centre[row, 2], success=bool(how.success[row]),
+        as_violation_pct=how.as_violation_pct[row], as_safe_count=how.as_safe_count[row],
+        penetration_mm=1000 * trace.penetration_m[row], reward=trace.reward[row].sum()))  # fmt: skip
+    yield stamped(FORCE, time_ns, GraspForce(step=row, **_forces(trace, hand, row)))
+    for name, value in zip(_joints(hand), trace.q[row].tolist(), strict=True):
+        yield stamped(_joint(name), time_ns, Scalar(step=row, value=value))
+    for name, value in zip(trace.terms, trace.reward[row].tolist(), strict=True):
+        yield stamped(_reward(name), time_ns, Scalar(step=row, value=value))
+
+
+def _forces(trace: GraspTrace, hand: HandModel, row: int) -> dict[str, float]:
+    """Newtons by what presses; a finger that the hand lacks presses nothing."""
+    names = [name for name in FINGERS if name in hand.fingers.name]
+    assert set(names) < set(PRESSING)
+    both = (("", trace.force[row]), ("_negative", trace.force_negative[row]))
+    return {f"{name}{what}_n": float(value) for what, values in both for name, value in zip((*names, "rest"), values, strict=True)}
+
+
+def _figures(found: GraspEpisodes) -> str:
+    """Of every episode; those without a meaning (NaN) are null."""
+    rows = [{"task": task, **{name: None if np.isnan(value) else value for name, value in zip(found.figures, row, strict=True)}}
+            for task, row in zip(found.task, found.values.tolist(), strict=True)]  # fmt: skip
+    about = {name: getattr(found, name) for name in ("policy", "level", "engine", "seed")}
+    return json.dumps({**about, "episodes": rows}, sort_keys=True, allow_nan=False)
+
+
+def _joints(hand: HandModel) -> list[str]:
+    return [hand.joints.name[k] for k in moving(hand.joints)]
+
+
+def _joint(name: str) -> str:
+    return f"{ROOM}/joints/{name}"
+
+
+def _reward(name: str) -> str:
+    return f"{ROOM}/reward/{name}"
+
+
+def _points(hand: HandModel, skin: Skin) -> str:
+    return f"{ROOM}/points/{hand.links[skin.link]}"
+
+
+def _frame(hand: HandModel, link: int) -> str:
+    """frame_id of a link."""
+    return f"hand/{hand.links[link]}"
+
+
+def _rgba(colours: Sequence[Colour]) -> np.ndarray:
+    """(n, 4) uint8, opaque."""
+    return np.insert(np.array(colours, np.uint8).reshape(-1, 3), 3, 255, axis=1)
