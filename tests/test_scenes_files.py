@@ -11,6 +11,7 @@ import pytest
 
 from afford.scenes import polygons, specs, vocabulary, write_epic
 from afford.scenes.write_root import write_root
+from afford.video.write import write_video
 from schemas.files import FileRef, FileTree
 from schemas.hands import HAND_CLASS, SIDES
 
@@ -65,7 +66,7 @@ def test_a_video_is_written_the_same_every_time(tmp_path):
     images = np.stack([np.roll(picture, 3 * k, axis=1) + rng.normal(0, 3, picture.shape) for k in range(12)]).clip(0, 255)
     written = set()
     for number in range(4):
-        write_epic.write_video(tmp_path / f"{number}.mp4", images.astype(np.uint8), 23)
+        write_video(tmp_path / f"{number}.mp4", images.astype(np.uint8), 23)
         written.add((tmp_path / f"{number}.mp4").read_bytes())
         rng.integers(0, 255, (number + 1) * 1_000_000)
     assert len(written) == 1

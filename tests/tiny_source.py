@@ -9,7 +9,7 @@ import numpy as np
 
 from afford.codecs import save
 from afford.readers.polygons import trace
-from afford.scenes.write_epic import write_video
+from afford.video.write import write_video
 from schemas.truth import ClipTruth
 from tests import tiny_root
 from tests.toy_clip import ENTITIES, HEIGHT, WIDTH, Toy, toy

@@ -6,7 +6,9 @@ ring around the place where the centre of mass is to be, as wide as success is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +62,14 @@ class Piece(NamedTuple):
     """(f, 3) int64, counter-clockwise seen from outside"""
 
 
+class Episode(NamedTuple):
+    """An episode to be shown, and how to draw a row of it: (h, w, 3) uint8."""
+
+    trace: GraspTrace
+    task: GraspTask
+    draw: Callable[[int], np.ndarray]
+
+
 class Studio:
     """One hand and one object, ready to be drawn at any moment of their traces."""
 
@@ -77,6 +87,10 @@ class Studio:
         """Row `row` of a trace, from where `view` stands: depth_m in metres, ids HAND, THING, GROUND, RING."""
         camera = view(trace, self.hand, self.width, self.height)
         return render(self._instances(trace, row), camera, _light(trace, camera), self._textures, supersample=self._supersample)
+
+    def episode(self, trace: GraspTrace) -> Episode:
+        """A trace of this object; a row is drawn once, however often it is asked for."""
+        return Episode(trace, self.task, cache(lambda row: self.shoot(trace, row).rgb))
 
     def _instances(self, trace: GraspTrace, row: int) -> list[Instance]:
         T, body = forward(self.hand.joints, trace.q[row : row + 1])[0], matrix(trace.body[row])

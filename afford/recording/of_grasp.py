@@ -8,8 +8,7 @@ triangles. The object is grey-blue, ochre where it is to be held and red where i
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
@@ -19,7 +18,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from afford.grasp.studio import GOAL, NEGATIVE, colour_of, hand_colour, matrix, pieces, ring, view
+from afford.grasp.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
 from afford.grasp.traced import Traced, traced
 from afford.hands.kinematics import forward, moving
 from afford.hands.skin import Skin, skins
@@ -31,7 +30,6 @@ from afford.recording.pictures import jpeg
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
 from afford.recording.topics import CAMERA, SECOND_NS, channel, image, image_channel, log, stamped
 from schemas.episodes import GraspEpisodes, GraspTrace
-from schemas.grasp_task import GraspTask
 from schemas.hand import FINGERS, HandModel
 
 ROOM = "/grasp_evaluate"
@@ -43,14 +41,6 @@ THING = "object"
 GAP_NS = SECOND_NS
 SPACING_M = 0.003
 """between points of the hand"""
-
-
-class Episode(NamedTuple):
-    """An episode that is recorded, and how to draw a row of it: (h, w, 3) uint8."""
-
-    trace: GraspTrace
-    task: GraspTask
-    draw: Callable[[int], np.ndarray]
 
 
 def record(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Recording:

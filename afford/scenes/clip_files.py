@@ -12,6 +12,7 @@ from afford.readers.folder import media_of
 from afford.scenes import write_epic
 from afford.scenes.play import LENGTH, Play, Saying
 from afford.scenes.record import Recording
+from afford.video.write import write_video
 from schemas.clip import Narration
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip, SceneSpec
@@ -24,7 +25,7 @@ def write_clip(root: Path, spec: SceneSpec, play: Play, recording: Recording, cr
         raise ValueError(f"SceneSpec.split: expected one of {', '.join(write_epic.ACTION_FILES)}, got {spec.split!r}")
     truth, person = recording.truth, spec.video_id.split("_")[0]
     narrations = [_narration(spec, number, saying) for number, saying in enumerate(play.sayings)]
-    write_epic.write_video(root / "videos" / person / f"{spec.video_id}.MP4", recording.images, crf)
+    write_video(root / "videos" / person / f"{spec.video_id}.MP4", recording.images, crf)
     annotations = root / "GroundTruth-SparseAnnotations" / "annotations" / spec.split / f"{spec.video_id}.json"
     write_epic.write_annotations(annotations, spec.video_id, truth.entities, _keys(spec, truth))
     write_epic.write_actions(root, spec.video_id, spec.split, sorted(narrations, key=lambda n: n.start_frame))

@@ -10,10 +10,8 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 
 from afford.scenes.polygons import trace
@@ -23,8 +21,6 @@ from schemas.hands import HAND_CLASS, SIDES
 from schemas.masks import Entity
 
 FPS = 30
-X264 = {"preset": "medium", "x264-params": "threads=1:mbtree=0"}
-"""Macroblock-tree rate control is off: with it the same frames gave different bytes (measured, x264 core 165 on AVX-512)."""
 ACTION_COLUMNS = (
     "narration_id", "participant_id", "video_id", "narration_timestamp", "start_timestamp", "stop_timestamp", "start_frame",
     "stop_frame", "narration", "verb", "verb_class", "noun", "noun_class", "all_nouns", "all_noun_classes")
@@ -42,22 +38,6 @@ class KeyMasks:
     """(n, h, w) bool visible pixels of each entity; an empty mask is not annotated"""
     contact: tuple[int, int]
     """entity index that the (left, right) hand touches, -1 for none"""
-
-
-def write_video(path: Path, images: np.ndarray, crf: int) -> None:
-    """H.264 at 30 fps, one thread, of (t, h, w, 3) uint8 RGB images; the same images give the same bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w", format="mp4", container_options={"fflags": "+bitexact"}) as container:
-        stream = container.add_stream("libx264", rate=FPS, options={"crf": str(crf), **X264})
-        stream.pix_fmt = "yuv420p"
-        stream.thread_count = 1
-        stream.codec_context.time_base = Fraction(1, FPS)
-        stream.height, stream.width = images.shape[1:3]
-        for number, image in enumerate(images):
-            picture = av.VideoFrame.from_ndarray(image, format="rgb24")
-            picture.pts = number
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode(None))
 
 
 def write_annotations(path: Path, video_id: str, entities: Sequence[Entity], keys: Sequence[KeyMasks]) -> None:
