@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
-from afford.grasp.measures import Measures
+from afford.grasp.evaluate import STEPWISE, Still, play
 from afford.grasp.metrics import MEANING
-from afford.grasp.task import task
+from afford.grasp.task import of
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.grasp_task import GraspTask
 from tests.made_hands import shadow
 from tests.made_scenes import tool
-
-RATE_HZ = 20.0
 
 
 @cache
@@ -31,32 +30,23 @@ def hammer(category: str = "hammer", seed: int = 3, use: str = "drive a nail") -
 @cache
 def grasped(seed: int = 0, **told: object) -> tuple[GraspTrace, dict[str, float]]:
     """An episode of the script alone, and its figures; `told` are words of Config."""
-    one = hammer()
-    core = Grasping(shadow(), (task(one.body, one.negative, one.hold, one.N_t),), Config(**{"base": "script", **told}))  # type: ignore[arg-type]  # words
-    rngs = [np.random.default_rng(seed)]
-    core.reset([0], rngs)
-    names, rows = tuple(core.weights), [_row(core, core.measures(), dict.fromkeys(core.weights, np.zeros(1)))]
-    for _ in range(core.config.steps):
-        out = core.step(np.zeros((1, core.motors)), rngs)
-        rows.append(_row(core, core.measures(), out.terms))
-    figures = {name: float(found[0]) for name, found in core.report().items()}
-    goal = core._now.episode.goal[0]
+    core = Grasping(shadow(), (of(hammer()),), Config(**{"base": "script", **told}))  # type: ignore[arg-type]  # words of Config
+    played = play(core, Still(), [np.random.default_rng(seed)])
     core.close()
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    return GraspTrace(f"{one.name}/{seed}", one.name, RATE_HZ, terms=names, goal=goal, **columns), figures
+    return played.trace(0, hammer().name, seed), {name: float(found[0]) for name, found in played.report.items()}
 
 
-def episodes(count: int = 2) -> GraspEpisodes:
-    """Some of them, as one policy's."""
-    found = [grasped(seed) for seed in range(count)]
+def thinned(trace: GraspTrace, every: int) -> GraspTrace:
+    """One row in `every`."""
+    rows = {name: getattr(trace, name)[::every] for name in STEPWISE}
+    return replace(trace, rate_hz=trace.rate_hz / every, **rows)
+
+
+def episodes(count: int = 2, every: int = 4) -> GraspEpisodes:
+    """Some of them, as one policy's; of their rows one in `every`, so that they are drawn soon."""
+    found = [(thinned(trace, every), figures) for trace, figures in map(grasped, range(count))]
     values = np.array([[figures[name] for name in MEANING] for _, figures in found])
     return GraspEpisodes("script-train-mujoco", "script", "train", "mujoco", 0, tuple(trace.task for trace, _ in found),
-                         tuple(MEANING), values, tuple(trace for trace, _ in found))  # fmt: skip
+                         tuple(MEANING), values, np.stack([trace.penetration_m[1:] for trace, _ in found]),
+                         tuple(trace for trace, _ in found))  # fmt: skip
 
-
-def _row(core: Grasping, m: Measures, terms: dict[str, np.ndarray]) -> dict[str, object]:
-    state = core.state()
-    return {"q": state.q[0], "palm": state.palm[0], "body": state.body[0], "tips": state.tips[0],
-            "force": (m.force_held + m.force_negative)[0], "force_negative": m.force_negative[0],
-            "penetration_m": m.penetration_m[0], "action": m.action[0],
-            "reward": np.array([terms[name][0] for name in core.weights])}  # fmt: skip

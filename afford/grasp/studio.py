@@ -1,6 +1,6 @@
 """Pictures of a grasp out of its trace alone: hand, object, table and goal, from three quarters above, without an engine.
 
-Colours: what must not be touched is red, what is to be held ochre, the rest of the object slate; the hand has its own. The goal is a
+What must not be touched is red, what is to be held ochre, the rest of the object slate; the hand has its own colour. The goal is a
 ring around the place where the centre of mass is to be, as wide as success is.
 """
 
@@ -80,7 +80,7 @@ class Studio:
         self._look = {key: Material(_image(colour), roughness=0.5) for key, colour in _colours(task, hand).items()}
         self._parts = [(colour, merge(*(mesh(piece.vertices, piece.faces, crease_deg=25) for piece in found)))
                        for colour, found in _by_colour(task).items()]  # fmt: skip
-        self._table = patch((-TABLE_M / 2, -TABLE_M / 2, 0), (TABLE_M, 0, 0), (0, TABLE_M, 0))
+        self._table = patch(np.array([-TABLE_M / 2, -TABLE_M / 2, 0]), np.array([TABLE_M, 0, 0]), np.array([0, TABLE_M, 0]))
         self._textures = Textures.of(self._look.values())
 
     def shoot(self, trace: GraspTrace, row: int) -> Rendered:

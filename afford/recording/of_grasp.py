@@ -1,4 +1,4 @@
-"""Grasps -> /grasp_evaluate/...: joints, links and object where they are, forces, rewards by term, how it goes, and what it looks like.
+"""Grasps -> /grasp_evaluate/...: joints, links and object where they are, forces, rewards, how it goes, what it looks like.
 
 Episodes follow each other, a second apart. A step is 1 / rate_hz of media time, so row r of an episode comes r / rate_hz after its
 beginning. Meshes are triangles that hang on the frames of links and object; the same as coloured points for viewers that draw no
@@ -64,7 +64,8 @@ def _fits(trace: GraspTrace, hand: HandModel) -> None:
 
 def _channels(episodes: Sequence[Episode], hand: HandModel) -> tuple[Channel, ...]:
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, PALM: PoseInFrame, OBJECT: PoseInFrame, STATE: GraspState,
-             FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document, SAID: Log}  # fmt: skip
+             FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document,
+             SAID: Log}  # fmt: skip
     kinds |= {_points(hand, skin): PointCloud for skin in skins(hand)}
     kinds |= {_joint(name): Scalar for name in _joints(hand)}
     kinds |= {_reward(name): Scalar for one in episodes for name in one.trace.terms}

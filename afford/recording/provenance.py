@@ -9,7 +9,9 @@ from afford.codecs.identity import digest
 from afford.codecs.kinds import kind_of, schema_version
 from afford.recording.content import Recording
 from schemas.clip import Clip
+from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
+from schemas.hand import HandModel
 from schemas.mesh import ObjectViews
 from schemas.negative import NegativeAffordances
 from schemas.video import Frames
@@ -49,3 +51,13 @@ def of_clip(clip: Clip) -> dict[str, dict[str, str]]:
               "log_time": "2020-01-01T00:00:00Z + media time"}  # fmt: skip
     warnings = {f"{i:04d}": text for i, text in enumerate(clip.warnings)}
     return {"provenance": record} | ({"warnings": warnings} if warnings else {})
+
+
+def of_grasps(recording: Recording, episodes: GraspEpisodes, hand: HandModel) -> Recording:
+    """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
+    more = {}
+    for stage, value in (("grasp_evaluate", episodes), ("hand_model", hand)):
+        kind = kind_of(value)
+        more[f"provenance/{stage}"] = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
+                                       "artifact": digest(value)}  # fmt: skip
+    return replace(recording, metadata={**recording.metadata, **more})

@@ -19,6 +19,7 @@ from afford.video.write import write_video
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)
 GOOD: Colour = (20, 120, 70)
+SHADE: Colour = (70, 72, 76)
 CRF = 23
 STILL_S = 0.8
 """how long the last picture of a film stays"""
@@ -53,7 +54,7 @@ def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[n
     longest = max(len(one.trace.q) for one in rows.values())
     wide = min(columns, len(words))
     for row in (*range(longest), *[longest - 1] * still):
-        tiles = [_tile(label, one.draw(at := min(row, len(success) - 1)), bool(success[at])) for label, one, success in words]
+        tiles = [_tile(label, one, min(row, len(success) - 1), success) for label, one, success in words]
         tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % wide)
         yield _even(np.concatenate([np.concatenate(tiles[k : k + wide], axis=1) for k in range(0, len(tiles), wide)]))
 
@@ -77,12 +78,14 @@ def _verdict(one: Episode) -> list[tuple[str, Colour]]:
             (f"{1000 * trace.penetration_m.max():.1f} mm deep at most", FAINT)]  # fmt: skip
 
 
-def _tile(label: str, picture: np.ndarray, success: bool) -> np.ndarray:
-    page = Image.fromarray(picture)
+def _tile(label: str, one: Episode, row: int, success: np.ndarray) -> np.ndarray:
+    """A row with its label, its task, and whether the goal was reached."""
+    page = Image.fromarray(one.draw(row))
     draw = ImageDraw.Draw(page)
     draw.text((6, 4), label, fill=INK, font=font(LETTERS_PX))
-    if success:
-        draw.text((6, picture.shape[0] - LETTERS_PX - 8), "reached the goal", fill=GOOD, font=font(LETTERS_PX, bold=True))
+    draw.text((6, 24), one.trace.task, fill=SHADE, font=font(LETTERS_PX - 3))
+    if success[row]:
+        draw.text((6, page.height - LETTERS_PX - 8), "reached the goal", fill=GOOD, font=font(LETTERS_PX, bold=True))
     return np.asarray(page)
 
 
