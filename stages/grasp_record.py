@@ -17,7 +17,7 @@ from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.hand import HandModel
 
-LIBRARIES = ("numpy", "numba", "scipy", "trimesh", "opencv-python-headless", "av", "matplotlib", "Pillow", "mcap",
+LIBRARIES = ("numpy", "numba", "scipy", "trimesh", "opencv-python-headless", "av", "matplotlib", "pillow", "mcap",
              "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 1.0

@@ -44,7 +44,7 @@ TABLE_M = 3.0
 TURN_RAD, UP = 0.5, 0.6
 """where the camera stands, seen from what it looks at: level in the direction of the fingers, turned from it about the vertical
 away from the thumb, and how far up for each metre along the table"""
-DISTANCE_M, SEEN_M, CLEAR_M = 1.1, 0.46, 0.13
+DISTANCE_M, SEEN_M, CLEAR_M = 1.1, 0.43, 0.13
 """of the camera; height of what it sees there; how far above the table the middle of the picture is"""
 FROM = (-0.55, 0.25, 0.9)
 """the lamp, seen from there: to the right, towards the camera, up"""

@@ -19,6 +19,9 @@ IMAGE, LOG, ON_PAPER = "foxglove.CompressedImage", "foxglove.Log", "affordance.v
 CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState": "confidence",
           "affordance.v1.AffordanceState": "quality"}  # fmt: skip
 """message -> the number of it that is plotted"""
+OF_GRASPS = {"affordance.v1.GraspState": ("goal_m", "height_m"), "affordance.v1.GraspForce": ("thumb_n", "index_n", "middle_n")}
+"""the same of grasps, a panel for each"""
+IN_SPACE = ("foxglove.SceneUpdate", "foxglove.PointCloud")
 PICTURES_SHARE = 66.0
 Panels = dict[str, dict[str, Any]]
 Tree = str | dict[str, Any]
@@ -27,7 +30,7 @@ Tree = str | dict[str, Any]
 def layout(found: Summary) -> dict[str, Any]:
     """The layout as JSON values; ValueError when the recording holds nothing that a panel shows."""
     topics = {topic.topic: topic.schema for topic in found.topics if topic.messages}
-    pictures, beside = _pictures(topics), _plot(topics) | _words(topics)
+    pictures, beside = _pictures(topics) | _space(topics), _plot(topics) | _grasp_plots(topics) | _words(topics)
     if not pictures and not beside:
         raise ValueError(f"{found.path}: expected pictures, curves or words to lay out, got {', '.join(topics) or 'no topic'}")
     parts = [_grid(list(pictures))] * bool(pictures) + [_stack(list(beside), "column")] * bool(beside)
@@ -52,6 +55,23 @@ def _plot(topics: Mapping[str, str]) -> Panels:
              for topic, schema in topics.items() if schema in CURVES]  # fmt: skip
     return {"Plot!curves": {"foxglovePanelTitle": "confidence and quality", "paths": paths, "minYValue": 0, "maxYValue": 1,
                             "isSynced": True, "showLegend": True}} if paths else {}  # fmt: skip
+
+
+def _grasp_plots(topics: Mapping[str, str]) -> Panels:
+    return {f"Plot!{_id(topic)}": {
+        "foxglovePanelTitle": topic, "isSynced": True, "showLegend": True,
+        "paths": [{"value": f"{topic}.{number}", "enabled": True, "timestampMethod": "receiveTime", "label": number}
+                  for number in OF_GRASPS[schema]]} for topic, schema in topics.items() if schema in OF_GRASPS}  # fmt: skip
+
+
+def _space(topics: Mapping[str, str]) -> Panels:
+    """What moves with frames, in one room: meshes where there are any, else points."""
+    found = [topic for schema in IN_SPACE for topic, kind in topics.items() if kind == schema]
+    if "foxglove.FrameTransforms" not in topics.values() or not found:
+        return {}
+    shown = [topic for topic in found if topics[topic] == topics[found[0]]]
+    return {"3D!space": {"foxglovePanelTitle": "3D", "followTf": "world",
+                         "topics": {topic: {"visible": topic in shown} for topic in found}}}  # fmt: skip
 
 
 def _words(topics: Mapping[str, str]) -> Panels:

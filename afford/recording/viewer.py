@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 from mcap.reader import make_reader
 
-from afford.recording import of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording import grasp_viewer, of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording.grasp_strips import is_grasp
 from afford.recording.moments import Moment, moments
 
 APPLICATION = "afford"
@@ -29,18 +30,23 @@ MASKS = {
 def save(path: Path, out: Path) -> None:
     """Write an .rrd that carries its layout."""
     out.parent.mkdir(parents=True, exist_ok=True)
-    stream = _stream(path)
-    stream.save(out, default_blueprint=_layout())
-    _log(path, stream)
+    stream, (layout, log) = _stream(path), _made_for(path)
+    stream.save(out, default_blueprint=layout())
+    log(path, stream)
     stream.disconnect()
 
 
 def show(path: Path) -> None:
     """Open the viewer and send it the recording."""
-    stream = _stream(path)
-    stream.spawn(default_blueprint=_layout())
-    _log(path, stream)
+    stream, (layout, log) = _stream(path), _made_for(path)
+    stream.spawn(default_blueprint=layout())
+    log(path, stream)
     stream.disconnect()
+
+
+def _made_for(path: Path) -> tuple[Callable[[], rrb.Blueprint], Callable[[Path, rr.RecordingStream], None]]:
+    """Layout and contents of a clip, or of grasps."""
+    return (grasp_viewer.layout, grasp_viewer.log) if is_grasp(path) else (_layout, _log)
 
 
 def _stream(path: Path) -> rr.RecordingStream:

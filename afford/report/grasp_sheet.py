@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from afford.encode import png
+from afford.grasp.measures import TOUCH_N
 from afford.grasp.studio import Episode
 from afford.grasp.traced import PHASES, phases, traced
 from afford.lettering import font
@@ -71,7 +72,7 @@ def _strip(label: str, one: Episode) -> np.ndarray:
 def _verdict(one: Episode) -> list[tuple[str, Colour]]:
     """How it went, as metrics have it."""
     how, trace = traced(one.trace, one.task), one.trace
-    pressed = bool((trace.force_negative[-1] > 0).any())
+    pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
     return [("reached the goal" if how.success[-1] else "never at the goal", GOOD if how.success[-1] else BAD),
             (f"{how.as_violation_pct[-1]:.0f} % of fingertips unsafe", BAD if how.as_violation_pct[-1] else GOOD),
             ("presses on a negative part" if pressed else "off negative parts", BAD if pressed else GOOD),
