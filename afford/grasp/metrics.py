@@ -8,9 +8,7 @@ import numpy as np
 
 from afford.grasp.measures import TOUCH_N, Measures
 from afford.grasp.reward import GOAL_M
-
-SAFE_M = 0.02
-"""a fingertip is safe when it is farther from every negative point. papers: section 7.4"""
+from afford.grasp.scenery import SAFE_M
 
 
 def as_safe_count(N_m: np.ndarray) -> np.ndarray:

@@ -38,8 +38,13 @@ def _object(now: Now) -> np.ndarray:
     return np.concatenate(parts, axis=1)
 
 
-def _held_part(now: Now) -> np.ndarray:
-    return spread(now.scenery.points(now.state), now.scenery.held, now.scenery.palm(now.state), now.episode.yaw)
+def _whole(now: Now) -> np.ndarray:
+    points = now.scenery.points(now.state)
+    return spread(points, np.ones(points.shape[:2], bool), now.scenery.palm(now.state), now.episode.yaw)
+
+
+def _allowed(now: Now) -> np.ndarray:
+    return spread(now.scenery.points(now.state), now.scenery.allowed, now.scenery.palm(now.state), now.episode.yaw)
 
 
 def _to_surface(now: Now) -> np.ndarray:
@@ -73,12 +78,13 @@ SMALL: Mapping[str, tuple[Block, ...]] = {
     ),
     "O": (Block("object", 18, "centre of mass; two columns of its rotation; velocity; spin x 0.2; way to the goal", _object),),
     "P": (
-        Block("held_part", 6, "points of the part to hold: mean, from the middle of the palm, and spread, m", _held_part),
+        Block("whole", 6, "points of the object: mean, from the middle of the palm, and spread, m", _whole),
         Block("tips_object", 5, "from fingertips to the surface, m, within 0.3", lambda now: now.measures.tips_m.clip(max=FAR_M)),
         Block("to_surface", 15, "from each fingertip to the nearest point of the surface, m", _to_surface),
     ),
     "N": (
         Block("negative", 6, "negative points: mean, from the middle of the palm, and spread, m; 0 where none", _negative),
+        Block("allowed", 6, "the same of the object's points that are farther than 2 cm from all negative ones", _allowed),
         Block("tips_N", 5, "from fingertips to the nearest negative point, m, within 0.3", _tips_negative),
         Block("press_N", 6, "each finger and the palm on negative parts, 5 N", lambda now: _press(now.measures.force_negative)),
         Block("any_negative", 1, "whether there are any", lambda now: now.scenery.any_negative[:, None].astype(float)),

@@ -15,6 +15,8 @@ from schemas.hand import HandModel
 
 OBJECT_POINTS = 128
 """of the surface, as far apart as can be"""
+SAFE_M = 0.02
+"""what is farther from every negative point is safe. papers: section 7.4"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,8 @@ class Scenery:
     """(n, 3) object frame"""
     surface: np.ndarray
     """(n, k, 3) points of the object, object frame"""
-    held: np.ndarray
-    """(n, k) bool, of the part that is to be held"""
+    allowed: np.ndarray
+    """(n, k) bool, farther than SAFE_M from every negative point"""
     N_object: np.ndarray
     """(n, 100, 3) negative points, object frame; zero where there are none"""
     any_negative: np.ndarray
@@ -71,10 +73,10 @@ def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
     """Tasks side by side; objects with fewer parts have more that are not negative, and that nothing touches."""
     parts = max(len(one.negative) for one in tasks)
     surface = [spread_points(one.body.points.astype(np.float64), OBJECT_POINTS) for one in tasks]
-    held = [_part(one, points) == one.hold for one, points in zip(tasks, surface, strict=True)]
+    allowed = [_apart(points, one.N_t) for one, points in zip(tasks, surface, strict=True)]
     none = np.zeros((NEGATIVE_POINTS, 3))
     return Scenery(
-        hand=hand, com=np.stack([one.body.com_m for one in tasks]), surface=np.stack(surface), held=np.stack(held),
+        hand=hand, com=np.stack([one.body.com_m for one in tasks]), surface=np.stack(surface), allowed=np.stack(allowed),
         N_object=np.stack([one.N_t if len(one.N_t) else none for one in tasks]),
         any_negative=np.array([len(one.N_t) > 0 for one in tasks]),
         negative=np.stack([np.pad(one.negative, (0, parts - len(one.negative))) for one in tasks]),
@@ -105,10 +107,10 @@ def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
     return np.arctan2(z[:, 1], z[:, 0])
 
 
-def _part(one: Task, points: np.ndarray) -> np.ndarray:
-    """(k,) part of points that are among the object's own."""
-    chosen = np.linalg.norm(points[:, None] - one.body.points[None].astype(np.float64), axis=2).argmin(axis=1)
-    found: np.ndarray = one.body.point_part[chosen]
+def _apart(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:
+    """(k,) bool: points (k, 3) that are farther than SAFE_M from all of N_t (m, 3), which may be none."""
+    apart = np.linalg.norm(points[:, None] - N_t[None], axis=2)
+    found: np.ndarray = (apart > SAFE_M).all(axis=1)
     return found
 
 
