@@ -16,7 +16,7 @@ def begin(scene: Scene, aim: Aim) -> np.ndarray:
     return start(scene, aim, GRASP)
 
 
-def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float) -> np.ndarray:
+def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -> np.ndarray:
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
     if base == "none":
         joints = scene.hand.joints
@@ -24,7 +24,7 @@ def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float) -> np
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")
-    return scripted(scene, aim, steps, lift_m)
+    return scripted(scene, aim, steps, lift_m, wait)
 
 
 def script_steps(lift_m: float) -> int:
@@ -32,12 +32,13 @@ def script_steps(lift_m: float) -> int:
     return DESCEND + CLOSE + _lift_steps(lift_m) + HOLD
 
 
-def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float) -> np.ndarray:
-    """(steps, m) targets of the script, lifting by lift_m; ValueError when there are fewer steps than it takes."""
-    if steps < script_steps(lift_m):
-        raise ValueError(f"steps: expected {script_steps(lift_m)} or more for a grasp by script that lifts {lift_m:g} m, "
-                         f"got {steps}")
-    closed = np.array(list(targets(scene, aim, GRASP)))[: DESCEND + CLOSE]
+def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -> np.ndarray:
+    """(steps, m) targets of the script, lifting by lift_m after `wait` steps above; ValueError when that takes more steps."""
+    least = wait + script_steps(lift_m)
+    if steps < least:
+        raise ValueError(f"steps: expected {least} or more for a grasp by script that lifts {lift_m:g} m, got {steps}")
+    above = begin(scene, aim)[commanded(scene.hand.joints)]
+    closed = np.array([*[above] * wait, *targets(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
     s = (np.arange(1, steps - len(closed) + 1) / _lift_steps(lift_m)).clip(max=1.0)
     lifted = np.repeat(closed[-1:], len(s), axis=0)
     lifted[:, 2] += lift_m * s * s * (3 - 2 * s)

@@ -33,6 +33,8 @@ class Config:
     """control steps of an episode; the script takes 38 to lift by 20 cm, 34 by 15 cm"""
     lift_m: float = 0.20
     """how far above its place at rest the object is to be brought"""
+    wait: int = 0
+    """control steps for which the script stays above before it goes down"""
     poses: str = "flat"
     """flat: as it was built; dropped: as it falls. Both anywhere within xy_m, at any yaw"""
     xy_m: float = 0.05
@@ -57,6 +59,6 @@ class Config:
                               ("start", ("part", "anywhere"))):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
-        for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("push_n", 0.0), ("threads", 1)):
+        for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("wait", 0), ("push_n", 0.0), ("threads", 1)):
             if not getattr(self, name) >= low:
                 raise ValueError(f"{name}: expected {low} or more, got {getattr(self, name)}")

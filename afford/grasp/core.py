@@ -123,7 +123,7 @@ class Grasping:
 
     def script(self) -> np.ndarray:
         """(n, steps, m) targets of the grasp by script, for objects that lie as these did at their reset."""
-        return np.stack([base.scripted(scene, aim, self.config.steps, self.config.lift_m)
+        return np.stack([base.scripted(scene, aim, self.config.steps, self.config.lift_m, self.config.wait)
                          for scene, aim in zip(self.scenes, self._now.aim, strict=True)])  # fmt: skip
 
     def towards(self, u: np.ndarray) -> np.ndarray:
@@ -146,7 +146,7 @@ class Grasping:
         scene, config = self.scenes[k], self.config
         q = base.begin(scene, aim)
         self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, q[self._of_motor],
-                        base.commands(config.base, scene, aim, config.steps, config.lift_m))  # fmt: skip
+                        base.commands(config.base, scene, aim, config.steps, config.lift_m, config.wait))  # fmt: skip
         self.worlds.reset(q[None], pose[None], [k])
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:

@@ -11,6 +11,8 @@ from afford.sim.engine import State
 
 TOUCH_N = 0.01
 """force from which something touches"""
+FAR_M = 10.0
+"""where points are put, along all axes, that do not count"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +23,8 @@ class Measures:
     """(n,) from the middle of the palm to the object's centre of mass"""
     tips_m: np.ndarray
     """(n, f) from each fingertip to the nearest point of the object's surface"""
+    allowed_m: np.ndarray
+    """(n, f) from each fingertip to the nearest of the points that may be touched, farther than 2 cm from all negative ones"""
     tips_centre_m: np.ndarray
     """(n, f) from each fingertip to the object's centre of mass"""
     goal_m: np.ndarray
@@ -56,10 +60,12 @@ class Measures:
 def measure(scenery: Scenery, episode: Episode, state: State, action: np.ndarray) -> Measures:
     """All of them, now."""
     centre = scenery.centre(state)
+    points = scenery.points(state)
     on_N = np.einsum("nfp,np->nf", state.force, scenery.negative.astype(float))
     return Measures(
         palm_m=np.linalg.norm(scenery.palm(state) - centre, axis=1),
-        tips_m=nearest(state.tips, scenery.points(state))[0],
+        tips_m=nearest(state.tips, points)[0],
+        allowed_m=nearest(state.tips, np.where(scenery.allowed[:, :, None], points, FAR_M))[0],
         tips_centre_m=np.linalg.norm(state.tips - centre[:, None], axis=2),
         goal_m=np.linalg.norm(centre - episode.goal, axis=1),
         height_m=centre[:, 2],

@@ -15,7 +15,7 @@ NEGATIVE_M = 0.03
 """a fingertip is too near to a negative point within it"""
 TIPS_GATE_M, PALM_GATE_M = 0.6, 0.12
 LIFTED_M, RAISED_M = 0.03, 0.20
-NEAR_M = 0.015
+NEAR_M = 0.04
 TIPS_CAP_M, PALM_CAP_M = 3.0, 0.5
 GRASP_REACH_M = 0.15
 
@@ -49,14 +49,17 @@ TERMS: Mapping[str, Term] = {
     "gripped_success": Term("1 where so gripped and within 5 cm", lambda m: m.gripped * (m.goal_m < GOAL_M).astype(float)),
     "negative_contacts": Term("a quarter for each of fingers and palm that presses on a negative part",
                               lambda m: 0.25 * (m.force_negative > TOUCH_N).sum(axis=1)),
-    "negative_near": Term("exp(-d / 1.5 cm) of the fingertip nearest to a negative point, while anything touches the object",
-                          lambda m: m.touching.any(axis=1) * np.exp(-m.N_m.min(axis=1) / NEAR_M)),
+    "negative_detour": Term("m, mean of how much farther fingertips are from points that may be touched than from the surface",
+                            lambda m: (m.allowed_m - m.tips_m).mean(axis=1)),
+    "negative_near": Term("mean over fingertips of how far they are within 4 cm of a negative point, as a share of it",
+                          lambda m: (1 - m.N_m / NEAR_M).clip(min=0).mean(axis=1)),
 }  # fmt: skip
 
 REWARDS: Mapping[str, Mapping[str, float]] = {
     "afforddex": {"hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0},
     "unidexgrasp++": {"fingers": -0.5, "palm": -1.0, "carry": 1.0, "hand_up": 1.0, "arrived": 1.0},
-    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "negative_contacts": -1.0, "negative_near": -0.5},
+    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "negative_contacts": -1.0,
+              "negative_detour": -10.0, "negative_near": -2.0},
 }
 """set -> weights of its terms. `afforddex`: the paper's four; `unidexgrasp++`: what its code and that of AffordDex have (papers:
 section 7.3); `dense`: learns from a base in minutes, and pays only what is gripped"""
@@ -69,6 +72,11 @@ def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
     if unknown := sorted(set(changes or {}) - set(TERMS)):
         raise ValueError(f"reward weights: expected terms among {', '.join(TERMS)}, got {', '.join(unknown)}")
     return {**REWARDS[name], **(changes or {})}
+
+
+def negative_times(name: str, scale: float) -> dict[str, float]:
+    """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them."""
+    return {term: scale * weight for term, weight in REWARDS[name].items() if term.startswith("negative")}
 
 
 def rewards(table: Mapping[str, float], measured: Measures) -> dict[str, np.ndarray]:

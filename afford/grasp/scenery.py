@@ -42,7 +42,7 @@ class Scenery:
     surface: np.ndarray
     """(n, k, 3) points of the object, object frame"""
     allowed: np.ndarray
-    """(n, k) bool, farther than SAFE_M from every negative point"""
+    """(n, k) bool, farther than SAFE_M from every negative point; all where none is"""
     N_object: np.ndarray
     """(n, 100, 3) negative points, object frame; zero where there are none"""
     any_negative: np.ndarray
@@ -108,10 +108,9 @@ def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
 
 
 def _apart(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:
-    """(k,) bool: points (k, 3) that are farther than SAFE_M from all of N_t (m, 3), which may be none."""
-    apart = np.linalg.norm(points[:, None] - N_t[None], axis=2)
-    found: np.ndarray = (apart > SAFE_M).all(axis=1)
-    return found
+    """(k,) bool: points (k, 3) that are farther than SAFE_M from all of N_t (m, 3); all of them where none is."""
+    far = (np.linalg.norm(points[:, None] - N_t[None], axis=2) > SAFE_M).all(axis=1)
+    return far if far.any() else np.ones(len(points), bool)
 
 
 def _middle_of_palm(hand: HandModel) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 The numbers in the comments are those of Huang et al., "The 37 implementation details of proximal policy optimization" (ICLR blog
 track 2022, https://iclr-blog-track.github.io/2022/03/25/ppo-implementation-details/); details of Atari and LSTM are left out.
-What differs is said where it does: steps that end by a time limit are bootstrapped with the value of the last observation, and an
-update stops when the policy has moved far enough.
+What differs is said where it does: steps that end by a time limit are bootstrapped with the value of the last observation, and
+when the policy has moved far enough, an update goes on with the critic alone.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Config:
     max_grad_norm: float = 1.0
     """gradients are scaled down to it"""
     target_kl: float = 0.03
-    """an update stops beyond it; 0 for never"""
+    """beyond it, an update changes the critic only; 0 for never"""
     anneal: bool = True
     """whether lr falls to 0 towards the last update"""
 
@@ -91,12 +91,13 @@ class Rollout:
 
 
 def learn(envs: Environments, model: ActorCritic, config: Config, optimiser: torch.optim.Optimizer, first: int,
-          each: Callable[[int, dict[str, float]], None]) -> None:  # fmt: skip
-    """Train `model` from update `first` on; `each(update, scalars)` is called after every one. Random draws are torch's."""
+          each: Callable[[int, dict[str, float]], None], until: int | None = None) -> None:  # fmt: skip
+    """Train `model` from update `first` on, to the end or before update `until`; `each(update, scalars)` is called after every one.
+    Random draws are torch's."""
     observation = envs.reset()
     if not model.seen.count:
         model.seen.update(torch.from_numpy(observation))
-    for update in range(first, config.updates):
+    for update in range(first, config.updates if until is None else until):
         if config.anneal:  # 4
             for group in optimiser.param_groups:
                 group["lr"] = config.lr * (1 - update / config.updates)
@@ -139,23 +140,25 @@ def _flat(rows: list[tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Moved]], conf
 
 
 def improve(model: ActorCritic, optimiser: torch.optim.Optimizer, rollout: Rollout, config: Config) -> dict[str, float]:
-    """Several passes over a rollout; scalars of the last minibatch, and the share of updates done."""
+    """Several passes over a rollout; scalars of the last minibatch that the policy learned from, and how many passes it did."""
     model.train()
-    scalars = dict[str, float]()
+    scalars, passes = dict[str, float](), float(config.epochs)
     for epoch in range(config.epochs):
         for rows in torch.randperm(len(rollout.action)).chunk(config.minibatches):  # 6
-            loss, scalars = losses(model, rollout, rows, config)
-            if config.target_kl and scalars["kl"] > 1.5 * config.target_kl:  # 12
-                return {**scalars, "epochs": float(epoch)}
+            policy, critic, found = losses(model, rollout, rows, config)
+            if config.target_kl and found["kl"] > 1.5 * config.target_kl:  # 12: from here on only the critic learns
+                passes = min(passes, float(epoch))
+            learning = passes == config.epochs
+            scalars = found if learning or not scalars else scalars
             optimiser.zero_grad()
-            loss.backward()
+            (policy + critic if learning else critic).backward()
             nn.utils.clip_grad_norm_(model.parameters(), config.max_grad_norm)  # 11
             optimiser.step()
-    return {**scalars, "epochs": float(config.epochs)}
+    return {**scalars, "epochs": passes}
 
 
-def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: Config) -> tuple[Tensor, dict[str, float]]:
-    """The loss of a minibatch and its scalars."""
+def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: Config) -> tuple[Tensor, Tensor, dict[str, float]]:
+    """The losses of policy and critic on a minibatch, weighted, and its scalars."""
     chosen, value = model(rollout.observation[rows])
     moved = chosen.log_prob(rollout.action[rows]) - rollout.log_prob[rows]
     ratio, gain = moved.exp(), rollout.advantage[rows]
@@ -165,9 +168,9 @@ def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: Config) -
     near = before + (value - before).clamp(-config.clip, config.clip)
     critic = 0.5 * torch.max((value - target) ** 2, (near - target) ** 2).mean()  # 9
     entropy = chosen.entropy().mean()
-    total = policy + config.value_weight * critic - config.entropy_weight * entropy  # 10
     kl = (moved.exp() - 1 - moved).mean()  # 12
-    return total, {"policy": policy.item(), "critic": critic.item(), "entropy": entropy.item(), "kl": kl.item()}
+    scalars = {"policy": policy.item(), "critic": critic.item(), "entropy": entropy.item(), "kl": kl.item()}
+    return policy - config.entropy_weight * entropy, config.value_weight * critic, scalars  # 10
 
 
 def _mean(notes: list[dict[str, float]]) -> dict[str, float]:

@@ -1,0 +1,97 @@
+"""a hand, tasks and a frozen prior -> a teacher that grasps, and keeps off what must not be touched.
+
+Reads   HandModel, GraspTasks to learn on, the FileTree of a prior (hand_imitation) in a tuple, or none
+Writes  Trained: files (policy.json, policy.safetensors, prior/, tensorboard/) and the TrainingLog
+Method  residual reinforcement learning: a = clip(a_H + a_T, -1, 1), element-wise; the prior sees R O P, the teacher R O P N; PPO in
+        MuJoCo, one world for each task in turn, bounded by updates; the prior's weights are not touched. Killed, it goes on to the
+        same weights
+Fails   without tasks, without a prior where base asks for one, when a loss is not finite any more
+Paper   AffordDex, stage 2, the teacher with its negative affordance-aware rewards (papers: section 7.3); rewards and sizes are
+        Params, the paper's are reward=afforddex and size=paper
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.context import Context
+from schemas.files import FileTree
+from schemas.grasp_task import GraspTask
+from schemas.hand import HandModel
+from schemas.training import Trained
+
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "safetensors", "protobuf", "blake3")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    seed: int = 0
+    """of weights, noise, places and yaws"""
+    updates: int = 450
+    """of PPO; each follows one episode of every world"""
+    worlds: int = 32
+    """computed side by side; tasks are taken in turn"""
+    base: str = "script"
+    """what the teacher adds to: none, script (a grasp where the hand happens to be), or prior (hand_imitation)"""
+    lambda_n: float = 1.0
+    """times the negative terms of the reward; 0 for none"""
+    reward: str = "dense"
+    """set of rewards (afford/grasp/reward.py)"""
+    size: str = "small"
+    """of the networks: small, or paper (1024-1024-512-512)"""
+    layout: str = "small"
+    """of observations: small, paper or points (afford/grasp/observe.py)"""
+    start_m: float = 0.06
+    """the hand begins over a place along the object that is at most so far from the centre of mass, blind to parts"""
+    steps: int = 44
+    """control steps of an episode"""
+    wait: int = 6
+    """base=script: control steps before it goes down"""
+    iterations: int = 100
+    """of the physics' solver, at most"""
+    lr: float = 5e-4
+    """of Adam; it falls to 0"""
+    epochs: int = 6
+    """passes over what an update has seen"""
+    gamma: float = 0.97
+    """discount"""
+    std: float = 0.35
+    """spread of actions in the beginning; size=paper has its own"""
+
+
+def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ...], params: Params, ctx: Context) -> Trained:
+    """Train in the scratch folder, where a killed training goes on."""
+    from afford.dataset.files import tree
+    from afford.grasp import refine, residual
+    from afford.grasp.task import of
+    from afford.training import curves
+    from afford.training.repeatable import repeatable
+
+    if not tasks or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
+        raise ValueError(f"rl_grasp_refinement: expected a task or more, lambda_n of 0 or more, and a prior where base=prior and "
+                         f"none elsewhere, got {len(tasks)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
+    config = _config(params)
+    with repeatable(THREADS, "cpu"):
+        first = residual.read_prior(prior[0], params.layout) if prior else None
+        model, state = refine.train(hand, [of(one) for one in tasks], first, config, _plan(params), ctx.scratch, ctx.progress)
+    root = residual.write(ctx.scratch, model, first, config)
+    return Trained(tree("teacher", root), curves.log("teacher", state))
+
+
+def _config(p: Params):  # type: ignore[no-untyped-def]  # Config is a leaf's type, and leafs load inside `run`
+    from afford.grasp.config import Config
+    from afford.grasp.reward import negative_times
+    from afford.sim.scene import Physics
+
+    return Config(physics=Physics(iterations=p.iterations), base=p.base, layout=p.layout, reward=p.reward, start="anywhere",
+                  weights=negative_times(p.reward, p.lambda_n), steps=p.steps, start_m=p.start_m,
+                  wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
+
+
+def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
+    from afford.grasp.refine import Plan
+    from afford.rl import ppo
+
+    return Plan(p.seed, p.worlds, p.size, p.std, ppo.Config(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))
