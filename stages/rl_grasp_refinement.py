@@ -20,7 +20,7 @@ from schemas.grasp_task import GraspTask
 from schemas.hand import HandModel
 from schemas.training import Trained
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "safetensors", "protobuf", "blake3")
+LIBRARIES = ("numpy", "scipy", "torch", "trimesh", "mujoco", "pybullet", "gymnasium", "safetensors", "protobuf", "blake3")
 THREADS = 1
 MEMORY_GIB = 2.0
 
@@ -51,14 +51,16 @@ class Params:
     """base=script: control steps before it goes down"""
     iterations: int = 100
     """of the physics' solver, at most"""
-    lr: float = 5e-4
+    lr: float = 3e-4
     """of Adam; it falls to 0"""
     epochs: int = 6
     """passes over what an update has seen"""
     gamma: float = 0.97
     """discount"""
-    std: float = 0.35
-    """spread of actions in the beginning; size=paper has its own"""
+    std: float = 0.1
+    """spread of actions in the beginning: more of it drops what the base holds"""
+    std_along: float = 0.35
+    """of the first one, which moves the hand along the object"""
 
 
 def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ...], params: Params, ctx: Context) -> Trained:
@@ -66,6 +68,7 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ..
     from afford.dataset.files import tree
     from afford.grasp import refine, residual
     from afford.grasp.task import of
+    from afford.rl import saved
     from afford.training import curves
     from afford.training.repeatable import repeatable
 
@@ -74,9 +77,9 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ..
                          f"none elsewhere, got {len(tasks)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
     config = _config(params)
     with repeatable(THREADS, "cpu"):
-        first = residual.read_prior(prior[0], params.layout) if prior else None
+        first = residual.Prior(saved.read(prior[0])[0], params.layout) if prior else None
         model, state = refine.train(hand, [of(one) for one in tasks], first, config, _plan(params), ctx.scratch, ctx.progress)
-    root = residual.write(ctx.scratch, model, first, config)
+    root = refine.write(ctx.scratch, model, first, config, params.seed)
     return Trained(tree("teacher", root), curves.log("teacher", state))
 
 
@@ -94,4 +97,5 @@ def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, 
     from afford.grasp.refine import Plan
     from afford.rl import ppo
 
-    return Plan(p.seed, p.worlds, p.size, p.std, ppo.Config(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))
+    return Plan(p.seed, p.worlds, p.size, p.std, p.std_along,
+                ppo.Config(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))  # fmt: skip

@@ -92,18 +92,22 @@ def test_the_first_ratio_is_one() -> None:
     net, config = model(), ppo.Config(steps=4)
     envs = Reach(8, 0)
     rollout, _ = ppo.collect(envs, net, envs.reset(), config)
-    _, scalars = ppo.losses(net, rollout, torch.arange(len(rollout.action)), config)
+    _, _, scalars = ppo.losses(net, rollout, torch.arange(len(rollout.action)), config)
     assert abs(scalars["kl"]) < 1e-6
     assert scalars["entropy"] == pytest.approx(0.5 * np.log(2 * np.pi * np.e * net.config.std**2), abs=1e-4)
 
 
-def test_an_update_stops_when_it_has_moved_too_far() -> None:
-    """With a tiny bound only the first epoch begins; without one all are done."""
+def test_the_policy_stops_when_it_has_moved_too_far() -> None:
+    """With a tiny bound only the first step of the first pass changes it, while the critic goes on; without one all passes do."""
     for bound, expected in ((1e-9, 0.0), (0.0, 5.0)):
         net, config = model(), ppo.Config(steps=4, target_kl=bound, epochs=5, lr=0.05)
-        envs = Reach(8, 0)
+        envs, before = Reach(8, 0), model()
         rollout, _ = ppo.collect(envs, net, envs.reset(), config)
         assert ppo.improve(net, ppo.adam(net, config.lr), rollout, config)["epochs"] == expected
+        actor, critic = (max(float((now - then).detach().abs().max()) for now, then in zip(part(net), part(before), strict=True))
+                         for part in (lambda m: m.actor.parameters(), lambda m: m.critic.parameters()))  # fmt: skip
+        assert actor <= 0.051 if bound else actor > 0.1
+        assert critic > 0.1
 
 
 @pytest.mark.parametrize("sizes", [(5, 40), (1, 1, 3), (7,)])

@@ -7,18 +7,22 @@ goes on from the last section to the same weights, to the bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
 
+from afford.dataset.files import empty_folder
+from afford.grasp.acting import ENVIRONMENT, PRIOR
 from afford.grasp.config import Config
 from afford.grasp.env import AffordanceGraspVector
 from afford.grasp.residual import OverBase, Prior
 from afford.grasp.task import Task
 from afford.grasp.vector import Learning
-from afford.rl import ppo
+from afford.rl import ppo, saved
 from afford.rl.policy import ActorCritic, PolicyConfig, paper
 from afford.training import events
 from afford.training.loop import seed_of
@@ -27,6 +31,7 @@ from schemas.hand import HandModel
 
 SECTION = 20
 """updates between two checkpoints"""
+SIZES: Mapping[str, Callable[[int, int], PolicyConfig]] = {"small": PolicyConfig, "paper": paper}
 SCALE = 0.1
 """of rewards, so that values are near one"""
 
@@ -41,6 +46,8 @@ class Plan:
     """small or paper"""
     std: float
     """spread of actions in the beginning"""
+    std_along: float
+    """of the first one, which moves the hand along the object"""
     ppo: ppo.Config
 
 
@@ -49,7 +56,7 @@ def train(hand: HandModel, tasks: Sequence[Task], prior: Prior | None, config: C
     """The teacher and its curves; `folder` keeps checkpoint.safetensors and tensorboard/."""
     envs = AffordanceGraspVector(plan.worlds, hand, tasks, **vars(config))
     try:
-        model = made(plan, envs.single_observation_space.shape[0], envs.single_action_space.shape[0])
+        model = made(plan, envs.core.width, envs.core.motors)
         optimiser = ppo.adam(model, plan.ppo.lr)
         state = resume(folder, model, optimiser, "cpu")
         while state.step < plan.ppo.updates:
@@ -64,12 +71,24 @@ def train(hand: HandModel, tasks: Sequence[Task], prior: Prior | None, config: C
 
 def made(plan: Plan, observation: int, action: int) -> ActorCritic:
     """A teacher that has learned nothing: what it adds is nearly zero. ValueError for a size that is not known."""
+    if plan.size not in SIZES:
+        raise ValueError(f"size: expected {' or '.join(SIZES)}, got {plan.size!r}")
     torch.manual_seed(seed_of(plan.seed))
-    if plan.size == "paper":
-        return ActorCritic(paper(observation, action))
-    if plan.size != "small":
-        raise ValueError(f"size: expected small or paper, got {plan.size!r}")
-    return ActorCritic(PolicyConfig(observation, action, std=plan.std))
+    model = ActorCritic(replace(SIZES[plan.size](observation, action), std=plan.std))
+    with torch.no_grad():
+        model.log_std[0] = math.log(plan.std_along)
+    return model
+
+
+def write(folder: Path, model: ActorCritic, prior: Prior | None, config: Config, seed: int) -> Path:
+    """The teacher, whole: with the prior in it, and what must be known of the environment."""
+    root = empty_folder(folder / "out")
+    saved.write(root, model, {name: getattr(config, name) for name in ENVIRONMENT} | {"seed": seed})
+    if prior is not None:
+        saved.write(root / PRIOR, prior.model, {"role": "prior", "layout": config.layout})
+    if (folder / "tensorboard").exists():
+        shutil.copytree(folder / "tensorboard", root / "tensorboard")
+    return root
 
 
 def _section(envs: OverBase, model: ActorCritic, plan: Plan, optimiser: torch.optim.Optimizer, state: State,

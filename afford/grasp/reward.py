@@ -58,8 +58,8 @@ TERMS: Mapping[str, Term] = {
 REWARDS: Mapping[str, Mapping[str, float]] = {
     "afforddex": {"hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0},
     "unidexgrasp++": {"fingers": -0.5, "palm": -1.0, "carry": 1.0, "hand_up": 1.0, "arrived": 1.0},
-    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "negative_contacts": -1.0,
-              "negative_detour": -10.0, "negative_near": -2.0},
+    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "negative_contacts": -0.5,
+              "negative_detour": -4.0, "negative_near": -0.7},
 }
 """set -> weights of its terms. `afforddex`: the paper's four; `unidexgrasp++`: what its code and that of AffordDex have (papers:
 section 7.3); `dense`: learns from a base in minutes, and pays only what is gripped"""
@@ -75,8 +75,9 @@ def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
 
 
 def negative_times(name: str, scale: float) -> dict[str, float]:
-    """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them."""
-    return {term: scale * weight for term, weight in REWARDS[name].items() if term.startswith("negative")}
+    """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them. ValueError for an
+    unknown set."""
+    return {term: scale * weight for term, weight in weights(name).items() if term.startswith("negative")}
 
 
 def rewards(table: Mapping[str, float], measured: Measures) -> dict[str, np.ndarray]:
