@@ -31,6 +31,7 @@ from schemas.scene import SceneSpec
 from stages import (
     ablation_report,
     dataset_pack,
+    grasp_record,
     hand_model,
     hand_retarget,
     mask_propose,
@@ -48,11 +49,12 @@ from stages import (
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
-from tests.made_hands import PINCER, written
+from tests.made_hands import PINCER, shadow, written
 from tests.made_meshes import as_object, cup
 from tests.made_motions import recorded, rod
 from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
+from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
 from tests.test_ablation_report import scores
@@ -83,6 +85,7 @@ ELSEWHERE = {"scene_render": "rendered",
                               "negative_affordance_files", "object_record", "negative_affordance_score",
                               "negative_affordance_report"),
                              "negatives"),
+             "grasp_record": "grasps",
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -217,6 +220,19 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
         graph.target(name, graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params()))
         report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, name)
         assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def grasps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which two grasps were recorded."""
+    store, graph = tmp_path_factory.mktemp("grasps"), Graph()
+    use_kernel_cache(ROOT, store)
+    hand, tasks, found = graph.leaf("hand", shadow()), graph.leaf("tasks", (hammer(),)), graph.leaf("found", episodes())
+    small = grasp_record.Params(width=64, height=48, supersample=1)
+    graph.target("record", graph.add(grasp_record.run, hand=hand, tasks=(tasks,), episodes=found, params=small, ctx=graph.ctx))
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "record")
+    assert report.ok, report.failures
     return store
 
 
