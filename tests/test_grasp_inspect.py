@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -69,3 +71,24 @@ def test_a_layout_has_a_room_and_curves(recording: Path, tmp_path: Path) -> None
     room = panels["3D!space"]["topics"]
     assert set(room) <= topics and [topic for topic, how in room.items() if how["visible"]] == ["/grasp_evaluate/scene"]
     assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, numbers in OF_GRASPS.items() for number in numbers)
+
+
+def test_rerun_reads_the_file_itself(recording: Path, tmp_path: Path) -> None:
+    """Its own loader of MCAP: points hang on frames that transforms move, the camera has its pinhole."""
+    rerun = Path(sys.executable).with_name("rerun")
+    if not rerun.exists():
+        pytest.skip("no rerun beside this python")
+    out = tmp_path / "own.rrd"
+    subprocess.run([rerun, "mcap", "convert", recording, "-o", out], check=True, capture_output=True)
+    from rerun.chunk import RrdReader
+
+    clouds, moved, pinholes = set[str](), set[str](), 0
+    for chunk in RrdReader(out).stream():
+        batch = chunk.to_record_batch()
+        names = set(batch.schema.names)
+        if "Points3D:positions" in names:
+            clouds |= {name for names in batch["CoordinateFrame:frame"].to_pylist() for name in names}
+        if "Transform3D:child_frame" in names:
+            moved |= {name for names in batch["Transform3D:child_frame"].to_pylist() for name in names}
+        pinholes += "Pinhole:image_from_camera" in names
+    assert "object" in clouds and "hand/palm" in clouds and clouds <= moved and pinholes

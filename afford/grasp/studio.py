@@ -41,11 +41,12 @@ HAND, THING, GROUND, RING = 0, 1, 2, 3
 RING_M, RING_CORNERS = 0.0011, 48
 """thickness and corners of the goal's ring"""
 TABLE_M = 3.0
+"""side of the table"""
 TURN_RAD, UP = 0.5, 0.6
 """where the camera stands, seen from what it looks at: level in the direction of the fingers, turned from it about the vertical
 away from the thumb, and how far up for each metre along the table"""
-DISTANCE_M, SEEN_M, CLEAR_M = 1.1, 0.43, 0.13
-"""of the camera; height of what it sees there; how far above the table the middle of the picture is"""
+DISTANCE_M, SEEN_M, MIDDLE = 1.1, 0.44, 0.68
+"""of the camera; height of what it sees there; height of the middle of the picture, as a share of the goal's"""
 FROM = (-0.55, 0.25, 0.9)
 """the lamp, seen from there: to the right, towards the camera, up"""
 LAMP = Light(colour=(1.0, 0.96, 0.88), ceiling=(0.3, 0.31, 0.33), sky=(0.3, 0.31, 0.33), ground=(0.2, 0.19, 0.18), softness=0.07,
@@ -172,7 +173,7 @@ def _image(colour: Colour) -> np.ndarray:
 
 def _middle(trace: GraspTrace) -> np.ndarray:
     """(3,) what the camera looks at."""
-    found: np.ndarray = trace.goal * (1, 1, 0) + (0, 0, CLEAR_M)
+    found: np.ndarray = trace.goal * (1, 1, MIDDLE)
     return found
 
 

@@ -25,7 +25,7 @@ from afford.hands.skin import Skin, skins
 from afford.negative.points import sample
 from afford.palette import Colour
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.own_types import PRESSING, Document, GraspForce, GraspState, Scalar
+from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
 from afford.recording.pictures import jpeg
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
 from afford.recording.topics import CAMERA, SECOND_NS, channel, image, image_channel, log, stamped
@@ -109,13 +109,13 @@ def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
 
 def _rows(one: Episode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
     trace, how, T = one.trace, traced(one.trace, one.task), forward(hand.joints, one.trace.q)
+    height, width = one.draw(0).shape[:2]
+    camera = view(trace, hand, width, height)
     for row, time_ns in enumerate(rows):
-        picture = one.draw(row)
-        camera = view(trace, hand, picture.shape[1], picture.shape[0])
         frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
         yield transforms(TRANSFORMS, time_ns, {**frames, THING: matrix(trace.body[row]), CAMERA: camera.T_world_cam})
         yield calibration(LENS, time_ns, CAMERA, camera.K, camera.width, camera.height)
-        yield image(IMAGE, time_ns, jpeg(picture), "jpeg")
+        yield image(IMAGE, time_ns, jpeg(one.draw(row)), "jpeg")
         yield pose(PALM, time_ns, trace.palm[row])
         yield pose(OBJECT, time_ns, trace.body[row])
         yield from _numbers(trace, how, hand, row, time_ns)
@@ -136,7 +136,6 @@ def _numbers(trace: GraspTrace, how: Traced, hand: HandModel, row: int, time_ns:
 def _forces(trace: GraspTrace, hand: HandModel, row: int) -> dict[str, float]:
     """Newtons by what presses; a finger that the hand lacks presses nothing."""
     names = [name for name in FINGERS if name in hand.fingers.name]
-    assert set(names) < set(PRESSING)
     both = (("", trace.force[row]), ("_negative", trace.force_negative[row]))
     return {f"{name}{what}_n": float(value) for what, values in both for name, value in zip((*names, "rest"), values, strict=True)}
 
