@@ -39,6 +39,14 @@ class Params:
     """how high"""
     distance_m: tuple[float, float] = (0.25, 0.45)
     """how far the hand starts from the grasp"""
+    approach: tuple[float, float, float] = (0.0, 1.0, -1.0)
+    """direction in which the hand comes, half from the front, where the person sits, and half from above; across the handle"""
+    start: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    """the hand starts where this and the way back from the handle lead, both of length 1, and `wander`"""
+    wander: float = 0.5
+    """standard deviation of that direction"""
+    beyond_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """how far the hand is beyond where thumb and fingertips would pinch the handle: 0 pinches, 3 cm down hold it in the fingers"""
     peak_share: tuple[float, float] = (0.6, 0.7)
     """when the hand is open widest, as a share of the reach"""
     peak_m: float = 0.05
@@ -51,6 +59,8 @@ class Params:
     """second synergy, -1 to 1: knuckles straight and middle joints bent, or the other way round"""
     rest_closing: float = 0.3
     """first synergy of the hand that starts, 0 open, 1 closed"""
+    press: float = 0.0
+    """first synergy: what a hand that holds adds to it, were nothing in its way; 0 for one that only touches"""
     noise_m: float = 0.0003
     """tremble of every point"""
 
@@ -63,8 +73,9 @@ def run(target: GraspTarget, params: Params) -> tuple[HandMotion, ...]:
 
     _check(params)
     habits = Habits(params.rate_hz, params.reach_s, params.close_s, params.hold_s, params.lift_s, params.lift_m, params.distance_m,
-                    params.peak_share, params.peak_m, float(np.deg2rad(params.spread_deg)), float(np.deg2rad(params.turn_deg)),
-                    params.hooking, params.rest_closing, params.noise_m)  # fmt: skip
+                    params.approach, params.start, params.wander, params.beyond_m, params.peak_share, params.peak_m,
+                    float(np.deg2rad(params.spread_deg)), float(np.deg2rad(params.turn_deg)), params.hooking, params.rest_closing,
+                    params.press, params.noise_m)  # fmt: skip
     seeds = np.random.SeedSequence(params.seed).generate_state(params.clips, np.uint64)
     return tuple(synthesise(target, habits, int(seed), f"{target.name}_{k:03d}") for k, seed in enumerate(seeds))
 
@@ -73,6 +84,10 @@ def _check(params: Params) -> None:
     for name in ("clips", "rate_hz", "lift_s"):
         if getattr(params, name) <= 0:
             raise ValueError(f"motion_synthesise, {name}: expected a number above zero, got {getattr(params, name)}")
+    if not any(params.approach):
+        raise ValueError(f"motion_synthesise, approach: expected a direction, got {params.approach}")
+    if params.wander < 0:
+        raise ValueError(f"motion_synthesise, wander: expected 0 or more, got {params.wander}")
     for name, low, high in (("reach_s", 0.05, 60.0), ("close_s", 0.01, 60.0), ("distance_m", 0.0, 2.0), ("peak_share", 0.05, 0.95),
                             ("hooking", -1.0, 1.0)):  # fmt: skip
         a, b = getattr(params, name)

@@ -29,9 +29,10 @@ class Rates:
 FREE = float("inf")
 RATES = {
     "none": Rates((0.03, FREE), (0.03, FREE), (0.03, FREE), (0.12, FREE), (0.12, FREE), (0.25, FREE)),
+    "prior": Rates((0.03, FREE), (0.03, FREE), (0.03, FREE), (0.06, FREE), (0.06, FREE), (0.15, FREE)),
     "script": Rates((0.015, 0.12), (0.008, 0.04), (0.008, 0.04), (0.05, 0.5), (0.03, 0.25), (0.08, 0.6)),
 }
-"""by base: alone, the policy must do everything; over a base it may only correct"""
+"""by base: alone, a policy must do everything; as people do it, at their speeds; over the script it may only correct"""
 
 
 def checked(action: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,26 +1,43 @@
-"""What the hand does before a policy adds to it: nothing, or the grasp by script. Both begin open, 12 cm above the aim."""
+"""What the hand does before a policy adds to it: nothing, or the grasp by script. Both begin open, 12 cm above the aim.
+
+The base `prior` does nothing by itself either: the frozen prior acts, as a policy. The hand begins in the posture that it knows.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from afford.hands.coupling import commanded
+from afford.grasp.act import turned
+from afford.hands.coupling import commanded, spread
 from afford.sim.scene import Scene
 from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, start, targets
 
-BASES = ("none", "script")
+BASES = ("none", "script", "prior")
 
 
-def begin(scene: Scene, aim: Aim) -> np.ndarray:
-    """(d,) joints at the beginning."""
-    return start(scene, aim, GRASP)
+def begin(scene: Scene, aim: Aim, posture: Sequence[float] = ()) -> np.ndarray:
+    """(d,) joints at the beginning: as the script begins, or in a posture (m,) of the motors, whose wrist is meant from the aim."""
+    if not posture:
+        return start(scene, aim, GRASP)
+    A, b = spread(scene.hand.joints)
+    return A @ from_aim(np.asarray(posture, np.float64)[None], np.array([aim.yaw]), aim.place[None])[0] + b
 
 
-def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -> np.ndarray:
+def from_aim(u: np.ndarray, yaw: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(n, m) motors whose wrist is meant from places (n, 3), along axes turned by yaw (n,) -> as the gantry has them."""
+    out = turned(u, yaw)
+    out[:, :3] += place
+    out[:, 3] += yaw
+    return out
+
+
+def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0,
+             posture: Sequence[float] = ()) -> np.ndarray:  # fmt: skip
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
-    if base == "none":
-        joints = scene.hand.joints
-        u = begin(scene, aim)[commanded(joints)]
+    if base in ("none", "prior"):
+        u = begin(scene, aim, posture)[commanded(scene.hand.joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")

@@ -72,6 +72,11 @@ class Grasping:
             self._begin(k, pose, self._aim(k, pose, rngs[k]))
         self._state = self.worlds.state()
 
+    def begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float]) -> None:
+        """Begin an episode of world k with its object at the pose (7,), the hand over an aim in a posture (m,), see base.begin."""
+        self._begin(k, pose, aim, posture)
+        self._state = self.worlds.state()
+
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
         """Act (n, m); worlds whose episode is over go on, until they are reset. ValueError for actions that are not finite."""
         now, rows = self._now, np.arange(len(self.tasks))
@@ -126,6 +131,16 @@ class Grasping:
         return np.stack([base.scripted(scene, aim, self.config.steps, self.config.lift_m, self.config.wait)
                          for scene, aim in zip(self.scenes, self._now.aim, strict=True)])  # fmt: skip
 
+    @property
+    def sent(self) -> np.ndarray:
+        """(n, m) the targets that motors were given last."""
+        return self._now.sent[:, 0]
+
+    @property
+    def episode(self) -> Episode:
+        """What episodes began with."""
+        return self._now.episode
+
     def towards(self, u: np.ndarray) -> np.ndarray:
         """(n, m) the action that leads to targets (n, m), as far as one step goes."""
         return act.towards(self.rates, self._now.sent[:, 0], u, self._now.episode.yaw)
@@ -142,11 +157,12 @@ class Grasping:
         """Give the engine back; twice is harmless."""
         self.worlds.close()
 
-    def _begin(self, k: int, pose: np.ndarray, aim: Aim) -> None:
+    def _begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float] = ()) -> None:
         scene, config = self.scenes[k], self.config
-        q = base.begin(scene, aim)
+        posture = posture or config.posture
+        q = base.begin(scene, aim, posture)
         self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, q[self._of_motor],
-                        base.commands(config.base, scene, aim, config.steps, config.lift_m, config.wait))  # fmt: skip
+                        base.commands(config.base, scene, aim, config.steps, config.lift_m, config.wait, posture))  # fmt: skip
         self.worlds.reset(q[None], pose[None], [k])
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:

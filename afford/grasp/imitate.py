@@ -20,8 +20,9 @@ from afford.grasp.happened import Happened
 from afford.grasp.imitation import Tracking, failed, rewards
 from afford.grasp.observe import LIMIT
 from afford.grasp.scenery import palm_yaw, to_frame
+from afford.grasp.track import FIELDS, Tracker
 from afford.hands.coupling import commanded, limits_u
-from afford.hands.kinematics import forward, jacobian, moving, points
+from afford.hands.kinematics import forward, moving
 from afford.sim.engine import CONTROL_S, State
 from afford.sim.scene import Scene
 from afford.sim.worlds import Worlds
@@ -41,7 +42,7 @@ class Imitating:
         """ValueError for no references, or such of another hand."""
         self.hand, self.clips, self.config = hand, Clips(hand, references), config
         self.worlds = Worlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
-        self._of_motor = commanded(hand.joints)
+        self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
         self._limits = limits_u(hand.joints)
         self.rates = act.table(act.RATES["none" if config.base == "none" else "script"], len(self._limits))
         self._now = _Following(count, len(self._limits))
@@ -86,18 +87,7 @@ class Imitating:
 
     def tracking(self) -> Tracking:
         """How the hands are beside their references, now."""
-        state, hand = self.state(), self.hand
-        T = forward(hand.joints, state.q)
-        palm, velocity = self._wanted("T_world_palm"), self._palm_velocity(T, state)
-        turn = Rotation.from_quat(state.palm[:, 3:]) * Rotation.from_matrix(palm[:, :3, :3]).inv()
-        twist = velocity - self._wanted("palm_twist")
-        power = np.abs(state.torque * state.qd[:, self._of_motor])
-        level_1, level_2 = (np.linalg.norm(places - self._wanted(name), axis=2) for name, places in self._levels(T).items())
-        return Tracking(
-            level_1_m=level_1, level_2_m=level_2, wrist_m=np.linalg.norm(state.palm[:, :3] - palm[:, :3, 3], axis=1),
-            wrist_rad=turn.magnitude(), linear_m_s=twist[:, :3], angular_rad_s=twist[:, 3:],
-            joints_rad_s=(state.qd - self._wanted("qd"))[:, 6:],
-            power_w=power[:, 6:].sum(axis=1), wrist_power_w=power[:, :6].sum(axis=1))  # fmt: skip
+        return self._tracker.compare(self.state(), {name: self._wanted(name) for name in FIELDS})
 
     def observe(self) -> np.ndarray:
         """(n, width) float32: fingers' joints and 0.2 x their speed; last targets less joints, in full actions; the reference's
@@ -107,9 +97,9 @@ class Imitating:
         T, joints = forward(self.hand.joints, state.q), state.q[:, self._of_motor]
         palm, yaw = self._wanted("T_world_palm", ahead=1), palm_yaw(self.hand, state)
         turn = (Rotation.from_matrix(palm[:, :3, :3]) * Rotation.from_quat(state.palm[:, 3:]).inv()).as_rotvec()
-        velocity = self._palm_velocity(T, state)
+        velocity = self._tracker.palm_velocity(T, state)
         arrows = np.stack([velocity[:, :3], 0.2 * velocity[:, 3:], palm[:, :3, 3] - state.palm[:, :3], turn], axis=1)
-        away = [self._wanted(name, ahead=1) - places for name, places in self._levels(T).items()]
+        away = [self._wanted(name, ahead=1) - places for name, places in self._tracker.levels(T).items()]
         wanted = self._wanted("q", ahead=1)[:, self._of_motor]
         over = (now.step / self.clips.steps[now.clip])[:, None]
         parts = (state.q[:, 6:], 0.2 * state.qd[:, 6:], (now.sent - joints) / self.rates[:, 0],
@@ -146,20 +136,6 @@ class Imitating:
     def _wanted(self, name: str, ahead: int = 0) -> np.ndarray:
         """(n, ...) of the references at this step, or some steps ahead."""
         return self.clips.at(name, self._now.clip, self._now.step + ahead)
-
-    def _levels(self, T: np.ndarray) -> dict[str, np.ndarray]:
-        fingers = self.hand.fingers
-        zero = np.zeros((len(fingers.name), 3))
-        return {"level_1_m": points(T, fingers.base_link, zero), "level_2_m": points(T, fingers.middle_link, zero)}
-
-    def _palm_velocity(self, T: np.ndarray, state: State) -> np.ndarray:
-        """(n, 6) linear and angular; the gantry's joints alone move the palm."""
-        hand = self.hand
-        linear = np.einsum("nkid,nd->nki", jacobian(hand.joints, T, np.array([hand.palm]), np.zeros((1, 3))), state.qd)[:, 0]
-        wrist = [k for k, role in enumerate(hand.joints.role) if role == "wrist" and hand.joints.kind[k] == "revolute"]
-        axes = np.einsum("nkij,kj->nki", T[:, hand.joints.child[wrist], :3, :3], hand.joints.axis[wrist])
-        columns = np.searchsorted(moving(hand.joints), wrist)
-        return np.concatenate([linear, np.einsum("nki,nk->ni", axes, state.qd[:, columns])], axis=1)
 
 
 class _Following:

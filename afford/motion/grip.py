@@ -28,9 +28,10 @@ class Grip:
     """aperture that touches both sides"""
 
 
-def grip_at(target: GraspTarget, hooking: float, turn_rad: float) -> Grip:
-    """The grasp whose approach is turned about the handle by `turn_rad` from the middle of front and above. Of the two grasps of
-    that approach it is the one with the back of the hand up. ValueError when the hand does not fit."""
+def grip_at(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarray = FROM_FRONT_AND_ABOVE) -> Grip:
+    """The grasp whose approach is turned about the handle by `turn_rad` from the direction `come` (3,), of which what lies along
+    the handle is left out. Of the two grasps of that approach it is the one with the back of the hand up. ValueError when the
+    hand does not fit."""
     size = target.diameter_m + 2 * PAD_M
     wide, amount = closings(hooking)
     if not wide[0] <= size <= wide[-1]:
@@ -41,7 +42,7 @@ def grip_at(target: GraspTarget, hooking: float, turn_rad: float) -> Grip:
     thumb, fingers = points[0, 4], opposing(points)[0]
     centre = (thumb + fingers) / 2
     handle = _world(target)
-    axis, approach = handle[:3, 2], _approach(handle[:3, 2], turn_rad)
+    axis, approach = handle[:3, 2], _approach(handle[:3, 2], turn_rad, come)
     across = _off(np.array([1.0, 0.0, 0.0]), _unit(fingers - thumb))
     local = np.stack([across, forward := _off(centre, across), np.cross(across, forward)], axis=1)
     turns = [np.stack([sign * axis, approach, np.cross(sign * axis, approach)], axis=1) @ local.T for sign in (1.0, -1.0)]
@@ -60,8 +61,9 @@ def _world(target: GraspTarget) -> np.ndarray:
     return found
 
 
-def _approach(axis: np.ndarray, turn_rad: float) -> np.ndarray:
-    across = FROM_FRONT_AND_ABOVE - (FROM_FRONT_AND_ABOVE @ axis) * axis
+def _approach(axis: np.ndarray, turn_rad: float, come: np.ndarray) -> np.ndarray:
+    come = _unit(come)
+    across = come - (come @ axis) * axis
     if np.linalg.norm(across) < 0.1:
         across = np.array([1.0, 0.0, 0.0])
     found: np.ndarray = Rotation.from_rotvec(axis * turn_rad).apply(_unit(across))

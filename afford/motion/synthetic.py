@@ -35,6 +35,14 @@ class Habits:
     lift_m: float
     distance_m: tuple[float, float]
     """from where the hand starts to where it grasps"""
+    approach: tuple[float, float, float]
+    """direction in which the hand comes to the handle, from which `spread_rad` turns it"""
+    start: tuple[float, float, float]
+    """where the hand starts is the way back from there, plus this, plus noise"""
+    wander: float
+    """standard deviation of that noise"""
+    beyond_m: tuple[float, float, float]
+    """how far the hand is beyond where thumb and fingertips would pinch the handle"""
     peak_share: tuple[float, float]
     """when the hand is open widest, as a share of the reach"""
     peak_m: float
@@ -47,6 +55,8 @@ class Habits:
     """second synergy"""
     rest_closing: float
     """first synergy when the hand starts"""
+    press: float
+    """first synergy: what a hand that holds adds, were nothing in its way"""
     noise_m: float
     """tremble of every point"""
 
@@ -55,7 +65,7 @@ def synthesise(target: GraspTarget, habits: Habits, seed: int, name: str) -> Han
     """One clip of a right hand; ValueError when the handle is thicker than the hand opens, or thinner than it closes."""
     rng = np.random.default_rng(seed)
     hooking = rng.uniform(*habits.hooking)
-    grip = grip_at(target, hooking, rng.uniform(-habits.spread_rad, habits.spread_rad))
+    grip = grip_at(target, hooking, rng.uniform(-habits.spread_rad, habits.spread_rad), np.array(habits.approach))
     times = _Times(habits, rng)
     local = posed(_closing(grip, hooking, times, habits), np.full(len(times.at), hooking))
     palm = _palm(grip, times, habits, rng)
@@ -93,19 +103,20 @@ def _closing(grip: Grip, hooking: float, times: _Times, habits: Habits) -> np.nd
     rest = float(aperture(posed(np.array([habits.rest_closing]), np.array([hooking])))[0])
     peak = float(np.clip(habits.peak_m + PEAK_SLOPE * grip.size_m, grip.size_m, wide[-1]))
     opening = through(times.at, np.array([0.0, times.peak, times.contact]), np.array([rest, max(peak, rest), grip.size_m]))
-    found: np.ndarray = np.interp(opening, wide, amount)
+    pressed = habits.press * minimum_jerk((times.at - times.reach) / (times.lift - times.reach))
+    found: np.ndarray = (np.interp(opening, wide, amount) + pressed).clip(max=1.0)
     return found
 
 
 def _palm(grip: Grip, times: _Times, habits: Habits, rng: np.random.Generator) -> np.ndarray:
     """(t, 4, 4) pose of the wrist in the world."""
-    back = -grip.approach + np.array([0.0, -1.0, 0.0]) + 0.5 * rng.normal(size=3)
+    back = -grip.approach + habits.start + habits.wander * rng.normal(size=3)
     start = rng.uniform(*habits.distance_m) * back / np.linalg.norm(back)
     turn = Rotation.from_rotvec(_direction(rng) * rng.uniform(0, habits.turn_rad)).as_rotvec()
     left = 1 - minimum_jerk(times.at / times.reach)
     palm = np.tile(grip.T_world_wrist, (len(times.at), 1, 1))
     palm[:, :3, :3] = Rotation.from_rotvec(left[:, None] * turn).as_matrix() @ palm[:, :3, :3]
-    palm[:, :3, 3] += left[:, None] * start
+    palm[:, :3, 3] += left[:, None] * start + habits.beyond_m
     palm[:, 2, 3] += _rise(times, habits)
     return palm
 
