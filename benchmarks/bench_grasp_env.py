@@ -48,9 +48,11 @@ def actions(hand: HandModel) -> str:
     names = [hand.joints.name[k] for k in driven(hand.joints)]
     both = {base: table(rates, len(names)) for base, rates in RATES.items()}
     units = ["m" if k < 3 else "rad" for k in range(len(names))]
-    rows = [f"| {k} | {name} | {unit} | {both['none'][k, 0]:g} | {both['script'][k, 0]:g} | {both['script'][k, 1]:g} |"
+    rows = [f"| {k} | {name} | {unit} | {both['none'][k, 0]:g} | {both['prior'][k, 0]:g} | {both['script'][k, 0]:g} "
+            f"| {both['script'][k, 1]:g} |"
             for k, (name, unit) in enumerate(zip(names, units, strict=True))]  # fmt: skip
-    head = ["| | motor | unit | a step, base `none` | a step, base `script` | in all, base `script` |", "|--:|---|---|--:|--:|--:|"]
+    head = ["| | motor | unit | a step, base `none` | a step, base `prior` | a step, base `script` | in all, base `script` |",
+            "|--:|---|---|--:|--:|--:|--:|"]
     return "\n".join([*head, *rows, ""])
 
 
