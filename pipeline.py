@@ -7,6 +7,7 @@ under the digest of its code, its parameters and the content of its inputs.
 from __future__ import annotations
 
 from maps.extraction import dataset, extraction_quality, recordings, scenes
+from maps.grasps import grasp, grasp_full
 from maps.negatives import negative_affordance
 from maps.settings import Origin, Settings
 from maps.twohands import ablate, benchmark_stills, measure, train, train_set
@@ -14,7 +15,8 @@ from runner import Graph
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
            "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
-           "ablation": ablate, "negative-affordance": negative_affordance}
+           "ablation": ablate, "negative-affordance": negative_affordance,
+           "grasp": grasp, "grasp_full": grasp_full}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

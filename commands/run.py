@@ -108,8 +108,10 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage == "model_train.files":
                 out["model"] = str(publish(runner, digest, store / "models" / place.name))
-            elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report"):
+            elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "hand_imitation.files":
+                out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
             elif stage == "negative_affordance_files":
                 publish(runner, digest, store / "negative" / place.name / clip)
                 out["negative"] = str(store / "negative" / place.name)

@@ -18,7 +18,15 @@ from stages import (
     extraction_report,
     extraction_score,
     frame_decode,
+    grasp_evaluate,
+    grasp_record,
+    grasp_report,
+    grasp_targets,
+    grasp_tasks,
+    hand_imitation,
     hand_inpaint,
+    hand_model,
+    hand_retarget,
     key_thin,
     mask_densify,
     mask_propose,
@@ -26,6 +34,8 @@ from stages import (
     mesh_read,
     mesh_texture,
     model_train,
+    motion_report,
+    motion_synthesise,
     narration_labelling,
     negative_affordance_projection,
     negative_affordance_report,
@@ -33,9 +43,11 @@ from stages import (
     object_build,
     object_completion,
     object_plan,
+    object_solids,
     part_describe,
     part_lessons,
     predict_cases,
+    rl_grasp_refinement,
     sample_assemble,
     scene_render,
     score_cases,
@@ -89,6 +101,18 @@ class Settings:
     negative_affordance_projection: negative_affordance_projection.Params = negative_affordance_projection.Params()
     negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()
     negative_affordance_report: negative_affordance_report.Params = negative_affordance_report.Params()
+    hand_model: hand_model.Params = hand_model.Params()
+    object_solids: object_solids.Params = object_solids.Params()
+    grasp_tasks: grasp_tasks.Params = grasp_tasks.Params()
+    grasp_targets: grasp_targets.Params = grasp_targets.Params()
+    motion_synthesise: motion_synthesise.Params = motion_synthesise.Params()
+    hand_retarget: hand_retarget.Params = hand_retarget.Params()
+    motion_report: motion_report.Params = motion_report.Params()
+    hand_imitation: hand_imitation.Params = hand_imitation.Params()
+    rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()
+    grasp_evaluate: grasp_evaluate.Params = grasp_evaluate.Params()
+    grasp_record: grasp_record.Params = grasp_record.Params()
+    grasp_report: grasp_report.Params = grasp_report.Params()
 
 
 class Origin(NamedTuple):

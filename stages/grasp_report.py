@@ -23,12 +23,15 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    name: str = "grasp"
-    """of the report"""
+    rows: tuple[str, ...] = ("teacher", "no_negative", "naa_only", "neither", "lambda_half", "lambda_double", "transfer_none",
+                             "transfer_hti", "transfer_naa", "transfer_both")
+    """grasp_full: what is trained (afford/grasp/recipes.py)"""
+    seeds: int = 3
+    """grasp_full: trainings of each row, with the seeds 0, 1, ..."""
 
 
 def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context) -> FileTree:
     """One report of all policies."""
     from afford.grasp.report import write
 
-    return write(params.name, episodes, logs, ctx.scratch)
+    return write("grasp", episodes, logs, ctx.scratch)

@@ -2,8 +2,9 @@
 
 Reads   ObjectSpec, GraspObject
 Writes  GraspTask of every use that can be held, at every scale
-Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when the part to hold is too short
-        or too thick for the hand, or too thin to be lifted off a table; N_t are farthest points of the forbidden parts
+Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when what is
+        safe of the part to hold, 2 cm from what is forbidden, is too short or too thick for the hand, or too thin to be lifted off
+        a table; N_t are farthest points of the forbidden parts
 Fails   ValueError for a category that the lexicon does not have, or numbers out of range
 Paper   AffordDex: 100 negative points of each object; tasks are ours
 """
@@ -28,7 +29,7 @@ class Params:
     level: str = ""
     """what these tasks are for (schemas/grasp_task.py LEVELS); '' takes it from the split of the object"""
     least_length_m: float = 0.07
-    """shortest part that is held"""
+    """shortest safe stretch of a part that is held"""
     thickness_m: tuple[float, float] = (0.009, 0.06)
     """thinnest and thickest: the second extent across its length"""
 

@@ -63,7 +63,8 @@ class Params:
     """of the first one, which moves the hand along the object"""
 
 
-def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ...], params: Params, ctx: Context) -> Trained:
+def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[FileTree, ...], params: Params,
+        ctx: Context) -> Trained:  # fmt: skip
     """Train in the scratch folder, where a killed training goes on."""
     from afford.dataset.files import tree
     from afford.grasp import refine, residual
@@ -72,13 +73,14 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], prior: tuple[FileTree, ..
     from afford.training import curves
     from afford.training.repeatable import repeatable
 
-    if not tasks or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
+    mine = [of(one) for some in tasks for one in some]
+    if not mine or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
         raise ValueError(f"rl_grasp_refinement: expected a task or more, lambda_n of 0 or more, and a prior where base=prior and "
-                         f"none elsewhere, got {len(tasks)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
+                         f"none elsewhere, got {len(mine)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
     config = _config(params)
     with repeatable(THREADS, "cpu"):
         first = residual.Prior(saved.read(prior[0])[0], params.layout) if prior else None
-        model, state = refine.train(hand, [of(one) for one in tasks], first, config, _plan(params), ctx.scratch, ctx.progress)
+        model, state = refine.train(hand, mine, first, config, _plan(params), ctx.scratch, ctx.progress)
     root = refine.write(ctx.scratch, model, first, config, params.seed)
     return Trained(tree("teacher", root), curves.log("teacher", state))
 

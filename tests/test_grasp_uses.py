@@ -30,15 +30,21 @@ def test_a_use_forbids_parts_and_holds_another() -> None:
 
 
 def test_one_thing_has_uses_that_forbid_different_parts() -> None:
-    scrub, hand_over = made("brush")
-    assert scrub.hold == "handle" and "handle" in hand_over.negative and hand_over.hold == "head"
-    assert of(scrub).hold != of(hand_over).hold and not np.array_equal(scrub.N_t, hand_over.N_t)
-    assert len({one.name for one in made("brush")}) == 2
+    dig, hand_over = made("shovel")
+    assert "handle" not in dig.negative and "handle" in hand_over.negative and hand_over.hold == "shaft"
+    assert of(dig).hold == of(hand_over).hold and not np.array_equal(dig.N_t, hand_over.N_t)
+    assert len({one.name for one in made("shovel")}) == 2
+
+
+def test_a_part_without_room_beside_what_is_forbidden_is_not_held() -> None:
+    """The head of a brush is long enough, but bristles and handle are around it."""
+    body = tool("brush", 1)
+    assert holdable(body, "head", np.zeros((0, 3)), 0.05, (0.009, 0.06)) and [one.hold for one in made("brush")] == ["handle"]
 
 
 def test_a_thin_blade_on_the_table_is_not_held() -> None:
     assert [one.hold for one in made("knife")] == ["handle"]
-    assert not holdable(tool("knife", 1), "blade", 0.07, (0.009, 0.06)) and not made("knife", least_length_m=0.5)
+    assert not holdable(tool("knife", 1), "blade", np.zeros((0, 3)), 0.07, (0.009, 0.06)) and not made("knife", least_length_m=0.5)
 
 
 def test_levels_come_from_splits() -> None:

@@ -71,7 +71,7 @@ def grasp_task() -> GraspTask:
 
 
 def trained(scratch: Path, dies_at: int = 0, **params: object) -> Trained:
-    return stage.run(shadow(), (grasp_task(),), (), replace(PARAMS, **params), Run(scratch, dies_at))  # type: ignore[arg-type]
+    return stage.run(shadow(), ((grasp_task(),),), (), replace(PARAMS, **params), Run(scratch, dies_at))  # type: ignore[arg-type]
 
 
 def content(made: Trained) -> dict[str, str]:

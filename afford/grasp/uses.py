@@ -9,6 +9,8 @@ import numpy as np
 
 from afford.backends.describe.lexicon import TASKS
 from afford.backends.describe.rules import look_up
+from afford.grasp.measures import nearest
+from afford.grasp.metrics import SAFE_M
 from afford.grasp.task import task
 from schemas.grasp import GraspObject
 from schemas.grasp_task import GraspTask
@@ -24,17 +26,21 @@ def uses(body: GraspObject, category: str, level: str, label: str, least_m: floa
         notes = look_up(body.name, category, use).notes
         negative = tuple(note.part for note in notes if note.role == "negative" and note.part in body.parts)
         hold = next((part for part in _largest_first(body) if part in {n.part for n in notes if n.role == "positive"}), "")
-        if not negative or not hold or negative in done or not holdable(body, hold, least_m, thickness_m):
+        if not negative or not hold or negative in done:
+            continue
+        made = task(body, negative, hold)
+        if not holdable(body, hold, made.N_t, least_m, thickness_m):
             continue
         done.add(negative)
-        made = task(body, negative, hold)
         name = "/".join(filter(None, (body.name + label, use.replace(" ", "_"))))
         yield GraspTask(name, level, use, body, negative, hold, made.N_t)
 
 
-def holdable(body: GraspObject, part: str, least_m: float, thickness_m: tuple[float, float]) -> bool:
-    """Whether a part is long enough, and neither too thin nor too thick, between the 2nd and the 98th percentile along its axes."""
+def holdable(body: GraspObject, part: str, N_t: np.ndarray, least_m: float, thickness_m: tuple[float, float]) -> bool:
+    """Whether what of a part is safe, 2 cm from N_t (k, 3), is long enough, and neither too thin nor too thick: its extents are
+    between the 2nd and the 98th percentile along its axes."""
     spots = body.points[body.point_part == body.parts.index(part)].astype(np.float64)
+    spots = spots[nearest(spots[None], N_t[None])[0][0] > SAFE_M] if len(N_t) else spots
     if len(spots) < 8:
         return False
     axes = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2]

@@ -1,0 +1,32 @@
+"""The rows of the tables of grasping: what each training changes in the teacher's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+TEACHER, NO_NEGATIVE = "teacher", "no_negative"
+ROWS: dict[str, dict[str, Any]] = {
+    TEACHER: {},
+    NO_NEGATIVE: {"lambda_n": 0.0},
+    "naa_only": {"base": "none"},
+    "neither": {"base": "none", "lambda_n": 0.0},
+    "lambda_half": {"lambda_n": 0.5},
+    "lambda_double": {"lambda_n": 2.0},
+    "transfer_none": {"reward": "unidexgrasp++", "base": "none", "lambda_n": 0.0},
+    "transfer_hti": {"reward": "unidexgrasp++", "lambda_n": 0.0},
+    "transfer_naa": {"reward": "unidexgrasp++", "base": "none"},
+    "transfer_both": {"reward": "unidexgrasp++"},
+}
+"""teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
+nothing; lambda_*: other weights of the negative terms; transfer_*: both plugged into the rewards of UniDexGrasp++"""
+LAMBDA_SWEEP = ((0.0, NO_NEGATIVE), (0.5, "lambda_half"), (1.0, TEACHER), (2.0, "lambda_double"))
+
+
+def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
+    """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, or no seed."""
+    wanted = tuple(rows)
+    unknown = sorted(set(wanted) - ROWS.keys())
+    if unknown or seeds < 1:
+        raise ValueError(f"grasp rows: expected some of {', '.join(ROWS)} and at least one seed, got {unknown or seeds}")
+    return tuple((row, seed) for seed in range(seeds) for row in wanted)

@@ -1,0 +1,159 @@
+"""From objects and motions of people to a policy that grasps and keeps off what must not be touched, one line per stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from afford.grasp.recipes import NO_NEGATIVE, ROWS, TEACHER, planned
+from afford.hands.assets import shadow_files
+from maps.recording import record_run
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+from schemas.grasp import GraspObject
+from schemas.grasp_task import LEVELS, GraspTask
+from schemas.hand import HandModel
+from schemas.mesh import ObjectSpec
+from schemas.motion import GraspTarget, ReferenceSet
+from schemas.training import Trained, TrainingLog
+from stages import (
+    grasp_evaluate,
+    grasp_record,
+    grasp_report,
+    grasp_targets,
+    grasp_tasks,
+    hand_imitation,
+    hand_model,
+    hand_retarget,
+    motion_report,
+    motion_synthesise,
+    object_build,
+    object_plan,
+    object_solids,
+    rl_grasp_refinement,
+)
+
+HELD = ("brush", "chisel", "flashlight", "hammer", "knife", "pizza_cutter", "screwdriver", "spatula")
+"""categories that policies learn on"""
+NEVER = ("axe", "cleaver", "razor", "soldering_iron")
+"""categories that they never see, of those with a handle that a hand can hold on a table"""
+SIZES = (0.85, 1.15)
+
+
+class Shop(NamedTuple):
+    """What is grasped, level by level."""
+
+    body: GraspObject
+    """each of the training level"""
+    tasks: dict[str, tuple[tuple[GraspTask, ...], ...]]
+
+
+def shop(g: Graph, p: Settings) -> Shop:
+    """Procedural objects with their parts as tasks: to learn on, new shapes, other sizes, other categories."""
+    known   = replace(p.object_plan, categories=HELD, train_per_category=4, train_plain_every=0)
+    train   = solid(g, "train", replace(known, splits=("train",)), p)
+    seen    = solid(g, "seen", replace(known, splits=("seen",), seen_per_category=2), p)
+    unseen  = solid(g, "unseen", replace(known, categories=NEVER, splits=("unseen",), unseen_per_category=4), p)
+    sizes   = replace(p.grasp_tasks, scales=SIZES, level="unseen_size")
+    return Shop(train[1], {
+        "train": uses(g, "train", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
+        "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)})
+
+
+def solid(g: Graph, of: str, plan: object_plan.Params, p: Settings) -> tuple[ObjectSpec, GraspObject]:
+    """Objects of some splits -> rigid bodies."""
+    spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
+    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,              params=replace(p.object_build, atlas_px=64))
+    mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
+    return spec, g.named(f"{of}_solids").add(object_solids.run, mesh=mesh, parts=parts,              params=p.object_solids)
+
+
+def uses(g: Graph, of: str, made: tuple[ObjectSpec, GraspObject], params: grasp_tasks.Params) -> tuple[
+        tuple[GraspTask, ...], ...]:  # fmt: skip
+    """Rigid bodies -> what each may be grasped for."""
+    return g.collect(g.named(f"{of}_tasks").add(grasp_tasks.run, spec=made[0], body=made[1], params=params))
+
+
+def hand(g: Graph, p: Settings) -> HandModel:
+    """The installed Shadow Hand."""
+    return g.add(hand_model.run,            files=g.leaf("shadow", shadow_files()),                  params=p.hand_model)
+
+
+def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings) -> tuple[tuple[GraspTarget, ...], ReferenceSet]:
+    """Objects -> where people could grasp them, and how they do, in the hand's own joints."""
+    places  = g.add(grasp_targets.run,      body=body, hand=hand,                                    params=p.grasp_targets)
+    target  = g.each(places)
+    motion  = g.each(g.add(motion_synthesise.run, target=target,                                     params=p.motion_synthesise))
+    clip    = g.add(hand_retarget.run,      motion=motion, hand=hand,                                params=p.hand_retarget)
+    return g.collect(target), g.add(motion_report.run, clips=g.collect(clip),                        params=p.motion_report)
+
+
+class School(NamedTuple):
+    """What policies learn from."""
+
+    hand: HandModel
+    shop: Shop
+    references: ReferenceSet
+    prior: Trained
+
+
+def school(g: Graph, p: Settings) -> School:
+    """A hand, things to grasp, how people do it, and the frozen prior that has learned from them."""
+    model, things = hand(g, p), shop(g, p)
+    targets, references = people(g, model, things.body, p)
+    prior   = g.add(hand_imitation.run,     hand=model, bodies=g.collect(things.body), targets=targets, references=references,
+                    params=p.hand_imitation, ctx=g.ctx)
+    return School(model, things, references, prior)
+
+
+def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
+    """A teacher of one row and seed, on the prior where the row has one."""
+    params  = replace(p.rl_grasp_refinement, seed=seed, **ROWS[row])
+    prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
+    return g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.tasks["train"], prior=prior,
+                                        params=params, ctx=g.ctx)
+
+
+def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels: Sequence[str], p: Settings) -> list[GraspEpisodes]:
+    """A policy on levels, in both engines."""
+    return [g.named(f"{name}_{seed}_{level}_{engine}").add(
+                grasp_evaluate.run, hand=s.hand, tasks=s.shop.tasks[level], policy=policy, references=s.references,
+                params=replace(p.grasp_evaluate, policy=name, engine=engine), ctx=g.ctx)
+            for level in levels for engine in ("bullet", "mujoco")]  # fmt: skip
+
+
+def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], p: Settings) -> tuple[list[GraspEpisodes], list[TrainingLog]]:
+    """Teachers, trained and examined; the two that the paper compares on every level, the others on what they learned on."""
+    episodes, logs = list[GraspEpisodes](), list[TrainingLog]()
+    for row, seed in wanted:
+        trained = teach(g, s, row, seed, p)
+        levels = LEVELS if row in (TEACHER, NO_NEGATIVE) else LEVELS[:1]
+        episodes += examine(g, s, g.pick(trained, lambda t: t.files), row, seed, levels, p)
+        logs.append(g.pick(trained, lambda t: t.log))
+    return episodes, logs
+
+
+def grasp(g: Graph, origin: Origin, p: Settings) -> None:
+    """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
+    s = school(g, p)
+    alone = examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
+    episodes, logs = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), p)
+    report(g, "grasp", s, [*alone, *episodes], [g.pick(s.prior, lambda t: t.log), *logs], p)
+
+
+def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
+    """all rows of the tables of grasping, over several seeds; go on at will"""
+    s = school(g, p)
+    episodes, logs = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), p)
+    report(g, "grasp_full", s, episodes, logs, p)
+
+
+def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings) -> None:
+    """Tables, sheets, films and recordings."""
+    page    = g.add(grasp_report.run,       episodes=tuple(episodes), logs=tuple(logs), params=p.grasp_report, ctx=g.ctx)
+    shown   = g.named("record_grasp").add(grasp_record.run, hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes[0],
+                                          params=p.grasp_record, ctx=g.ctx)
+    g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))
