@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from afford.grasp.core import Grasping
-from afford.grasp.observe import blocks, observe
+from afford.grasp.observe import blocks
 from afford.grasp.proof import held
 from afford.grasp.scenery import to_frame
 from afford.grasp.task import task
@@ -25,7 +25,7 @@ from tests.made_scenes import tool
 def test_targets_lie_in_the_object() -> None:
     """The handle is across x, amid points of the surface, off the ends; the centre of mass is above the origin; every second one
     is turned round; the same seed gives the same places and another one others."""
-    body = tool(TOOLS[0])
+    body = tool("spatula")
     found = grasp_targets.run(body, shadow(), grasp_targets.Params(places=4))
     ways = list[Rotation]()
     for one in found:
@@ -38,7 +38,7 @@ def test_targets_lie_in_the_object() -> None:
         assert (spots.min(0) < handle[:3, 3]).all() and (handle[:3, 3] < spots.max(0)).all()
         assert min(np.ptp(spots[:, 1:], axis=0)) / 4 < one.diameter_m <= np.ptp(spots[:, 1])
         ways.append(turn)
-    assert (ways[1] * ways[0].inv()).as_rotvec() == pytest.approx([0, 0, np.pi], abs=1e-6) or (ways[0] * ways[1].inv()).as_rotvec() == pytest.approx([0, 0, np.pi], abs=1e-6)
+    assert np.abs((ways[1] * ways[0].inv()).as_rotvec()) == pytest.approx([0, 0, np.pi], abs=1e-6)
     assert (ways[2] * ways[0].inv()).magnitude() == pytest.approx(0, abs=1e-6)
     again, other = (grasp_targets.run(body, shadow(), grasp_targets.Params(places=4, seed=seed)) for seed in (0, 1))
     assert all(np.array_equal(a.T_object_handle, b.T_object_handle) for a, b in zip(found, again, strict=True))
@@ -46,15 +46,15 @@ def test_targets_lie_in_the_object() -> None:
 
 
 def test_references_begin_above_and_end_lifted() -> None:
-    """Open, 8 to 16 cm above the pinch, within 4 cm of the vertical; the object ends 20 cm higher; all within 40 control steps."""
+    """8 to 16 cm above the pinch, within 4 cm of the vertical; fingers bend by a radian and more from there; the object ends 20 cm
+    higher; all within 40 control steps."""
     for one in reference_set().references:
         last_of_reach = int(np.flatnonzero(one.phase == PHASES.index("reach"))[-1])
         way = one.T_world_palm[0, :3, 3] - one.T_world_palm[last_of_reach, :3, 3]
         assert 0.08 < way[2] < 0.16 and np.linalg.norm(way[:2]) < 0.04
         assert one.object_pose[-1, 2] - one.object_pose[0, 2] == pytest.approx(0.2, abs=1e-3)
         assert len(one.q) / one.rate_hz <= 2.0
-        wide = np.linalg.norm(one.tips_m[:, 0] - one.tips_m[:, 1:3].mean(axis=1), axis=1)
-        assert wide[0] > wide[-1]
+        assert one.q[-1, 6:].sum() > one.q[0, 6:].sum() + 1.0
 
 
 def test_what_is_seen_is_what_the_prior_is_shown() -> None:

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.grasp.rehearse import Rehearsing
-from afford.grasp.vector import Learning, Many
+from afford.grasp.vector import Learning, Many, means
 from afford.rl import ppo
 from afford.rl.policy import ActorCritic
 from afford.training import checkpoint
@@ -24,6 +24,8 @@ from afford.training.events import Point
 from afford.training.loop import seed_of
 
 FILE = "checkpoint.safetensors"
+SAVE_EVERY = 20
+"""updates between two checkpoints"""
 Progress = Callable[[int, int], None]
 
 
@@ -50,7 +52,6 @@ class Plan:
     critic: int
     """updates of the second kind that only the critic learns in"""
     ppo: ppo.Config
-    save_every: int = 20
 
 
 @dataclass
@@ -90,7 +91,7 @@ def train(core: Rehearsing, model: ActorCritic, plan: Plan, folder: Path, progre
         else:
             _reinforce(envs, made, plan)
         made.update += 1
-        if made.update == total or made.update % plan.save_every == 0:
+        if made.update == total or made.update % SAVE_EVERY == 0:
             made.save(folder)
         progress(made.update, total)
     return made.points
@@ -151,9 +152,8 @@ def _episode(core: Rehearsing, model: ActorCritic, plan: Plan, update: int) -> t
         action[:, 0] += nudges[step]
         core.step(action, rngs)
         rows.append((seen, torch.from_numpy(expert.astype(np.float32))))
-    report = {name: float(np.nanmean(row[~expert_acts])) for name, row in core.report().items()} if not expert_acts.all() else {}
     seen, wanted = (torch.stack(column).flatten(0, 1) for column in zip(*rows, strict=True))
-    return seen, wanted, {name: value for name, value in report.items() if np.isfinite(value)}
+    return seen, wanted, means(core.report(), ~expert_acts)
 
 
 def _nudges(plan: Plan, n: int, steps: int, rng: np.random.Generator) -> np.ndarray:
@@ -169,9 +169,12 @@ def _reinforce(envs: Learning, made: Training, plan: Plan) -> None:
     """One rollout of PPO, which is one episode of every world."""
     number = made.update - plan.cloning
     envs.seed = seed_of(plan.seed, made.update, 1) % 2**31
-    for parameter in (*made.model.actor.parameters(), made.model.log_std):
+    actor = (*made.model.actor.parameters(), made.model.log_std)
+    for parameter in actor:
         parameter.requires_grad_(number >= plan.critic)
     for group in made.optimiser.param_groups:
         group["lr"] = plan.ppo.lr * (1 - number / plan.ppo.updates)
     rollout, _ = ppo.collect(envs, made.model, envs.reset(), plan.ppo)
     made.note("ppo", rollout.notes | ppo.improve(made.model, made.optimiser, rollout, plan.ppo))
+    for parameter in actor:
+        parameter.requires_grad_(True)

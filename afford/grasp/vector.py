@@ -86,12 +86,12 @@ class Learning:
             ended = infos["_final_obs"]
             reached = observation.copy()
             reached[ended] = np.stack(list(infos["final_obs"][ended]))
-            notes |= _means(infos["final_info"]["report"], ended)
+            notes |= means(infos["final_info"]["report"], ended)
         return Moved(observation, reached, self.scale * reward, terminated, truncated, notes)
 
 
-def _means(report: dict[str, np.ndarray], ended: np.ndarray) -> dict[str, float]:
-    """Of every figure over the episodes that ended; those that say nothing (NaN) are left out."""
+def means(report: dict[str, np.ndarray], ended: np.ndarray) -> dict[str, float]:
+    """Of every figure over the chosen episodes, such as ended; those that say nothing (NaN) are left out."""
     kept = {name: figure[ended & ~np.isnan(figure)] for name, figure in report.items()}
     return {name: float(figure.mean()) for name, figure in kept.items() if len(figure)}
 
