@@ -63,8 +63,10 @@ class Params:
     """widths of the network"""
     std: float = 0.12
     """spread of actions when PPO begins"""
-    proofs: int = 2
-    """a clip is kept when so many episodes that follow it end with the object held; 0 keeps all"""
+    proofs: int = 1
+    """a clip is kept when so many episodes that follow it end with the object held, in each of the engines; 0 keeps all"""
+    proof_engines: tuple[str, ...] = ("mujoco", "bullet")
+    """those engines"""
     shift_m: float = 0.03
     """clips are shifted along their object by up to this, both ways"""
     astray: tuple[float, float, float] = (0.006, 0.04, 0.06)
@@ -86,7 +88,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     _check(params)
     with repeatable(THREADS, "cpu"):
         lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
-                                      params.worlds, params.seed)
+                                      params.proof_engines, params.worlds, params.seed)
         model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
         points = [*lessons.points, *train(lessons.core, model, _plan(params), ctx.scratch, ctx.progress)]
         lessons.core.close()

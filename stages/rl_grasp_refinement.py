@@ -77,21 +77,22 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
     if not mine or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
         raise ValueError(f"rl_grasp_refinement: expected a task or more, lambda_n of 0 or more, and a prior where base=prior and "
                          f"none elsewhere, got {len(mine)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
-    config = _config(params)
+    known, facts = saved.read(prior[0]) if prior else (None, {})
+    config = _config(params, tuple(facts.get("posture", ())))
     with repeatable(THREADS, "cpu"):
-        first = residual.Prior(saved.read(prior[0])[0], params.layout) if prior else None
+        first = residual.Prior(known, params.layout) if known else None
         model, state = refine.train(hand, mine, first, config, _plan(params), ctx.scratch, ctx.progress)
     root = refine.write(ctx.scratch, model, first, config, params.seed)
     return Trained(tree("teacher", root), curves.log("teacher", state))
 
 
-def _config(p: Params):  # type: ignore[no-untyped-def]  # Config is a leaf's type, and leafs load inside `run`
+def _config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # Config is a leaf's type
     from afford.grasp.config import Config
     from afford.grasp.reward import negative_times
     from afford.sim.scene import Physics
 
-    return Config(physics=Physics(iterations=p.iterations), base=p.base, layout=p.layout, reward=p.reward, start="anywhere",
-                  weights=negative_times(p.reward, p.lambda_n), steps=p.steps, start_m=p.start_m,
+    return Config(physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout, reward=p.reward,
+                  start="anywhere", weights=negative_times(p.reward, p.lambda_n), steps=p.steps, start_m=p.start_m,
                   wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
 
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import torch
 
+from afford.grasp import acting
 from afford.grasp.observe import blocks
 from afford.rl import saved
+from afford.sim.scene import Physics
 from schemas.training import Trained
 from stages import hand_imitation
 from tests.made_hands import shadow
@@ -56,7 +58,8 @@ def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeyp
         assert all(np.array_equal(a.value, b.value) for a, b in zip(first.log.curves, other.log.curves, strict=True))
     model, facts = saved.read(first.files)
     assert (facts["role"], facts["layout"], facts["rates"], facts["steps"]) == ("prior", "small", "prior", 12)
-    assert len(facts["start"]) == 24 and facts["start"][2] > 0.1
+    assert len(facts["posture"]) == 24 and facts["posture"][2] > 0.1
+    assert acting.load(first.files, {}).config("bullet", Physics(), "flat", 0.0).posture
     width = sum(block.width for block in blocks("small", "prior"))
     assert model.actions(torch.zeros(1, width)).mean.shape == (1, 24)
 

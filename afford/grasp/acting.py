@@ -20,7 +20,7 @@ from schemas.files import FileTree
 
 PRIOR = "prior/"
 """folder of the frozen prior within that of a teacher"""
-ENVIRONMENT = ("base", "layout", "role", "reward", "weights", "steps", "wait", "lift_m", "start",
+ENVIRONMENT = ("base", "posture", "layout", "role", "reward", "weights", "steps", "wait", "lift_m", "start",
                "start_m")  # fmt: skip
 """fields of Config that a policy was trained with, and needs again"""
 

@@ -33,8 +33,8 @@ def from_aim(u: np.ndarray, yaw: np.ndarray, place: np.ndarray) -> np.ndarray:
     return out
 
 
-def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0,
-             posture: Sequence[float] = ()) -> np.ndarray:  # fmt: skip
+def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, posture: Sequence[float] = (),
+             wait: int = 0) -> np.ndarray:  # fmt: skip
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
     if base in ("none", "prior"):
         u = begin(scene, aim, posture)[commanded(scene.hand.joints)]

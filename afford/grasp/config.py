@@ -22,7 +22,7 @@ class Config:
     base: str = "none"
     """what actions are added to: none, script, or prior (base.py)"""
     posture: tuple[float, ...] = ()
-    """joints of the motors at the beginning, those of the wrist from the aim: `start` of a prior's facts. None: as the script"""
+    """joints of the motors at the beginning, those of the wrist from the aim: as a prior's facts have it. None: as the script"""
     layout: str = "small"
     """small, paper or points (observe.py)"""
     role: str = "teacher"
@@ -62,7 +62,7 @@ class Config:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
         if self.base == "prior" and not self.posture:
-            raise ValueError("posture: expected the posture that a prior begins in, `start` of its facts, got none")
+            raise ValueError("posture: expected the posture that a prior begins in, as its facts have it, got none")
         for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("wait", 0), ("push_n", 0.0),
                           ("threads", 1)):  # fmt: skip
             if not getattr(self, name) >= low:

@@ -162,7 +162,7 @@ class Grasping:
         posture = posture or config.posture
         q = base.begin(scene, aim, posture)
         self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, q[self._of_motor],
-                        base.commands(config.base, scene, aim, config.steps, config.lift_m, config.wait, posture))  # fmt: skip
+                        base.commands(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait))  # fmt: skip
         self.worlds.reset(q[None], pose[None], [k])
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:

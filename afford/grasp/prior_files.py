@@ -36,24 +36,27 @@ class Lessons:
 
 
 def lessons(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[GraspTarget], references: Sequence[HandReference],
-            config: Rehearsal, proofs: int, worlds: int, seed: int) -> Lessons:  # fmt: skip
-    """Worlds of the objects that clips lift, in turn. ValueError when none does, or a clip has no target."""
+            config: Rehearsal, proofs: int, engines: Sequence[str], worlds: int, seed: int) -> Lessons:  # fmt: skip
+    """Worlds of the objects that clips lift, in turn; in each of the engines they must do so in as many episodes as there are
+    `proofs`. ValueError when none does, or a clip has no target."""
     of = {one.name: task(one) for one in bodies}
-    still = replace(config, shift_m=0.0, astray=(0.0, 0.0, 0.0))
-    good = held(hand, list(of.values()), references, still, proofs, worlds, seed) >= proofs
-    kept = [one for one, fine in zip(references, good, strict=True) if fine]
+    kept = list(references)
+    for engine in engines if proofs else ():
+        still = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0))
+        good = held(hand, list(of.values()), kept, still, proofs, worlds, seed) >= proofs if kept else []
+        kept = [one for one, fine in zip(kept, good, strict=True) if fine]
     tasks = [of[name] for name in of if any(one.object_name == name for one in kept)]
     if not kept:
         raise ValueError(f"hand_imitation: expected a clip that lifts its object {proofs} times of {proofs}, got none of "
                          f"{len(references)}; look at how they are made, or ask for fewer proofs")
     core = Rehearsing(hand, [tasks[k % len(tasks)] for k in range(worlds)], kept, config)
     facts = {"role": "prior", "layout": "small", "rates": "prior", "hand": hand.name, "steps": config.steps,
-             "lift_m": config.lift_m, "start": start(hand, targets, kept).tolist(),
-             "objects": [one.body.name for one in tasks]}  # fmt: skip
+             "lift_m": config.lift_m, "start": "anywhere", "base": "prior", "seed": seed,
+             "posture": posture(hand, targets, kept).tolist(), "objects": [one.body.name for one in tasks]}  # fmt: skip
     return Lessons(core, facts, [Point(0, "proof.clips", len(references)), Point(0, "proof.kept", len(kept))])
 
 
-def start(hand: HandModel, targets: Sequence[GraspTarget], references: Sequence[HandReference]) -> np.ndarray:
+def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequence[HandReference]) -> np.ndarray:
     """(m,) the mean posture that clips begin in, the wrist meant from the place that is grasped. ValueError for a clip without a
     target."""
     places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(one.T_object_handle[:3, 3]) + one.object_pose[:3]
