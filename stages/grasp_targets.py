@@ -16,7 +16,7 @@ from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 from schemas.motion import GraspTarget
 
-LIBRARIES = ("numpy", "scipy", "mujoco", "pybullet")
+LIBRARIES = ("numpy", "scipy", "trimesh", "mujoco", "pybullet")
 THREADS = 1
 MEMORY_GIB = 0.5
 

@@ -20,7 +20,7 @@ from schemas.hand import HandModel
 from schemas.motion import GraspTarget, ReferenceSet
 from schemas.training import Trained
 
-LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
+LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
 THREADS = 1
 MEMORY_GIB = 2.0
 

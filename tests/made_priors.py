@@ -15,8 +15,8 @@ from tests.made_scenes import tool
 TOOLS = ("flashlight", "spatula")
 FROM_ABOVE = motion_synthesise.Params(
     clips=1, rate_hz=20.0, reach_s=(0.45, 0.55), close_s=(0.2, 0.25), hold_s=0.25, lift_s=0.7, distance_m=(0.115, 0.125),
-    approach=(0.0, -0.55, -0.83), start=(0.0, 0.0, 20.0), wander=0.3, beyond_m=(0.0, -0.003, -0.036), spread_deg=4.0, turn_deg=5.0,
-    hooking=(0.58, 0.78), noise_m=0.0, press=0.6)  # fmt: skip
+    approach=(0.0, -0.741, -0.672), start=(0.0, 0.0, 20.0), wander=0.3, beyond_m=(0.0, -0.009, -0.0242), spread_deg=4.0,
+    turn_deg=5.0, hooking=(-0.41, -0.21), press=0.99, noise_m=0.0)  # fmt: skip
 
 
 @cache
