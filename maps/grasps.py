@@ -41,10 +41,11 @@ HELD = ("brush", "chisel", "flashlight", "hammer", "knife", "pizza_cutter", "scr
 NEVER = ("axe", "cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
 SIZES = (0.85, 1.15)
-FROM_ABOVE: dict[str, Any] = {"clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7,
-              "lift_m": 0.2, "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0),
-              "wander": 0.3, "beyond_m": (0.0, -0.009, -0.0242), "spread_deg": 4.0, "turn_deg": 5.0, "hooking": (-0.41, -0.21),
-              "press": 0.99, "noise_m": 0.0}  # fmt: skip
+FROM_ABOVE: dict[str, Any] = {
+    "clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7, "lift_m": 0.2,
+    "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0), "wander": 0.3,
+    "beyond_m": (0.0, -0.009, -0.0242), "spread_deg": 4.0, "turn_deg": 5.0, "hooking": (-0.41, -0.21), "press": 0.99,
+    "noise_m": 0.0}  # fmt: skip
 """of motion_synthesise: people who grasp what lies on a table, fast enough for an episode (docs/imitation.md)"""
 FITTED: dict[str, Any] = {"centre": False, "frame_steps": 20, "clip_steps": 5}
 """of hand_retarget, for such clips"""

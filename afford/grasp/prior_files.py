@@ -43,7 +43,7 @@ def lessons(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[Gr
     kept = list(references)
     for engine in engines if proofs else ():
         still = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0))
-        good = held(hand, list(of.values()), kept, still, proofs, worlds, seed) >= proofs if kept else []
+        good: Any = held(hand, list(of.values()), kept, still, proofs, worlds, seed) >= proofs if kept else []
         kept = [one for one, fine in zip(kept, good, strict=True) if fine]
     tasks = [of[name] for name in of if any(one.object_name == name for one in kept)]
     if not kept:
