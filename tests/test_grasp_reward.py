@@ -49,6 +49,13 @@ def test_dense_pays_only_what_is_gripped() -> None:
     assert total("dense", **detour, force_held=grip) == pytest.approx(1.28 - 4 * 0.02)
 
 
+def test_what_is_positive_draws_where_it_is_asked_for() -> None:
+    """A weight of -2: the mean distance of the fingertips to where hands belong costs twice that; by default it costs nothing."""
+    given = measured(positive_m=[[0.1, 0.1, 0.0, 0.0, 0.0]])
+    assert rewards(weights("dense"), given)["positive"] == 0
+    assert rewards(weights("dense", {"positive": -2.0}), given)["positive"] == pytest.approx(-0.08)
+
+
 def test_without_negative_terms_all_else_is_equal() -> None:
     """Whatever is negative costs nothing, and nothing else changes."""
     off = weights("dense", negative_times("dense", 0.0))

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from afford.grasp.config import Config
+from afford.grasp.core import Grasping
+from afford.grasp.scenery import scenery
 from afford.grasp.task import NEGATIVE_POINTS, placed, spread_points, task
 from afford.sim.drops import drops, laid
 from afford.sim.engine import world
 from afford.sim.scene import centre
+from tests.made_hands import shadow
 from tests.made_scenes import block, scene, tool
 
 
@@ -73,3 +79,26 @@ def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
         low = min(float((Rotation.from_quat(pose[3:]).apply(hull) + pose[:3])[:, 2].min()) for hull in where.body.hulls())
         assert abs(low) < 0.002
     made.close()
+
+
+def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
+    """Of the surface, from all negative points; everything where nothing is negative, and where nothing is left."""
+    body = tool("spatula", 12)
+    some, none = task(body, ("head",)), task(body)
+    made = scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))
+    apart = np.linalg.norm(made.surface[0][:, None] - some.N_t[None], axis=2).min(axis=1)
+    assert (made.allowed[0] == (apart > 0.02)).all() and 0 < made.allowed[0].sum() < len(apart)
+    assert made.allowed[1].all() and made.allowed[2].all()
+
+
+def test_positive_points_are_measured_from_the_fingertips() -> None:
+    """Where some are known, the distance to the nearest; elsewhere nothing."""
+    one = task(block())
+    known = replace(one, A_t=np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]]))
+    grasping = Grasping(shadow(), (one, known), Config(base="script"))
+    grasping.reset([0, 1], [np.random.default_rng(0), np.random.default_rng(0)])
+    tips, pose = grasping.state().tips[1], grasping.state().body[1]
+    spots = Rotation.from_quat(pose[3:]).apply(known.A_t) + pose[:3]
+    expected = np.linalg.norm(tips[:, None] - spots[None], axis=2).min(axis=1)
+    np.testing.assert_allclose(grasping.measures().positive_m, [np.zeros(5), expected], atol=1e-12)
+    grasping.close()

@@ -25,6 +25,8 @@ class Measures:
     """(n, f) from each fingertip to the nearest point of the object's surface"""
     allowed_m: np.ndarray
     """(n, f) from each fingertip to the nearest of the points that may be touched, farther than 2 cm from all negative ones"""
+    positive_m: np.ndarray
+    """(n, f) from each fingertip to the nearest point where hands belong; 0 where none are known"""
     tips_centre_m: np.ndarray
     """(n, f) from each fingertip to the object's centre of mass"""
     goal_m: np.ndarray
@@ -66,6 +68,7 @@ def measure(scenery: Scenery, episode: Episode, state: State, action: np.ndarray
         palm_m=np.linalg.norm(scenery.palm(state) - centre, axis=1),
         tips_m=nearest(state.tips, points)[0],
         allowed_m=nearest(state.tips, np.where(scenery.allowed[:, :, None], points, FAR_M))[0],
+        positive_m=scenery.any_positive[:, None] * nearest(state.tips, scenery.positive_points(state))[0],
         tips_centre_m=np.linalg.norm(state.tips - centre[:, None], axis=2),
         goal_m=np.linalg.norm(centre - episode.goal, axis=1),
         height_m=centre[:, 2],

@@ -47,6 +47,8 @@ TERMS: Mapping[str, Term] = {
     "gripped_goal": Term("m by which the object is nearer to its goal than 15 cm, where two or more of fingers and palm press",
                          lambda m: m.gripped * (GRASP_REACH_M - m.goal_m).clip(min=0)),
     "gripped_success": Term("1 where so gripped and within 5 cm", lambda m: m.gripped * (m.goal_m < GOAL_M).astype(float)),
+    "positive": Term("m, mean of fingertips to the nearest point where hands belong, where such are known",
+                     lambda m: m.positive_m.mean(axis=1)),
     "negative_contacts": Term("a quarter for each of fingers and palm that presses on a negative part",
                               lambda m: 0.25 * (m.force_negative > TOUCH_N).sum(axis=1)),
     "negative_detour": Term("m, mean of how much farther fingertips are from points that may be touched than from the surface",
@@ -58,7 +60,7 @@ TERMS: Mapping[str, Term] = {
 REWARDS: Mapping[str, Mapping[str, float]] = {
     "afforddex": {"hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0},
     "unidexgrasp++": {"fingers": -0.5, "palm": -1.0, "carry": 1.0, "hand_up": 1.0, "arrived": 1.0},
-    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "negative_contacts": -0.5,
+    "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "positive": 0.0, "negative_contacts": -0.5,
               "negative_detour": -4.0, "negative_near": -0.7},
 }
 """set -> weights of its terms. `afforddex`: the paper's four; `unidexgrasp++`: what its code and that of AffordDex have (papers:

@@ -45,6 +45,10 @@ class Scenery:
     """(n, k) bool, farther than SAFE_M from every negative point; all where none is"""
     N_object: np.ndarray
     """(n, 100, 3) negative points, object frame; zero where there are none"""
+    A_object: np.ndarray
+    """(n, 100, 3) points where hands belong, object frame; zero where none are known"""
+    any_positive: np.ndarray
+    """(n,) bool"""
     any_negative: np.ndarray
     """(n,) bool"""
     negative: np.ndarray
@@ -64,6 +68,10 @@ class Scenery:
         """(n, 100, 3) negative points, world."""
         return to_world(state.body, self.N_object)
 
+    def positive_points(self, state: State) -> np.ndarray:
+        """(n, 100, 3) points where hands belong, world."""
+        return to_world(state.body, self.A_object)
+
     def palm(self, state: State) -> np.ndarray:
         """(n, 3) middle of the palm, world."""
         return to_world(state.palm, np.tile(self.palm_offset, (len(state.palm), 1, 1)))[:, 0]
@@ -74,10 +82,10 @@ def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
     parts = max(len(one.negative) for one in tasks)
     surface = [spread_points(one.body.points.astype(np.float64), OBJECT_POINTS) for one in tasks]
     allowed = [_apart(points, one.N_t) for one, points in zip(tasks, surface, strict=True)]
-    none = np.zeros((NEGATIVE_POINTS, 3))
     return Scenery(
         hand=hand, com=np.stack([one.body.com_m for one in tasks]), surface=np.stack(surface), allowed=np.stack(allowed),
-        N_object=np.stack([one.N_t if len(one.N_t) else none for one in tasks]),
+        N_object=np.stack([_hundred(one.N_t) for one in tasks]), A_object=np.stack([_hundred(one.A_t) for one in tasks]),
+        any_positive=np.array([len(one.A_t) > 0 for one in tasks]),
         any_negative=np.array([len(one.N_t) > 0 for one in tasks]),
         negative=np.stack([np.pad(one.negative, (0, parts - len(one.negative))) for one in tasks]),
         palm_offset=_middle_of_palm(hand))  # fmt: skip
@@ -105,6 +113,11 @@ def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
     """(n,) where the fingers point, seen from above (the palm's grip axis z)."""
     z = Rotation.from_quat(state.palm[:, 3:]).as_matrix() @ hand.R_palm_grip[:, 2]
     return np.arctan2(z[:, 1], z[:, 0])
+
+
+def _hundred(points: np.ndarray) -> np.ndarray:
+    """(100, 3) of points (k, 3), zero where there is none."""
+    return spread_points(points, NEGATIVE_POINTS) if len(points) else np.zeros((NEGATIVE_POINTS, 3))
 
 
 def _apart(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:

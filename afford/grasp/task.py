@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,6 +27,8 @@ class Task:
     """(p,) bool, parts that must not be touched; in truth, for judging"""
     N_t: np.ndarray
     """(100, 3) float64 m, object frame, negative points that a policy is shown and rewards look at; (0, 3) when there are none"""
+    A_t: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(k, 3) float64 m, object frame, points where hands belong, which rewards may look at; (0, 3) when none are known"""
 
 
 def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: np.ndarray | None = None) -> Task:
