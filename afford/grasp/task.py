@@ -64,5 +64,5 @@ def placed(body: GraspObject, rest: np.ndarray, xy_m: np.ndarray, yaw_rad: float
     """(7,) the pose at rest, turned about the vertical, with its centre of mass over xy; its height stays."""
     turn = Rotation.from_euler("z", yaw_rad)
     lying = turn * Rotation.from_quat(rest[3:])
-    under = np.append(xy_m, rest[2]) - lying.apply(body.com_m) * (1, 1, 0)
+    under = np.append(xy_m, rest[2]) - lying.apply(np.array(body.com_m)) * (1, 1, 0)
     return np.concatenate([under, lying.as_quat()])

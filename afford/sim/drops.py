@@ -79,7 +79,7 @@ def _thrown(scene: Scene, rng: np.random.Generator, reach_m: float) -> np.ndarra
     turn = Rotation.random(rng=rng)
     centre = np.array([*rng.uniform(-reach_m, reach_m, 2), GAP_M])
     corners = turn.apply(scene.body.corners - scene.body.com_m)
-    return np.concatenate([centre - (0, 0, corners[:, 2].min()) - turn.apply(scene.body.com_m), turn.as_quat()])
+    return np.concatenate([centre - (0, 0, corners[:, 2].min()) - turn.apply(np.array(scene.body.com_m)), turn.as_quat()])
 
 
 def _rests(state: State) -> bool:

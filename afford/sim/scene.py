@@ -102,7 +102,7 @@ class Sensing:
 
 def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
     """(3,) centre of mass of an object whose frame is at the pose (7,)."""
-    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(body.com_m) + pose[:3]
+    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(np.array(body.com_m)) + pose[:3]
     return found
 
 
