@@ -59,8 +59,8 @@ def lessons(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[Gr
 def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequence[HandReference]) -> np.ndarray:
     """(m,) the mean posture that clips begin in, the wrist meant from the place that is grasped. ValueError for a clip without a
     target."""
-    places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3])) + one.object_pose[:3]
-              for one in targets}  # fmt: skip
+    places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3]))
+              + one.object_pose[:3] for one in targets}  # fmt: skip
     of_motor = commanded(hand.joints)
     rows = list[np.ndarray]()
     for one in references:
