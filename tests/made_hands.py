@@ -16,6 +16,7 @@ from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandModel
 from stages import hand_model
+from tests.read_only import read_only
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "hands" / "shadow_hand"
 COUPLED = ("FFJ1=FFJ2", "MFJ1=MFJ2", "RFJ1=RFJ2", "LFJ1=LFJ2")
@@ -35,7 +36,7 @@ PINCER = "\n".join([
 @cache
 def shadow(**params: object) -> HandModel:
     """The Shadow Hand."""
-    return hand_model.run(shadow_files(), hand_model.Params(**params))  # type: ignore[arg-type]  # fields of Params
+    return read_only(hand_model.run(shadow_files(), hand_model.Params(**params)))  # type: ignore[arg-type]  # fields of Params
 
 
 def hand_of(files: FileTree, **params: object) -> HandModel:

@@ -11,6 +11,7 @@ from schemas.motion import GraspTarget, ReferenceSet
 from stages import grasp_targets, hand_retarget, motion_report, motion_synthesise
 from tests.made_hands import shadow
 from tests.made_scenes import tool
+from tests.read_only import read_only
 
 TOOLS = ("flashlight", "spatula")
 FROM_ABOVE = motion_synthesise.Params(
@@ -22,7 +23,8 @@ FROM_ABOVE = motion_synthesise.Params(
 @cache
 def targets() -> tuple[GraspTarget, ...]:
     """Two places along each tool."""
-    return tuple(one for name in TOOLS for one in grasp_targets.run(tool(name), shadow(), grasp_targets.Params(places=2)))
+    places = grasp_targets.Params(places=2)
+    return read_only(tuple(one for name in TOOLS for one in grasp_targets.run(tool(name), shadow(), places)))
 
 
 @cache
@@ -30,7 +32,7 @@ def reference_set() -> ReferenceSet:
     """A clip for each of them."""
     plain = hand_retarget.Params(centre=False, frame_steps=20, clip_steps=5)
     clips = [hand_retarget.run(motion_synthesise.run(one, FROM_ABOVE)[0], shadow(), plain) for one in targets()]
-    return motion_report.run(tuple(clips), motion_report.Params())
+    return read_only(motion_report.run(tuple(clips), motion_report.Params()))
 
 
 def rehearsing(**config: Any) -> Rehearsing:

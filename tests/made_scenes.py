@@ -15,6 +15,7 @@ from schemas.mesh import MeshParts, ObjectSpec
 from stages import object_build, object_solids
 from tests.made_hands import shadow
 from tests.made_meshes import as_object
+from tests.read_only import read_only
 
 FEW = object_solids.Params(points=128)
 
@@ -23,7 +24,7 @@ FEW = object_solids.Params(points=128)
 def tool(category: str = "screwdriver", seed: int = 3) -> GraspObject:
     """A procedural object."""
     built = object_build.run(ObjectSpec(category, category, seed, "plain", "train"), object_build.Params(atlas_px=64))
-    return object_solids.run(built.mesh, built.parts, FEW)
+    return read_only(object_solids.run(built.mesh, built.parts, FEW))
 
 
 @cache
@@ -32,7 +33,7 @@ def block() -> GraspObject:
     lower = trimesh.creation.box((0.06, 0.03, 0.10))
     mesh = as_object(lower.apply_translation((0, 0, 0.05)).subdivide(), "block")
     middle = mesh.vertices[mesh.faces][:, :, 2].mean(axis=1)
-    return object_solids.run(mesh, MeshParts("block", ("foot", "top"), (middle > 0.05).astype(np.int16)), FEW)
+    return read_only(object_solids.run(mesh, MeshParts("block", ("foot", "top"), (middle > 0.05).astype(np.int16)), FEW))
 
 
 def scene(body: GraspObject | None = None, **physics: float) -> Scene:

@@ -232,7 +232,7 @@ def _clips_of(one: Task, references: Sequence[HandReference]) -> list[int]:
 def _moved(pose: np.ndarray, yaw: float, origin: np.ndarray) -> np.ndarray:
     """(7,) turned about z and shifted."""
     turn = Rotation.from_euler("z", yaw)
-    return np.concatenate([turn.apply(pose[:3]) + origin, (turn * Rotation.from_quat(pose[3:])).as_quat()])
+    return np.concatenate([turn.apply(np.array(pose[:3])) + origin, (turn * Rotation.from_quat(pose[3:])).as_quat()])
 
 
 def _astray(by: tuple[float, float, float], motors: int, rng: np.random.Generator) -> np.ndarray:
