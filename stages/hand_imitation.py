@@ -45,8 +45,8 @@ class Params:
     """standard deviation of what is added to actions there"""
     nudged: float = 0.5
     """share of episodes in which somebody moves the hand along the object on its way down"""
-    reinforcing: int = 40
-    """updates of PPO"""
+    reinforcing: int = 0
+    """updates of PPO; 30 of them made the prior worse (docs/imitation.md)"""
     critic: int = 6
     """the first of them, in which only the critic learns"""
     ppo_lr: float = 1e-4
