@@ -20,7 +20,7 @@ def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
     downs = set()
     for pose in poses:
         R = Rotation.from_quat(pose[3:])
-        assert abs((R.apply(body.corners) + pose[:3])[:, 2].min()) < 1e-3
+        assert abs((R.apply(np.array(body.corners)) + pose[:3])[:, 2].min()) < 1e-3
         down = R.inv().apply([0, 0, -1])
         assert np.abs(down).max() > 0.999
         downs.add((int(np.abs(down).argmax()), bool(down[np.abs(down).argmax()] > 0)))
