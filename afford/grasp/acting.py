@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import torch
 
+from afford.grasp import student_files
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
 from afford.grasp.evaluate import Actor, Still
 from afford.grasp.observe import blocks, slices
+from afford.grasp.student import Student
 from afford.rl.policy import ActorCritic
 from afford.rl.saved import CONFIG, read
 from afford.sim.scene import Physics
@@ -32,6 +34,7 @@ class Policy:
     facts: Mapping[str, Any]
     teacher: ActorCritic | None
     prior: ActorCritic | None
+    student: Student | None = None
 
     @property
     def seed(self) -> int:
@@ -45,6 +48,8 @@ class Policy:
 
     def actor(self, grasping: Grasping) -> Actor:
         """Who acts in these worlds."""
+        if self.student is not None:
+            return self.student
         if self.teacher is None and self.prior is None:
             return Still()
         return Mean(self.teacher, self.prior, prior_columns(grasping.config.layout, grasping.config.role))
@@ -82,9 +87,12 @@ def prior_columns(layout: str, role: str) -> np.ndarray:
 
 
 def load(files: FileTree, otherwise: Mapping[str, Any]) -> Policy:
-    """A teacher with the prior in it, a prior, or no files: the base alone, in the environment `otherwise`."""
+    """A teacher with the prior in it, a prior, a student, or no files: the base alone, in the environment `otherwise`."""
     if not files.files:
         return Policy(otherwise, None, None)
+    if files.find(student_files.CONFIG):
+        pupil, senses, facts = student_files.read(files)
+        return Policy(facts, None, None, Student(pupil, senses))
     model, facts = read(files)
     if facts["role"] == "prior":
         return Policy(facts, None, model.eval())

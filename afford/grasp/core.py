@@ -102,11 +102,14 @@ class Grasping:
 
     def observe(self) -> np.ndarray:
         """(n, width) float32."""
+        return observe(self.blocks, self.now())
+
+    def now(self) -> Now:
+        """What observations are cut from."""
         now, state = self._now, self.state()
         lag = (now.sent[:, 0] - state.q[:, self._of_motor]) / self.rates[:, 0]
-        seen = Now(self.scenery, now.episode, state, self.measures(), now.action, now.offset / self.rates[:, 0], lag,
+        return Now(self.scenery, now.episode, state, self.measures(), now.action, now.offset / self.rates[:, 0], lag,
                    now.step / self.config.steps)  # fmt: skip
-        return observe(self.blocks, seen)
 
     def report(self) -> dict[str, np.ndarray]:
         """How episodes went that end now: metrics.MEANING."""
@@ -144,6 +147,16 @@ class Grasping:
     def towards(self, u: np.ndarray) -> np.ndarray:
         """(n, m) the action that leads to targets (n, m), as far as one step goes."""
         return act.towards(self.rates, self._now.sent[:, 0], u, self._now.episode.yaw)
+
+    def steps_done(self) -> np.ndarray:
+        """(n,) of each episode."""
+        return self._now.step.copy()
+
+    def correction(self, u: np.ndarray) -> np.ndarray:
+        """(n, m) the action after which, as far as one step goes, base and offset together want targets (n, m)."""
+        now = self._now
+        base = now.base[np.arange(len(u)), now.step.clip(max=self.config.steps - 1)]
+        return act.towards(self.rates, base + act.turned(now.offset, now.episode.yaw), u, now.episode.yaw)
 
     def save(self) -> Any:
         """Everything that the next step depends on, but the generators of the caller."""

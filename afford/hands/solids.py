@@ -9,15 +9,15 @@ from afford.hands.tree import Shape, Tree
 from afford.readers.errors import SourceError
 
 SIDES = 24
-"""corners around anything round"""
+"""corners around anything round, where nothing else is said"""
 
 
-def solid(shape: Shape, tree: Tree) -> trimesh.Trimesh:
-    """A shape in the frame of its link, metres."""
-    return _solid(shape, tree).apply_transform(shape.T_link_shape)
+def solid(shape: Shape, tree: Tree, sides: int = SIDES) -> trimesh.Trimesh:
+    """A shape in the frame of its link, metres; so many corners around anything round."""
+    return _solid(shape, tree, sides).apply_transform(shape.T_link_shape)
 
 
-def _solid(shape: Shape, tree: Tree) -> trimesh.Trimesh:
+def _solid(shape: Shape, tree: Tree, sides: int) -> trimesh.Trimesh:
     if shape.kind == "mesh":
         vertices, faces = tree.meshes[shape.mesh]
         return trimesh.Trimesh(vertices, faces, process=False)
@@ -26,8 +26,8 @@ def _solid(shape: Shape, tree: Tree) -> trimesh.Trimesh:
     if shape.kind == "sphere":
         return trimesh.creation.icosphere(2, shape.size_m[0])
     if shape.kind == "cylinder":
-        return trimesh.creation.cylinder(shape.size_m[0], shape.size_m[1], SIDES)
-    capsule = trimesh.creation.capsule(shape.size_m[1], shape.size_m[0], count=(SIDES, SIDES))
+        return trimesh.creation.cylinder(shape.size_m[0], shape.size_m[1], sides)
+    capsule = trimesh.creation.capsule(shape.size_m[1], shape.size_m[0], count=(sides, sides))
     return capsule.apply_translation(-capsule.bounds.mean(axis=0))
 
 

@@ -42,7 +42,7 @@ def camera(vertices: np.ndarray, around: Sphere, towards: np.ndarray, distance: 
         raise ValueError(f"distance: expected more than 1 radius, so that the camera is outside, got {distance}")
     way = np.asarray(towards, np.float64)
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = _facing(-way), around.eye(way, distance)
+    T[:3, :3], T[:3, 3] = facing(-way), around.eye(way, distance)
     seen = (vertices - T[:3, 3]) @ T[:3, :3]
     flat = seen[:, :2] / seen[:, 2:]
     low, high = flat.min(0), flat.max(0)
@@ -51,7 +51,7 @@ def camera(vertices: np.ndarray, around: Sphere, towards: np.ndarray, distance: 
     return Camera(np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1.0]]), T, size_px, size_px)
 
 
-def _facing(forward: np.ndarray) -> np.ndarray:
+def facing(forward: np.ndarray) -> np.ndarray:
     """(3, 3) camera axes in the object frame: z along `forward`, y as far down as it can be; from above and below, y towards -y."""
     z = forward / np.linalg.norm(forward)
     down = np.array([0, 0, -1.0]) if abs(z[2]) < 0.999 else np.array([0, -1.0, 0])
