@@ -23,7 +23,7 @@ from tests.made_students import worlds
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):  # type: ignore[no-untyped-def]
-    """A moment in the middle of a grasp by script: joints, pose, hulls, and all surfaces in the world, rounder than cameras draw."""
+    """A moment amid a grasp by script: joints, pose, hulls, and all surfaces in the world, rounder than cameras draw."""
     core = worlds(base="script")
     for _ in range(16):
         core.step(np.zeros((2, 24)), [np.random.default_rng(0)] * 2)

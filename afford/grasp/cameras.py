@@ -1,7 +1,7 @@
 """Depth cameras around the table: how far hand and object are from each pixel, and which of the two it shows.
 
-Cameras stand as in the paper and look at a point 15 cm above the table (papers: section 7.3); it does not say how wide they see. The
-table itself is not drawn: it is flat, below everything, and cut off by the box that clouds are cropped to.
+Cameras stand as in the paper and look at a point 15 cm above the table (papers: section 7.3); it does not say how wide they see.
+The table itself is not drawn: it is flat, below everything, and cut off by the box that clouds are cropped to.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Rig:
 
     def __post_init__(self) -> None:
         if not 1 <= self.views <= len(PLACES_M) or self.size_px < 1 or not 0 < self.view_deg < 180:
-            raise ValueError(f"Rig: expected 1 to {len(PLACES_M)} views of one pixel or more that span 0 to 180 degrees, got {self}")
+            raise ValueError(f"Rig: expected 1 to {len(PLACES_M)} views of a pixel or more that span 0 to 180 degrees, got {self}")
 
     def cameras(self) -> tuple[Camera, ...]:
         """As many as there are views."""

@@ -1,4 +1,4 @@
-"""What a camera can see of a world: the collision shapes of the hand and the hulls of the object, as triangles. No engine is asked."""
+"""What a camera can see of a world: the hand's collision shapes and the object's hulls, as triangles. No engine is asked."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Train a student by DAgger, so that a training that was killed goes on to the same weights, to the bit.
 
-A section is SECTION rounds. Rounds begin with new episodes and random states that are functions of their number (dagger.py), so that
-between two sections there is only this to keep: weights, optimiser, curves, and the moments that are remembered. Moments are written
-first, under the number of the round, and deleted when a newer checkpoint is safe.
+A section is SECTION rounds. Rounds begin with new episodes and random states that are functions of their number (dagger.py), so
+that between two sections there is only this to keep: weights, optimiser, curves, and the moments that are remembered. Moments are
+written first, under the number of the round, and deleted when a newer checkpoint is safe.
 """
 
 from __future__ import annotations
