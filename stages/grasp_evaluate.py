@@ -19,7 +19,7 @@ from schemas.grasp_task import GraspTask
 from schemas.hand import HandModel
 from schemas.motion import ReferenceSet
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "safetensors")
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "pillow", "safetensors", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.5
 

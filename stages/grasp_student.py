@@ -20,7 +20,8 @@ from schemas.grasp_task import GraspTask
 from schemas.hand import HandModel
 from schemas.training import Trained
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "safetensors", "protobuf", "blake3")
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "pillow", "safetensors",
+             "protobuf", "blake3", "pybullet")
 THREADS = 1
 MEMORY_GIB = 2.0
 
@@ -29,7 +30,7 @@ MEMORY_GIB = 2.0
 class Params:
     seed: int = 0
     """of weights, places, yaws and minibatches"""
-    rounds: int = 40
+    rounds: int = 24
     """episodes of every world, each followed by learning"""
     worlds: int = 16
     """computed side by side, at least one for each task; tasks are taken in turn"""
@@ -37,9 +38,9 @@ class Params:
     """minibatches after a round"""
     batch: int = 128
     """moments in a minibatch"""
-    buffer: int = 9600
+    buffer: int = 24000
     """moments that are remembered"""
-    led: int = 6
+    led: int = 4
     """rounds over which the teacher's share of the worlds falls to none"""
     lr: float = 1e-3
     """of Adam; it falls to 0"""

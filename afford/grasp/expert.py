@@ -20,7 +20,7 @@ class Guide:
         step, pose, yaw, config = now.steps_done(), now.state().body, now.now().episode.yaw, now.config
         for k in np.flatnonzero(step == 0).tolist():
             aim = _turned(at_part(now.scenes[k], pose[k], now.tasks[k].hold), yaw[k])
-            self._wanted[k] = base.scripted(now.scenes[k], aim, config.steps, config.lift_m)
+            self._wanted[k] = base.scripted(now.scenes[k], aim, config.steps, config.lift_m, config.wait)
         at = step.clip(max=config.steps - 1)
         return now.correction(np.stack([self._wanted[k][at[k]] for k in range(len(step))]))
 

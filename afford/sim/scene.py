@@ -96,8 +96,6 @@ class Sensing:
 
     latency_steps: int = 0
     """control steps by which a command comes late"""
-    depth_noise_m: float = 0.0
-    """standard deviation of depth"""
 
 
 def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
@@ -126,7 +124,6 @@ def randomised(scene: Scene, seed: int, ranges: Mapping[str, Range] = RANDOM) ->
     return replace(scene, physics=replace(scene.physics, **drawn))
 
 
-def sensing(seed: int, latency_steps: int = 1, depth_noise_m: float = 0.003) -> Sensing:
-    """Latency from 0 to `latency_steps`, noise from 0 to `depth_noise_m`; of a stream of its own."""
-    rng = np.random.default_rng([seed, 1])
-    return Sensing(int(rng.integers(latency_steps + 1)), float(rng.uniform(0, depth_noise_m)))
+def sensing(seed: int, latency_steps: int = 1) -> Sensing:
+    """Latency from 0 to `latency_steps`; of a stream of its own."""
+    return Sensing(int(np.random.default_rng([seed, 1]).integers(latency_steps + 1)))

@@ -1,0 +1,108 @@
+"""Write the tables of docs/student.md: sizes of the network, what noise of depth is drawn from, what seeing and acting cost.
+
+    PYTHONPATH=. python benchmarks/bench_student.py
+
+CPU milliseconds of one thread for one world and one control step, in the middle of grasps by script.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from afford.grasp import cameras, sight
+from afford.grasp.cameras import Rig, shoot
+from afford.grasp.config import Config
+from afford.grasp.core import Grasping
+from afford.grasp.depth_noise import RANDOM_DEPTH
+from afford.grasp.sight import Eyes
+from afford.grasp.student import Senses, Sight
+from afford.grasp.task import task
+from afford.grasp.teach import made
+from afford.hands.assets import shadow_files
+from benchmarks.pages import ROOT, into
+from schemas.mesh import ObjectSpec
+from stages import hand_model, object_build, object_solids
+
+PAGE = ROOT / "docs" / "student.md"
+TOOLS = ("screwdriver", "hammer", "knife", "spatula")
+BEFORE, REPEAT = 16, 5
+SETTINGS = (("small", Senses()), ("small", Senses(eyes=Eyes(sampling="farthest"))),
+            ("paper", Senses(cameras.PAPER, Eyes(1024, "even", "paper"))),
+            ("paper", Senses(cameras.PAPER, sight.PAPER)))  # fmt: skip
+
+
+def main() -> None:
+    """Write."""
+    torch.set_num_threads(1)
+    core = grasps()
+    for name, text in {"sizes": sizes(core), "noise": noise(), "cost": costs(core)}.items():
+        into(PAGE, name, Path(__file__).name, text)
+    core.close()
+
+
+def grasps() -> Grasping:
+    """Hands that have closed."""
+    hand = hand_model.run(shadow_files(), hand_model.Params())
+    built = [object_build.run(ObjectSpec(one, one, 12, "plain", "train"), object_build.Params(atlas_px=64)) for one in TOOLS]
+    bodies = [object_solids.run(one.mesh, one.parts, object_solids.Params()) for one in built]
+    core = Grasping(hand, [task(body, [part for part in body.parts if part != "handle"]) for body in bodies], Config(base="script"))
+    rngs = [np.random.default_rng(k) for k in range(len(TOOLS))]
+    core.reset(range(len(TOOLS)), rngs)
+    for _ in range(BEFORE):
+        core.step(np.zeros((len(TOOLS), core.motors)), rngs)
+    return core
+
+
+def sizes(core: Grasping) -> str:
+    """Of both networks."""
+    rows = ["| size | numbers of the robot | points | token | blocks | heads | dropout | perceptron | weights |",
+            "|---|--:|---|--:|--:|--:|--:|---|--:|"]  # fmt: skip
+    for size, layout in (("small", "small"), ("paper", "paper")):
+        model = made(size, Sight(core, Senses(Rig(1, 16), Eyes(16, layout=layout))).look().robot.shape[1], core.motors, 0)
+        c = model.config
+        rows.append(f"| {size} | {c.robot} | {', '.join(map(str, c.points))} | {c.width} | {c.blocks} | {c.heads} | {c.dropout:g} "
+                    f"| {', '.join(map(str, c.hidden))} | {sum(p.numel() for p in model.parameters()):,} |")
+    return "\n".join([*rows, ""])
+
+
+def noise() -> str:
+    """What differs between worlds."""
+    rows = [f"| {name} | {span.low:g} | {span.high:g} | {span.spread} |" for name, span in RANDOM_DEPTH.items()]
+    return "\n".join(["| of DepthNoise | from | to | spread |", "|---|--:|--:|---|", *rows, ""])
+
+
+def costs(core: Grasping) -> str:
+    """Pictures, clouds, network."""
+    rows = ["| views | pixels | points | sampling | network | pictures | all that is seen | network | in all |",
+            "|--:|--:|--:|---|---|--:|--:|--:|--:|"]  # fmt: skip
+    for size, senses in SETTINGS:
+        look, state = Sight(core, senses), core.state()
+        seen = [torch.from_numpy(part) for part in look.look()]
+        model = made(size, seen[0].shape[1], core.motors, 0).eval()
+        pictures = cost(lambda look=look, state=state: shoot(look.cameras, look.hand, look.bodies, state.q, state.body))
+        everything, network = cost(look.look), cost(lambda model=model, seen=seen: model(*seen))
+        rig, eyes = senses.rig, senses.eyes
+        rows.append(f"| {rig.views} | {rig.size_px} | {eyes.points} | {eyes.sampling} | {size} | {pictures:.1f} | {everything:.1f} "
+                    f"| {network:.1f} | {everything + network:.1f} |")
+    return "\n".join([*rows, ""])
+
+
+@torch.no_grad()
+def cost(act: Callable[[], object]) -> float:
+    """CPU ms for each world, the best of several."""
+    act()
+    found = []
+    for _ in range(REPEAT):
+        start = time.process_time()
+        act()
+        found.append(time.process_time() - start)
+    return 1000 * min(found) / len(TOOLS)
+
+
+if __name__ == "__main__":
+    main()
