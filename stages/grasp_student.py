@@ -30,7 +30,7 @@ MEMORY_GIB = 2.0
 class Params:
     seed: int = 0
     """of weights, places, yaws and minibatches"""
-    rounds: int = 24
+    rounds: int = 16
     """episodes of every world, each followed by learning"""
     worlds: int = 16
     """computed side by side, at least one for each task; tasks are taken in turn"""

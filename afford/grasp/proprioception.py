@@ -6,6 +6,7 @@ Its frame is that of its start: the origin is the point of the table below the m
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -83,12 +84,11 @@ class Body:
         """(n, r) float32: the blocks R of a layout of observe.py, in the frame of the start. Whatever these blocks would look up
         of an object is not a number."""
         state = self._state(own)
-        n = len(own.q)
-        nothing = np.full((n, 3), np.nan)
-        episode = Episode(start.origin, start.yaw, nothing)
-        scenery = Scenery(self.hand, nothing, nothing[:, None], np.zeros((n, 1), bool), nothing[:, None], np.zeros(n, bool),
-                          np.zeros((n, 1), bool), self.palm_offset)  # fmt: skip
-        measures = Measures(**{f.name: np.full((n, 1), np.nan) for f in fields(Measures)})
+        nothing = np.full((len(own.q), 1, 3), np.nan)
+        known: dict[str, Any] = {"hand": self.hand, "palm_offset": self.palm_offset}
+        scenery = Scenery(**({f.name: nothing for f in fields(Scenery)} | known))
+        measures = Measures(**{f.name: nothing for f in fields(Measures)})
+        episode = Episode(start.origin, start.yaw, nothing[:, 0])
         now = Now(scenery, episode, state, measures, self.own(own.action, start), self.own(own.moved, start), own.lag, own.phase)
         return observe(LAYOUTS[layout]["R"], now)
 
