@@ -6,7 +6,7 @@ palm looks down and sideways. All else is seventeen numbers, found by a search o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.hands.coupling import commanded, driven, spread
-from afford.sim.engine import CONTROL_S, World
+from afford.sim.engine import CONTROL_S, State, World
 from afford.sim.scene import Scene, centre
 
 SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
@@ -26,6 +26,7 @@ SLICE_M = 0.025
 """what is this far along the object, both ways, is grasped with it"""
 NEAR_M = 0.05
 """held: the object's centre of mass ends this near to its place at rest, lifted by LIFT_M"""
+UP = np.array([0.0, 0.0, 1.0])
 FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ0")
 
 
@@ -84,12 +85,21 @@ class Outcome:
     """from where it should be"""
     penetration_m: np.ndarray
     """(k,) deepest between hand and object, after each control step since they touch"""
+    force: np.ndarray
+    """(p,) N that the hand presses on each part with, at the end"""
+    force_most: np.ndarray
+    """(p,) the most of it at any step"""
 
 
 def targets(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
     """The commands (m,) of descend, close, lift and hold."""
-    wrist = _wrist(aim, grasp)
-    above, sunk = np.array([0, 0, ABOVE_M, 0, 0, 0]), np.array([0, 0, -grasp.sink_m, 0, 0, 0])
+    return moves(scene, grasp, _wrist(aim, grasp), UP)
+
+
+def moves(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> Iterator[np.ndarray]:
+    """The same with the wrist (6,) at the grasp; the hand comes against `back` (3,), and lifts straight up."""
+    away = np.concatenate([back, np.zeros(3)])
+    above, sunk = ABOVE_M * away, -grasp.sink_m * away
     up = np.array([0, 0, LIFT_M, 0, 0, 0])
     opened, closed = _fingers(scene, grasp, closed=False), _fingers(scene, grasp, closed=True)
     for s in _ramp(DESCEND):
@@ -133,27 +143,44 @@ def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
 
 def start(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
     """(d,) joints before the descent."""
-    u = np.concatenate([_wrist(aim, grasp), _fingers(scene, grasp, closed=False)])
-    u[2] += ABOVE_M
+    return before(scene, grasp, _wrist(aim, grasp), UP)
+
+
+def before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """(d,) joints before `moves`."""
+    u = np.concatenate([wrist, _fingers(scene, grasp, closed=False)])
+    u[:3] += ABOVE_M * back
     A, b = spread(scene.hand.joints)
     return A @ u + b
 
 
 def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
     """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
-    q = start(scene, at_part(scene, body, part), grasp)
+    state = settled(world, scene, start(scene, at_part(scene, body, part), grasp), body)
+    return carried(world, scene, state, targets(scene, at_part(scene, state.body, part), grasp))
+
+
+def settled(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State:
+    """The object comes to rest from the pose (7,), the hand stays at q (d,)."""
     state = world.reset(q, body)
     for _ in range(SETTLE):
         state = world.step(q[commanded(scene.hand.joints)], CONTROL_S)
+    return state
+
+
+def carried(world: World, scene: Scene, state: State, commands: Iterable[np.ndarray]) -> Outcome:
+    """What comes of the commands (m,) of a grasp, of `moves`, from a state at rest."""
     rest = centre(scene.body, state.body)
-    states = [state := world.step(u, CONTROL_S) for u in targets(scene, at_part(scene, state.body, part), grasp)]
+    states = [state := world.step(u, CONTROL_S) for u in commands]
+    on_parts = np.array([state.force.sum(axis=0) for state in states])
     closed, end = states[DESCEND + CLOSE - 1], centre(scene.body, states[-1].body)
     pressed = closed.force[:-1].sum(axis=1) > 0
     away = float(np.linalg.norm(end - rest - (0, 0, LIFT_M)))
     return Outcome(
         held=away < NEAR_M and states[-1].contacts > 0, gripped=bool(pressed[0] and pressed[1:].any()),
         shoved_m=float(np.linalg.norm(centre(scene.body, closed.body) - rest)), rise_m=float(end[2] - rest[2]), away_m=away,
-        penetration_m=np.array([state.penetration_m for state in states if state.contacts]))  # fmt: skip
+        penetration_m=np.array([state.penetration_m for state in states if state.contacts]), force=on_parts[-1],
+        force_most=on_parts.max(axis=0))  # fmt: skip
 
 
 def _spots(scene: Scene, body: np.ndarray, which: np.ndarray) -> np.ndarray:
