@@ -177,6 +177,34 @@ def predict(
 
 
 @app.command()
+def grasp(
+    depth: Annotated[Path, typer.Argument(help="depth picture: PNG of 16 bits in millimetres, or .npy in metres")],
+    out: Annotated[Path, typer.Option("--out", help="where to write; new, empty, or what this verb wrote before")],
+    masks: Annotated[Path | None, typer.Option(help="folder of a picture that `predict` wrote")] = None,
+    left: Annotated[Path | None, typer.Option(help="mask of the left hand's region, .png")] = None,
+    right: Annotated[Path | None, typer.Option(help="mask of the right hand's region, .png")] = None,
+    image: Annotated[Path | None, typer.Option(help="the colour picture, for the overlay")] = None,
+    intrinsics: Annotated[Path | None, typer.Option(help="camera as JSON: fx, fy, cx, cy, or K")] = None,
+    focal_px: Annotated[float | None, typer.Option(help="instead: focal length, its centre that of the picture")] = None,
+    negative: Annotated[Path | None, typer.Option(help="what no hand may touch: mask .png, points .npy, negative.json")] = None,
+    object_pose: Annotated[Path | None, typer.Option(help="T_cam_obj as JSON, for negative.json")] = None,
+    taxonomy: Annotated[str, typer.Option(help="left, right, both_same or both_different; default: the prediction's")] = "",
+    hands: Annotated[str, typer.Option(help="auto (the taxonomy chooses), left, right or both")] = "auto",
+    count: Annotated[int, typer.Option(help="grasps of each hand")] = 10,
+    span_m: Annotated[float, typer.Option(help="the widest that the hand spans")] = 0.09,
+    force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
+    json: Json = False,
+) -> None:
+    """From masks and depth to grasps: poses of one or two hands, best first."""
+    from afford.candidates.read import Files
+    from commands.grasp import Options
+    from commands.grasp import grasp as find
+
+    files = Files(depth, masks, left, right, image, intrinsics, focal_px, negative, object_pose, taxonomy, hands)
+    raise typer.Exit(find(files, Options(out, count, span_m, force, json)))
+
+
+@app.command()
 def demo(
     host: Annotated[str, typer.Option(help="address to serve at; the default is reached from this machine alone")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="0 takes any that is free")] = 8000,

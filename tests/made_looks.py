@@ -11,7 +11,7 @@ from afford.scenes.camera import intrinsics, look_at
 from afford.views.rays import Rays
 from schemas.candidates import GraspScene
 
-WIDTH, HEIGHT, LENGTH_M, RADIUS_M = 180, 120, 0.22, 0.012
+WIDTH, HEIGHT, LENGTH_M, RADIUS_M = 240, 160, 0.22, 0.012
 Where = Callable[[np.ndarray], np.ndarray]
 """places on the rod (..., 3) -> bool (...,)"""
 

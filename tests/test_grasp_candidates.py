@@ -1,4 +1,4 @@
-"""Grasps from masks and depth: on the thing, across it, off what is negative, the same in a mirror, for the hands that are taken."""
+"""Grasps from masks and depth: on the thing, across it, off what is negative, the same in a mirror, for hands that are taken."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def in_world(T: np.ndarray, found: HandCandidates) -> np.ndarray:
 
 @pytest.mark.parametrize(("yaw", "noise_m"), [(0.0, 0.0), (0.7, 0.0), (0.4, 0.0015)])
 def test_a_rod_is_grasped_across_its_length(yaw: float, noise_m: float) -> None:
-    """The best lies on the axis of the rod to some millimetres, thumb along it, straight from above; its width is the rod's."""
+    """The best lies on the axis of the rod to 7 mm (two pixels), thumb along it, from above; its width is the rod's."""
     scene, T = rod(right=near_end, yaw_rad=yaw, noise_m=noise_m)
     found = right(scene)
     best = in_world(T, found)[0]
     along = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     aside = best[:3, 3] - [0, 0, RADIUS_M] - along * (best[:3, 3] @ along)
-    assert np.linalg.norm(aside) < 0.006
+    assert np.linalg.norm(aside) < 0.007
     assert abs(best[:3, 0] @ along) > np.cos(np.radians(12)) and best[2, 1] > np.cos(np.radians(12))
     assert found.width_m[0] == pytest.approx(2 * RADIUS_M, abs=0.008)
     assert -0.1 < best[:3, 3] @ along < 0.0
@@ -149,6 +149,7 @@ def test_what_cannot_be_grasped_is_one_sentence(case: str) -> None:
 
 def test_frames_of_a_grasp_turn_with_the_rod() -> None:
     """Another yaw of the rod turns the best grasp with it."""
-    yaw = [Rotation.from_matrix(in_world(T, right(s))[0, :3, :3]) for s, T in (rod(right=everything), rod(right=everything, yaw_rad=0.5))]
+    looks = (rod(right=everything), rod(right=everything, yaw_rad=0.5))
+    yaw = [Rotation.from_matrix(in_world(T, right(scene))[0, :3, :3]) for scene, T in looks]
     turned = (yaw[1] * yaw[0].inv()).as_rotvec()
     assert abs(turned[2] - 0.5) % np.pi == pytest.approx(0.0, abs=0.15) or abs(turned[2] - 0.5 + np.pi) < 0.15

@@ -38,7 +38,8 @@ class Cloud:
 def unproject(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
     """(h, w, 3) metres in the camera's frame of depths (h, w); pixel centres are whole numbers."""
     y, x = np.indices(depth_m.shape, dtype=np.float64)
-    rays = np.stack([(x - K[0, 2] - K[0, 1] * (y - K[1, 2]) / K[1, 1]) / K[0, 0], (y - K[1, 2]) / K[1, 1], np.ones_like(x)], axis=-1)
+    down = (y - K[1, 2]) / K[1, 1]
+    rays = np.stack([(x - K[0, 2] - K[0, 1] * down) / K[0, 0], down, np.ones_like(x)], axis=-1)
     found: np.ndarray = rays * depth_m[..., None]
     return found
 
@@ -51,7 +52,8 @@ def cloud(scene: GraspScene, cell_m: float, around_m: float) -> Cloud:
     if not len(core):
         sides = " and ".join(side for side, used in zip(("left", "right"), scene.hands, strict=True) if used) or "either"
         got = f"{int(wanted.sum())} pixels of which none has depth" if wanted.any() else "an empty mask"
-        raise ValueError(f"{scene.name}: expected a region with depth for the {sides} hand, got {got}; check masks, depth and hands")
+        raise ValueError(f"{scene.name}: expected a region with depth for the {sides} hand, got {got}; check masks, depth and "
+                         "hands")  # fmt: skip
     low, high = core.min(0) - around_m, core.max(0) + around_m
     near = seen & ((points >= low) & (points <= high)).all(-1)
     values = np.concatenate([points[near], scene.region[:, near].T, scene.negative[near][:, None], scene.rgb[near]], axis=1)

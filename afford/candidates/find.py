@@ -66,7 +66,7 @@ def _hand(scene: GraspScene, found: Cloud, on: Support, side: Hand, row: int, wi
         raise ValueError(f"{scene.name}: expected a region with depth for the {side} hand, got none; leave that hand out")
     body = thing(found, share >= 0.5, on)
     spots = places((share >= 0.5) & body, found, wish.places)
-    tried = [pose for pose in poses(found, body, spots, on, wish.lean_deg) if pose.width_m <= wish.span_m]
+    tried = [pose for pose in poses(found, body, spots, on, wish.lean_deg, wish.cell_m) if pose.width_m <= wish.span_m]
     if not tried:
         return _none(side)
     mirror = np.array([1.0 if side == "right" else -1.0, 1.0, 1.0])

@@ -14,7 +14,7 @@ from afford.candidates.support import LIFT_M, Support
 from schemas.candidates import TERMS
 
 WEIGHTS: Mapping[str, float] = {"positive": 2.0, "negative": 1.0, "antipodal": 0.5, "centred": 1.0, "clear": 1.0, "fit": 0.5,
-                                "upright": 1.0, "reach": 0.25}  # fmt: skip
+                                "upright": 1.0, "reach": 0.1}  # fmt: skip
 TIP_X_M = np.array([0.01, 0.016, -0.006, -0.028, -0.052])
 """thumb, index, middle, ring and little finger along the thing, thumb's side positive: the Shadow Hand as the script closes it"""
 SAFE_M, FREE_M = 0.02, 0.05

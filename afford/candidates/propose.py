@@ -29,7 +29,7 @@ GAP_M = 0.012
 """a section ends where nothing is for so far"""
 DEEP_M = 0.05
 """below its upper end a section is not looked at"""
-LYING = 1.5
+LYING = 2.0
 """a section whose upper end is so many times its width above the support, or less, lies on it"""
 EDGE = 0.25
 """share of a section, at each of its ends, that fingers touch"""
@@ -54,9 +54,10 @@ def places(region: np.ndarray, found: Cloud, count: int) -> np.ndarray:
     return mine[farthest(found.points[mine], count)]
 
 
-def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_deg: float) -> list[Pose]:
+def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_deg: float,
+          cell_m: float) -> list[Pose]:  # fmt: skip
     """Poses of a right or left hand over each spot (k,); `body` (n,) bool are the points of the thing. Each comes twice, with
-    the fingers on either side."""
+    the fingers on either side. Points stand for cells of `cell_m`."""
     points, facing = found.points[body], found.normals[body]
     around = cKDTree(points).query_ball_point(found.points[spots], PATCH_M)
     out: list[Pose] = []
@@ -64,7 +65,7 @@ def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_d
         if len(near) < 4:
             continue
         for R in _axes(points[near], facing[near], found.points[spot], on, lean_deg):
-            out += _posed(R, found.points[spot], points, facing, on)
+            out += _posed(R, found.points[spot], points, facing, on, cell_m)
     return out
 
 
@@ -89,7 +90,8 @@ def _frame(along: np.ndarray, back: np.ndarray) -> np.ndarray:
     return np.stack([x, back, np.cross(x, back)], axis=1)
 
 
-def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarray, on: Support) -> list[Pose]:
+def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarray, on: Support,
+           cell_m: float) -> list[Pose]:  # fmt: skip
     """The section under a spot -> the pose amid it, and the same with the fingers on the other side; none without a section."""
     local = (points - spot) @ R
     across = np.flatnonzero((np.abs(local[:, 0]) <= HALF_SLICE_M) & (np.abs(local[:, 1]) <= DEEP_M))
@@ -97,7 +99,7 @@ def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarr
     if len(run) < 3:
         return []
     low, high = local[run, 2].min(), local[run, 2].max()
-    width, top = float(high - low), float(np.quantile(local[run, 1], 0.9))
+    width, top = float(high - low) + cell_m, float(np.quantile(local[run, 1], 0.9))
     place = spot + R @ np.array([0.0, top - _thick(width, float(on.height(spot + top * R[:, 1]))) / 2, (low + high) / 2])
     square = _square(local[run, 2], facing[run] @ R[:, 2])
     other = R * np.array([-1.0, 1.0, -1.0])

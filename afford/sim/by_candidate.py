@@ -1,6 +1,7 @@
 """A grasp candidate done by the script: the hand comes along its approach, closes, lifts.
 
-Candidates have the axes of the palm's grip, the script numbers of its own; straight from above both are the same to the last digits.
+Candidates have the axes of the palm's grip, the script has numbers of its own; straight from above both are the same to the last
+digits.
 """
 
 from __future__ import annotations

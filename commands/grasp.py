@@ -1,0 +1,104 @@
+"""The verb `grasp`: masks and a depth picture become grasps of one or two hands."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from commands.errors import UsageError, unknown
+
+if TYPE_CHECKING:
+    from afford.candidates.read import Files
+    from schemas.candidates import GraspCandidates
+
+HANDS = ("auto", "left", "right", "both")
+SHOWN = 3
+"""grasps of each hand that are listed; of more, the JSON tells"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was asked for beside the files of the look."""
+
+    out: Path
+    count: int = 10
+    span_m: float = 0.09
+    force: bool = False
+    json: bool = False
+
+
+def grasp(files: Files, options: Options) -> int:
+    """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
+    and options that do not fit."""
+    _check(files, options)
+    from afford.candidates.read import read
+    from afford.candidates.write import write
+    from stages import grasp_candidates
+
+    try:
+        scene = read(files)
+        found = grasp_candidates.run(scene, grasp_candidates.Params(count=options.count, span_m=options.span_m))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    _claim(options)
+    write(scene, found, options.out)
+    missing: list[str] = [hand.side for hand, used in zip(found.hands, scene.hands, strict=True) if used and not len(hand.score)]
+    return _tell(found, missing, options)
+
+
+def _check(files: Files, options: Options) -> None:
+    from schemas.affordance import TAXONOMY
+
+    if files.hands not in HANDS:
+        raise unknown("--hands", files.hands, HANDS)
+    if files.taxonomy and files.taxonomy not in TAXONOMY:
+        raise unknown("--taxonomy", files.taxonomy, TAXONOMY)
+    if options.count < 1:
+        raise UsageError(f"--count {options.count}: expected 1 or more")
+    if not 0 < options.span_m <= 1:
+        raise UsageError(f"--span-m {options.span_m:g}: expected metres, above 0 and 1 at most")
+
+
+def _claim(options: Options) -> None:
+    """A new or empty folder, one of an earlier call, or any with --force."""
+    from afford.candidates.write import RECORD
+
+    out = options.out
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out}: expected a folder, got a file; give another --out")
+    if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file() and not options.force:
+        raise UsageError(f"{out}: expected a new or empty folder, or one of `grasp`, got a folder with other files; give another "
+                         "--out, or --force to write into it")  # fmt: skip
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out}: expected a folder that can be made, got {error.strerror}; give another --out") from error
+
+
+def _tell(found: GraspCandidates, missing: list[str], options: Options) -> int:
+    console = Console(stderr=True)
+    table = Table("hand", "score", "place m", "width mm", box=None)
+    for hand in found.hands:
+        for T, score, width in list(zip(hand.T_cam_grasp, hand.score, hand.width_m, strict=True))[:SHOWN]:
+            table.add_row(hand.side, f"{score:.2f}", " ".join(f"{value:.3f}" for value in T[:3, 3]), f"{1000 * width:.0f}")
+    if table.row_count:
+        console.print(table)
+    for side in missing:
+        console.print(f"[red]none[/] the {side} hand has no grasp that fits its region, its span and what must not be touched")
+    console.print(f"[bold]grasps[/] {escape(str(options.out))}", highlight=False, soft_wrap=True)
+    if options.json:
+        sys.stdout.write(json.dumps(_summary(found, missing, options), sort_keys=True) + "\n")
+    return int(bool(missing))
+
+
+def _summary(found: GraspCandidates, missing: list[str], options: Options) -> dict[str, Any]:
+    best = {hand.side: round(float(hand.score[0]), 6) for hand in found.hands if len(hand.score)}
+    return {"out": str(options.out), "grasps": {hand.side: len(hand.score) for hand in found.hands}, "best": best,
+            "pairs": len(found.pair), "missing": missing}  # fmt: skip
