@@ -1,0 +1,1 @@
+"""Where hands belong, from pictures to the surface."""
