@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
+from afford.dataset.files import tree as files_of
 from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
 from afford.worker import use_kernel_cache
@@ -31,6 +32,9 @@ from schemas.scene import SceneSpec
 from stages import (
     ablation_report,
     dataset_pack,
+    grasp_candidates,
+    grasp_compare,
+    grasp_compare_report,
     grasp_record,
     hand_model,
     hand_retarget,
@@ -44,12 +48,14 @@ from stages import (
     object_build,
     object_plan,
     object_solids,
+    positive_affordance_projection,
     view_render,
 )
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_hands import PINCER, shadow, written
+from tests.made_looks import rod as bar
 from tests.made_meshes import as_object, cup
 from tests.made_motions import recorded, rod
 from tests.made_objects import SMALL
@@ -58,6 +64,8 @@ from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
 from tests.test_ablation_report import scores
+from tests.test_grasp_compare import hammer, made_up
+from tests.tiny_asked import write_model
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
@@ -86,6 +94,8 @@ ELSEWHERE = {"scene_render": "rendered",
                               "negative_affordance_report"),
                              "negatives"),
              "grasp_record": "grasps",
+             **dict.fromkeys(("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
+                             "from_masks"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -243,6 +253,31 @@ def negatives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     use_kernel_cache(ROOT, store)
     graph = build("negative-affordance", Origin("tiny"), SMALL)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "negative-affordance")
+    assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def from_masks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a rod was grasped in a look, a hammer in MuJoCo, and a tiny model was asked where."""
+    store, folder, graph = tmp_path_factory.mktemp("from_masks"), tmp_path_factory.mktemp("tiny"), Graph()
+    use_kernel_cache(ROOT, store)
+    model = graph.leaf("model", files_of("tiny", write_model(folder / "model")))
+    grasps = graph.add(grasp_candidates.run, scene=graph.leaf("look", bar(right=lambda place: place[..., 0] < 0.0)[0]),
+                       params=grasp_candidates.Params(places=8))  # fmt: skip
+    built, body, told = hammer()
+    mesh, parts = graph.leaf("mesh", built.mesh), graph.leaf("parts", built.parts)
+    said = graph.leaf("told", replace(told, descriptions=told.descriptions[:1]))
+    views = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64, directions=32, share=0.0))
+    positive = graph.add(positive_affordance_projection.run, mesh=mesh, views=views, descriptions=said, model=model, ctx=graph.ctx,
+                         params=positive_affordance_projection.Params(points=8, mirror=False))  # fmt: skip
+    hand = graph.add(hand_model.run, files=graph.leaf("hand", shadow_files()), params=hand_model.Params())
+    tried = graph.add(grasp_compare.run, hand=hand, mesh=mesh, parts=parts, body=graph.leaf("body", body), descriptions=said,
+                      model=model, params=grasp_compare.Params(("mujoco",), 1, places=8), ctx=graph.ctx)  # fmt: skip
+    every = graph.leaf("comparisons", (made_up("a", [1.0, 0.0]), made_up("b", [1.0, 1.0])))
+    table = graph.add(grasp_compare_report.run, comparisons=every, params=grasp_compare_report.Params(), ctx=graph.ctx)
+    graph.target("from_masks", grasps, positive, tried, table)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "from_masks")
     assert report.ok, report.failures
     return store
 

@@ -11,7 +11,9 @@ from blake3 import blake3
 from schemas import (
     affordance,
     benchmark,
+    candidates,
     clip,
+    comparison,
     episodes,
     files,
     grasp,
@@ -22,6 +24,7 @@ from schemas import (
     motion,
     negative,
     object_list,
+    positive,
     prediction,
     report,
     sample,
@@ -33,8 +36,8 @@ from schemas import (
 )
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, clip, episodes, files, grasp, grasp_task, hand, masks, mesh, motion, negative, object_list,
-           prediction, report, sample, scene, still, training, truth, video)  # fmt: skip
+MODULES = (affordance, benchmark, candidates, clip, comparison, episodes, files, grasp, grasp_task, hand, masks, mesh, motion,
+           negative, object_list, positive, prediction, report, sample, scene, still, training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "Trained")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
