@@ -29,7 +29,7 @@ QUICK = grasp_compare.Params(engines=("mujoco",), looks=1, places=16)
 
 
 @cache
-def hammer() -> tuple[PartedMesh, GraspObject, PartDescriptions]:
+def subject() -> tuple[PartedMesh, GraspObject, PartDescriptions]:
     """With two of its tasks: its handle is held, or its head."""
     built = object_build.run(ObjectSpec("hammer", "hammer", 12, "plain", "train"),
                              object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=64))  # fmt: skip
@@ -39,13 +39,13 @@ def hammer() -> tuple[PartedMesh, GraspObject, PartDescriptions]:
 
 
 def tried(told: PartDescriptions, model: FileTree, scratch: Path, params: grasp_compare.Params = QUICK) -> GraspComparison:
-    built, body, _ = hammer()
+    built, body, _ = subject()
     return grasp_compare.run(shadow(), built.mesh, built.parts, body, told, model, params, Scratch(scratch))
 
 
 def test_a_look_shows_the_object_where_it_lies() -> None:
     """Faces behind pixels are at the depth that the camera measured; noise is of the size that was asked for."""
-    built, _, _ = hammer()
+    built, _, _ = subject()
     pose = np.array([0.02, -0.01, 0.0, 0.0, 0.0, np.sin(0.5), np.cos(0.5)])
     exact, noisy = (look(built.mesh, pose, Eye(noise_m=noise, width_px=160, height_px=120), np.random.default_rng(0))
                     for noise in (0.0, 0.003))  # fmt: skip
@@ -61,7 +61,7 @@ def test_a_look_shows_the_object_where_it_lies() -> None:
 
 def test_masks_are_what_they_say() -> None:
     """The affordance lies in the whole; negative parts are told by +N alone and are no part of the affordance."""
-    built, _, told = hammer()
+    built, _, told = subject()
     seen = look(built.mesh, np.array([0, 0, 0, 0, 0, 0, 1.0]), Eye(width_px=160, height_px=120), np.random.default_rng(0))
     said = np.zeros(seen.face.shape, bool)
     found = {name: (region, bad) for name, region, bad in masks(built.parts, seen, told.descriptions[0], said)}
@@ -75,7 +75,7 @@ def test_masks_are_what_they_say() -> None:
 def test_a_tool_is_compared(tmp_path: Path) -> None:
     """Every task that differs in its parts, every kind of mask but the model's; success is to hold and to press on nothing
     forbidden; the same again gives the same."""
-    told = hammer()[2]
+    told = subject()[2]
     found, again = (tried(told, NONE, tmp_path / name) for name in ("a", "b"))
     assert found.methods == tuple(name for name in METHODS if "predicted" not in name)
     assert found.values.shape == (4, 1, len(found.tasks), 1, len(FIGURES)) and len(found.tasks) == 2
@@ -88,14 +88,14 @@ def test_a_tool_is_compared(tmp_path: Path) -> None:
 
 
 def test_a_model_gets_rows_of_its_own(tmp_path: Path) -> None:
-    told = hammer()[2]
+    told = subject()[2]
     model = tree("tiny", write_model(tmp_path / "small"))
     one = replace(told, descriptions=told.descriptions[:1])
     assert tried(one, model, tmp_path / "scratch").methods == tuple(METHODS)
 
 
 def test_an_object_without_a_place_for_a_hand_is_refused(tmp_path: Path) -> None:
-    told = hammer()[2]
+    told = subject()[2]
     nothing = replace(told, descriptions=(replace(told.descriptions[0], notes=()),))
     with pytest.raises(ValueError, match=r"expected a task with positive parts among .* got none"):
         tried(nothing, NONE, tmp_path)

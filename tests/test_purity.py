@@ -64,7 +64,7 @@ from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
 from tests.test_ablation_report import scores
-from tests.test_grasp_compare import hammer, made_up
+from tests.test_grasp_compare import made_up, subject
 from tests.tiny_asked import write_model
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -265,7 +265,7 @@ def from_masks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = graph.leaf("model", files_of("tiny", write_model(folder / "model")))
     grasps = graph.add(grasp_candidates.run, scene=graph.leaf("look", bar(right=lambda place: place[..., 0] < 0.0)[0]),
                        params=grasp_candidates.Params(places=8))  # fmt: skip
-    built, body, told = hammer()
+    built, body, told = subject()
     mesh, parts = graph.leaf("mesh", built.mesh), graph.leaf("parts", built.parts)
     said = graph.leaf("told", replace(told, descriptions=told.descriptions[:1]))
     views = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64, directions=32, share=0.0))

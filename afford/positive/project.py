@@ -40,6 +40,6 @@ def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Pred
     good = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 2))
     dense, _ = sample(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
-    taxonomy = np.mean([one.taxonomy for one in said], axis=0, dtype=np.float32)
+    taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
                               dense[farthest(dense, wish.points)])
