@@ -20,7 +20,7 @@ FROM_ABOVE = Rotation.from_euler("x", np.pi / 2)
 def wrist(scene: Scene, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> np.ndarray:
     """(6,) of the gantry for a grasp (4, 4) of a right hand: x, y, z, yaw, pitch, roll."""
     palm_of_script = Rotation.from_euler("ZYX", [grasp.yaw_rad, grasp.pitch_rad, grasp.roll_rad])
-    to_grip = Rotation.from_matrix(scene.hand.R_palm_grip)
+    to_grip = Rotation.from_matrix(np.array(scene.hand.R_palm_grip))
     turn = Rotation.from_matrix(T_world_grasp[:3, :3]) * FROM_ABOVE.inv() * palm_of_script * to_grip.inv()
     yaw_pitch_roll = turn.as_euler("ZYX")
     return np.concatenate([T_world_grasp[:3, 3] - turn.apply(to_grip.apply(grasp.grip_m)), yaw_pitch_roll])
