@@ -84,7 +84,8 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
 
 def test_a_verb_alone_shows_help() -> None:
     """Every verb explains itself, and the program lists its verbs."""
-    verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params", "predict", "grasp", "demo")
+    verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params", "predict", "grasp",
+             "demo")
     helped = call("--help")
     assert helped.code == 0 and all(verb in helped.out for verb in verbs)
     assert all(call(verb, "--help").code == 0 for verb in verbs)
