@@ -9,6 +9,11 @@ import numpy as np
 from schemas.hand import HandMesh, HandModel
 
 
+def files(hand: HandModel) -> dict[str, bytes]:
+    """The meshes that the URDF names, by file name without folder, for engines that read from memory."""
+    return {mesh.file.rpartition("/")[2]: _obj(mesh).encode() for mesh in hand.meshes}
+
+
 def save(hand: HandModel, folder: Path) -> Path:
     """Write `<name>.urdf` and the meshes that it names; gives the URDF. The same hand gives the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)

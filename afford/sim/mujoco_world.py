@@ -7,15 +7,13 @@ implicitly.
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from afford.hands.coupling import commanded, driven, limits_u
-from afford.hands.folder import save as save_hand
+from afford.hands.folder import files as files_of
 from afford.hands.kinematics import moving, points
 from afford.sim.engine import State, checked, solver_steps
 from afford.sim.scene import Scene, finger_of_link
@@ -146,16 +144,15 @@ class MujocoWorld:
 def compiled(scene: Scene) -> mujoco.MjModel:
     """The model of a scene."""
     physics = scene.physics
-    with tempfile.TemporaryDirectory() as folder:
-        spec = mujoco.MjSpec.from_file(str(save_hand(scene.hand, Path(folder))))
-        spec.compiler.fusestatic = False
-        spec.option.timestep, spec.option.gravity = 1.0 / physics.rate_hz, (0.0, 0.0, -physics.gravity_m_s2)
-        spec.option.integrator, spec.option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
-        spec.option.iterations, spec.option.impratio = physics.iterations, IMPRATIO
-        _hand(spec, scene)
-        _table(spec, scene)
-        _object(spec, scene)
-        return spec.compile()
+    spec = mujoco.MjSpec.from_string(scene.hand.urdf, assets=files_of(scene.hand))
+    spec.compiler.fusestatic = False
+    spec.option.timestep, spec.option.gravity = 1.0 / physics.rate_hz, (0.0, 0.0, -physics.gravity_m_s2)
+    spec.option.integrator, spec.option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.iterations, spec.option.impratio = physics.iterations, IMPRATIO
+    _hand(spec, scene)
+    _table(spec, scene)
+    _object(spec, scene)
+    return spec.compile()
 
 
 def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
