@@ -29,12 +29,13 @@ MEMORY_GIB = 2.0
 class Params:
     seed: int = 0
     """of weights, noise, places and yaws"""
-    updates: int = 450
+    updates: int = 240
     """of PPO; each follows one episode of every world"""
     worlds: int = 32
     """computed side by side; tasks are taken in turn"""
-    base: str = "script"
-    """what the teacher adds to: none, script (a grasp where the hand happens to be), or prior (hand_imitation)"""
+    base: str = "prior"
+    """what the teacher adds to: none, script (a grasp where the hand happens to be), or prior (hand_imitation). For script, whose
+    actions are finer, std=0.1, std_along=0.35 and steps=44 were found to be good"""
     lambda_n: float = 1.0
     """times the negative terms of the reward; 0 for none"""
     reward: str = "dense"
@@ -45,10 +46,10 @@ class Params:
     """of observations: small, paper or points (afford/grasp/observe.py)"""
     start_m: float = 0.06
     """the hand begins over a place along the object that is at most so far from the centre of mass, blind to parts"""
-    steps: int = 44
-    """control steps of an episode"""
+    steps: int = 40
+    """control steps of an episode; what a prior sees of time is a share of it"""
     wait: int = 6
-    """base=script: control steps before it goes down"""
+    """base=script: control steps before it goes down, so that there is time to move along the object"""
     iterations: int = 100
     """of the physics' solver, at most"""
     lr: float = 3e-4
@@ -57,9 +58,9 @@ class Params:
     """passes over what an update has seen"""
     gamma: float = 0.97
     """discount"""
-    std: float = 0.1
+    std: float = 0.06
     """spread of actions in the beginning: more of it drops what the base holds"""
-    std_along: float = 0.35
+    std_along: float = 0.2
     """of the first one, which moves the hand along the object"""
 
 
