@@ -76,7 +76,7 @@ def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
         after = made.step(u, 1.0).body
         assert np.linalg.norm(after[:3] - pose[:3]) < 0.004
         assert (Rotation.from_quat(after[3:]) * Rotation.from_quat(pose[3:]).inv()).magnitude() < 0.05
-        low = min(float((Rotation.from_quat(pose[3:]).apply(hull) + pose[:3])[:, 2].min()) for hull in where.body.hulls())
+        low = min(float((Rotation.from_quat(pose[3:]).apply(np.array(hull)) + pose[:3])[:, 2].min()) for hull in where.body.hulls())
         assert abs(low) < 0.002
     made.close()
 
