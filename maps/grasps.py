@@ -36,9 +36,9 @@ from stages import (
     rl_grasp_refinement,
 )
 
-HELD = ("brush", "chisel", "flashlight", "hammer", "knife", "pizza_cutter", "screwdriver", "spatula")
+HELD = ("brush", "chisel", "flashlight", "knife", "pan", "pizza_cutter", "screwdriver", "spatula")
 """categories that policies learn on"""
-NEVER = ("axe", "cleaver", "razor", "soldering_iron")
+NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
 SIZES = (0.85, 1.15)
 FROM_ABOVE: dict[str, Any] = {

@@ -4,7 +4,7 @@ Reads   ObjectSpec, GraspObject
 Writes  GraspTask of every use that can be held, at every scale
 Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when what is
         safe of the part to hold, 2 cm from what is forbidden, is too short or too thick for the hand, or too thin to be lifted off
-        a table; N_t are farthest points of the forbidden parts
+        a table, and when what is forbidden is far from where one would grasp; N_t are farthest points of the forbidden parts
 Fails   ValueError for a category that the lexicon does not have, or numbers out of range
 Paper   AffordDex: 100 negative points of each object; tasks are ours
 """
@@ -33,6 +33,10 @@ class Params:
     thickness_m: tuple[float, float] = (0.009, 0.06)
     """thinnest and thickest: the second extent across its length"""
 
+    within_m: float = 0.06
+    """farthest that forbidden points may be from the centre of mass along the object: where they are farther, a hand that grasps
+    near that centre meets none of them, and the task asks nothing"""
+
 
 def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask, ...]:
     """The tasks of one object; none where no use can be held."""
@@ -43,4 +47,5 @@ def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask,
     level = params.level or {"train": "train", "val": "val", "seen": "unseen_object", "unseen": "unseen_category"}[spec.split]
     sizes = [(f"x{scale:g}" if scale != 1.0 else "", scaled(body, scale)) for scale in params.scales]
     return tuple(one for label, size in sizes
-                 for one in uses(size, spec.category, level, label, params.least_length_m, params.thickness_m))  # fmt: skip
+                 for one in uses(size, spec.category, level, label, params.least_length_m, params.thickness_m,
+                             params.within_m))  # fmt: skip

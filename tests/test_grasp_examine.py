@@ -31,7 +31,7 @@ FAST = grasp_evaluate.Params(policy="script", engine="mujoco", episodes=4, start
 
 def tasks() -> tuple[GraspTask, ...]:
     specs = [ObjectSpec(kind, kind, 12, "plain", "train") for kind in ("screwdriver", "spatula")]
-    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params())[0] for one in specs)
+    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params(within_m=1.0))[0] for one in specs)
 
 
 def people() -> ReferenceSet:

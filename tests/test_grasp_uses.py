@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from afford.grasp.task import of
-from afford.grasp.uses import holdable, scaled
+from afford.grasp.uses import aside, holdable, scaled
 from schemas.grasp_task import LEVELS, GraspTask
 from schemas.mesh import ObjectSpec
 from stages import grasp_tasks
@@ -17,7 +17,7 @@ from tests.made_scenes import tool
 
 def made(category: str, split: str = "train", **params: object) -> tuple[GraspTask, ...]:
     spec = ObjectSpec(category, category, 1, "plain", split)
-    return grasp_tasks.run(spec, tool(category, 1), replace(grasp_tasks.Params(), **params))  # type: ignore[arg-type]  # named
+    return grasp_tasks.run(spec, tool(category, 1), replace(grasp_tasks.Params(), **{"within_m": 1.0, **params}))  # type: ignore[arg-type]  # named
 
 
 def test_a_use_forbids_parts_and_holds_another() -> None:
@@ -67,3 +67,12 @@ def test_what_cannot_be_is_refused() -> None:
         made("hammer", scales=(0.0,))
     with pytest.raises(ValueError, match="category of the lexicon"):
         grasp_tasks.run(ObjectSpec("x", "x", 1, "plain", "train"), tool("hammer", 1), grasp_tasks.Params())
+
+
+def test_what_is_forbidden_far_away_asks_nothing() -> None:
+    """The face of a hammer is far from where one would hold it."""
+    first, body = made("hammer")[0], tool("hammer", 1)
+    away = aside(body, first.N_t)
+    assert 0.03 < away < body.size_m.max()
+    assert first.name not in [one.name for one in made("hammer", within_m=away - 0.001)]
+    assert first.name in [one.name for one in made("hammer", within_m=away + 0.001)]

@@ -16,8 +16,8 @@ from schemas.grasp import GraspObject
 from schemas.grasp_task import GraspTask
 
 
-def uses(body: GraspObject, category: str, level: str, label: str, least_m: float,
-         thickness_m: tuple[float, float]) -> Iterator[GraspTask]:  # fmt: skip
+def uses(body: GraspObject, category: str, level: str, label: str, least_m: float, thickness_m: tuple[float, float],
+         within_m: float) -> Iterator[GraspTask]:  # fmt: skip
     """One for each set of forbidden parts: uses that forbid the same are one. ValueError for an unknown category."""
     if category not in TASKS:
         raise ValueError(f"{body.name}: expected a category of the lexicon, got {category!r}; known are {', '.join(sorted(TASKS))}")
@@ -29,7 +29,7 @@ def uses(body: GraspObject, category: str, level: str, label: str, least_m: floa
         if not negative or not hold or negative in done:
             continue
         made = task(body, negative, hold)
-        if not holdable(body, hold, made.N_t, least_m, thickness_m):
+        if not holdable(body, hold, made.N_t, least_m, thickness_m) or aside(body, made.N_t) > within_m:
             continue
         done.add(negative)
         name = "/".join(filter(None, (body.name + label, use.replace(" ", "_"))))
@@ -46,6 +46,13 @@ def holdable(body: GraspObject, part: str, N_t: np.ndarray, least_m: float, thic
     axes = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2]
     length, across, thin = np.ptp(np.percentile((spots - spots.mean(0)) @ axes.T, [2, 98], axis=0), axis=0)
     return bool(length >= least_m and thickness_m[0] <= thin and across <= thickness_m[1])
+
+
+def aside(body: GraspObject, N_t: np.ndarray) -> float:
+    """How far (m) the nearest of the negative points (k, 3) is from the centre of mass, along the object as it lies."""
+    spots = body.points[:, :2].astype(np.float64)
+    axis = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2][0]
+    return float(np.abs((N_t - body.com_m)[:, :2] @ axis).min())
 
 
 def scaled(body: GraspObject, factor: float) -> GraspObject:

@@ -21,6 +21,8 @@ TRIES = 4
 SPEED_M_S, SPIN_RAD_S = 0.01, 0.1
 STILL = 6
 """at rest below these speeds for so many control steps: what rocks is slow where it turns back"""
+ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
+"""also at rest is what has stayed so near to one pose for so many control steps: thin hulls tremble on a table in PyBullet"""
 
 
 def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = 4.0) -> np.ndarray:
@@ -59,13 +61,14 @@ def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.
     q = parked(scene)
     held = q[commanded(scene.hand.joints)]
     world.reset(q, pose)
-    still = 0
+    still, poses = 0, list[np.ndarray]()
     for _ in range(round(most_s / CONTROL_S)):
         state = world.step(held, CONTROL_S)
+        poses.append(state.body)
         still = still + 1 if _rests(state) else 0
         if still == STILL:
             return state.body
-    return None
+    return poses[-1] if _rocks(np.array(poses[-ROCKS:])) else None
 
 
 def parked(scene: Scene) -> np.ndarray:
@@ -80,6 +83,13 @@ def _thrown(scene: Scene, rng: np.random.Generator, reach_m: float) -> np.ndarra
     centre = np.array([*rng.uniform(-reach_m, reach_m, 2), GAP_M])
     corners = turn.apply(scene.body.corners - scene.body.com_m)
     return np.concatenate([centre - (0, 0, corners[:, 2].min()) - turn.apply(np.array(scene.body.com_m)), turn.as_quat()])
+
+
+def _rocks(poses: np.ndarray) -> bool:
+    """Whether (k, 7) poses are all near the last one."""
+    turned = (Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(poses[-1, 3:]).inv()).magnitude()
+    moved = np.linalg.norm(poses[:, :3] - poses[-1, :3], axis=1)
+    return bool(len(poses) == ROCKS and moved.max() < ROCKS_M and turned.max() < ROCKS_RAD)
 
 
 def _rests(state: State) -> bool:
