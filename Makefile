@@ -13,7 +13,7 @@ RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train benchmark ablation negative-affordance demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup dataset stage report train benchmark ablation negative-affordance grasp demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-20s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +48,9 @@ ablation: $(READY) ## train every row of the ablation, three seeds each (about a
 
 negative-affordance: $(READY) ## where a hand must not go on objects, scored (SOURCE=DIR: on a folder of your meshes)
 	@$(RUN) run negative-affordance --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+
+grasp: $(READY) ## a hand that grasps and keeps off what must not be touched: prior, teachers, examinations
+	@$(RUN) run grasp --store $(STORE) $(ARGS)
 
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store $(STORE) $(ARGS)

@@ -110,6 +110,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["model"] = str(publish(runner, digest, store / "models" / place.name))
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "grasp_record":
+                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
             elif stage == "hand_imitation.files":
                 out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
             elif stage == "negative_affordance_files":

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.grasp.recipes import NO_NEGATIVE, ROWS, TEACHER, planned
+from afford.grasp.recipes import NO_NEGATIVE, ROWS, STUDENT, TEACHER, planned
 from afford.hands.assets import shadow_files
 from maps.recording import record_run
 from maps.settings import Origin, Settings
@@ -23,6 +23,7 @@ from stages import (
     grasp_evaluate,
     grasp_record,
     grasp_report,
+    grasp_student,
     grasp_targets,
     grasp_tasks,
     hand_imitation,
@@ -40,7 +41,8 @@ HELD = ("brush", "chisel", "flashlight", "knife", "pan", "pizza_cutter", "screwd
 """categories that policies learn on"""
 NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
-SIZES = (0.85, 1.15)
+SHAPES, SIZES = 4, (0.85, 1.15)
+"""of each category to learn on; how much smaller and larger these are on the level of other sizes"""
 FROM_ABOVE: dict[str, Any] = {
     "clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7, "lift_m": 0.2,
     "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0), "wander": 0.3,
@@ -61,10 +63,13 @@ class Shop(NamedTuple):
 
 def shop(g: Graph, p: Settings) -> Shop:
     """Procedural objects with their parts as tasks: to learn on, new shapes, other sizes, other categories."""
-    known   = replace(p.object_plan, categories=HELD, train_per_category=4, train_plain_every=0)
+    wanted  = p.object_plan.categories or (*HELD, *NEVER)
+    known   = replace(p.object_plan, categories=tuple(one for one in HELD if one in wanted), train_plain_every=0,
+                      train_per_category=min(SHAPES, p.object_plan.train_per_category))
+    never   = replace(known, categories=tuple(one for one in NEVER if one in wanted))
     train   = solid(g, "train", replace(known, splits=("train",)), p)
-    seen    = solid(g, "seen", replace(known, splits=("seen",), seen_per_category=2), p)
-    unseen  = solid(g, "unseen", replace(known, categories=NEVER, splits=("unseen",), unseen_per_category=4), p)
+    seen    = solid(g, "seen", replace(known, splits=("seen",)), p)
+    unseen  = solid(g, "unseen", replace(never, splits=("unseen",)), p)
     sizes   = replace(p.grasp_tasks, scales=SIZES, level="unseen_size")
     return Shop(train[1], {
         "train": uses(g, "train", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
@@ -106,6 +111,8 @@ class School(NamedTuple):
     shop: Shop
     references: ReferenceSet
     prior: Trained
+    teachers: dict[int, Trained]
+    """by seed, for those who learn from them"""
 
 
 def school(g: Graph, p: Settings) -> School:
@@ -114,15 +121,18 @@ def school(g: Graph, p: Settings) -> School:
     targets, references = people(g, model, things.body, p)
     prior   = g.add(hand_imitation.run,     hand=model, bodies=g.collect(things.body), targets=targets, references=references,
                     params=p.hand_imitation, ctx=g.ctx)
-    return School(model, things, references, prior)
+    return School(model, things, references, prior, {})
 
 
 def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     """A teacher of one row and seed, on the prior where the row has one."""
-    params  = replace(p.rl_grasp_refinement, seed=seed, **ROWS[row])
+    params  = replace(p.rl_grasp_refinement, name=f"{row}-{seed}", seed=seed, **ROWS[row])
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
-    return g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.tasks["train"], prior=prior,
-                                        params=params, ctx=g.ctx)
+    trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.tasks["train"], prior=prior,
+                                           params=params, ctx=g.ctx)
+    if row == TEACHER:
+        s.teachers[seed] = trained
+    return trained
 
 
 def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels: Sequence[str], p: Settings) -> list[GraspEpisodes]:
@@ -130,26 +140,33 @@ def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels:
     return [g.named(f"{name}_{seed}_{level}_{engine}").add(
                 grasp_evaluate.run, hand=s.hand, tasks=s.shop.tasks[level], policy=policy, references=s.references,
                 params=replace(p.grasp_evaluate, policy=name, engine=engine), ctx=g.ctx)
-            for level in levels for engine in ("bullet", "mujoco")]  # fmt: skip
+            for level in levels for engine in p.grasp_report.engines]  # fmt: skip
 
 
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], p: Settings) -> tuple[list[GraspEpisodes], list[TrainingLog]]:
-    """Teachers, trained and examined; the two that the paper compares on every level, the others on what they learned on."""
+    """Policies, trained and examined; those that the paper compares on every level, the others on what they learned on."""
     episodes, logs = list[GraspEpisodes](), list[TrainingLog]()
     for row, seed in wanted:
-        trained = teach(g, s, row, seed, p)
-        levels = LEVELS if row in (TEACHER, NO_NEGATIVE) else LEVELS[:1]
+        trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
+        levels = LEVELS if row in (TEACHER, NO_NEGATIVE, STUDENT) else LEVELS[:1]
         episodes += examine(g, s, g.pick(trained, lambda t: t.files), row, seed, levels, p)
         logs.append(g.pick(trained, lambda t: t.log))
     return episodes, logs
 
 
+def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
+    """A student of the teacher of the same seed."""
+    return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks["train"],
+                                        teacher=g.pick(s.teachers[seed], lambda t: t.files),
+                                        params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
+
+
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
     s = school(g, p)
-    alone = examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
     episodes, logs = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), p)
-    report(g, "grasp", s, [*alone, *episodes], [g.pick(s.prior, lambda t: t.log), *logs], p)
+    prior = examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
+    report(g, "grasp", s, [*episodes, *prior], [g.pick(s.prior, lambda t: t.log), *logs], p)
 
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
@@ -160,8 +177,8 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings) -> None:
-    """Tables, sheets, films and recordings."""
+    """Tables and curves; a recording, a film and a sheet of the first policy."""
     page    = g.add(grasp_report.run,       episodes=tuple(episodes), logs=tuple(logs), params=p.grasp_report, ctx=g.ctx)
-    shown   = g.named("record_grasp").add(grasp_record.run, hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes[0],
-                                          params=p.grasp_record, ctx=g.ctx)
+    shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes[0],
+                    params=p.grasp_record, ctx=g.ctx)
     g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))

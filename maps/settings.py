@@ -21,6 +21,7 @@ from stages import (
     grasp_evaluate,
     grasp_record,
     grasp_report,
+    grasp_student,
     grasp_targets,
     grasp_tasks,
     hand_imitation,
@@ -110,6 +111,7 @@ class Settings:
     motion_report: motion_report.Params = motion_report.Params()
     hand_imitation: hand_imitation.Params = hand_imitation.Params()
     rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()
+    grasp_student: grasp_student.Params = grasp_student.Params()
     grasp_evaluate: grasp_evaluate.Params = grasp_evaluate.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()

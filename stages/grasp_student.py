@@ -28,6 +28,8 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    name: str = "student"
+    """of the policy and its curves"""
     seed: int = 0
     """of weights, places, yaws and minibatches"""
     rounds: int = 16
@@ -64,7 +66,7 @@ class Params:
     """of the physics' solver, at most"""
 
 
-def run(hand: HandModel, tasks: tuple[GraspTask, ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
+def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.dataset.files import tree
     from afford.grasp import acting, teach
@@ -75,11 +77,12 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], teacher: FileTree, params
     from afford.training.repeatable import repeatable
 
     expert = acting.load(teacher, {})
-    if not tasks or expert.teacher is None:
-        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(tasks)} tasks and "
+    mine = [of(one) for some in tasks for one in some]
+    if not mine or expert.teacher is None:
+        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(mine)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
     with repeatable(THREADS, "cpu"):
-        chosen = [of(tasks[k % len(tasks)]) for k in range(max(params.worlds, len(tasks)))]
+        chosen = [mine[k % len(mine)] for k in range(max(params.worlds, len(mine)))]
         core = Grasping(hand, chosen, _config(params, expert))
         try:
             lessons = Lessons(core, expert.actor(core), _senses(params), params.seed)
@@ -87,7 +90,7 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], teacher: FileTree, params
         finally:
             core.close()
     root = teach.write(ctx.scratch, model, _senses(params), {**expert.facts, "seed": params.seed})
-    return Trained(tree("student", root), curves.log("student", state))
+    return Trained(tree(params.name, root), curves.log(params.name, state))
 
 
 def _config(p: Params, expert):  # type: ignore[no-untyped-def]  # Policy and Config are leafs' types, and leafs load inside `run`

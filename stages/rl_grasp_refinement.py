@@ -27,6 +27,8 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    name: str = "teacher"
+    """of the policy and its curves"""
     seed: int = 0
     """of weights, noise, places and yaws"""
     updates: int = 240
@@ -84,7 +86,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
         first = residual.Prior(known, params.layout) if known else None
         model, state = refine.train(hand, mine, first, config, _plan(params), ctx.scratch, ctx.progress)
     root = refine.write(ctx.scratch, model, first, config, params.seed)
-    return Trained(tree("teacher", root), curves.log("teacher", state))
+    return Trained(tree(params.name, root), curves.log(params.name, state))
 
 
 def _config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # Config is a leaf's type

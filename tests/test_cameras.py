@@ -35,7 +35,7 @@ def scene(tmp_path_factory):  # type: ignore[no-untyped-def]
     links = [solid(shape, read, 48).apply_transform(T[shadow().links.index(link.name)])
              for link in read.links for shape in link.collisions]  # fmt: skip
     turn = Rotation.from_quat(state.body[0, 3:])
-    hulls = [trimesh.convex.convex_hull(turn.apply(hull) + state.body[0, :3]) for hull in body.hulls()]
+    hulls = [trimesh.convex.convex_hull(turn.apply(np.array(hull)) + state.body[0, :3]) for hull in body.hulls()]
     return state.q[:1], state.body[:1], body, trimesh.util.concatenate(links), trimesh.util.concatenate(hulls)
 
 

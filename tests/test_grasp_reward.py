@@ -66,6 +66,13 @@ def test_without_negative_terms_all_else_is_equal() -> None:
     assert weights("afforddex", negative_times("afforddex", 0.5))["negative_tips"] == -5.0
 
 
+def test_rewards_of_others_are_given_our_negative_terms() -> None:
+    """NAA plugs into UniDexGrasp++ by configuration alone; without it, that set is what it was."""
+    plugged, off = (weights("unidexgrasp++", negative_times("unidexgrasp++", scale)) for scale in (1.0, 0.0))
+    mine = {name: weight for name, weight in REWARDS["dense"].items() if name.startswith("negative")}
+    assert plugged == {**REWARDS["unidexgrasp++"], **mine} and not any(off[name] for name in mine)
+
+
 def test_one_finger_is_no_grip() -> None:
     """Nor is a touch too light to feel; two fingers, or one and the palm, are."""
     assert not measured(force_held=[[0, 1, 0, 0, 0, 0]], force_negative=[[0, 1, 0, 0, 0, 0]]).gripped[0]

@@ -45,7 +45,7 @@ def expert(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
 
 @pytest.fixture(scope="module")
 def trained(expert: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trained:
-    return grasp_student.run(shadow(), tasks(), expert, TINY, Scratch(tmp_path_factory.mktemp("student")))
+    return grasp_student.run(shadow(), (tasks(),), expert, TINY, Scratch(tmp_path_factory.mktemp("student")))
 
 
 def test_a_student_is_files_that_act(trained: Trained) -> None:
@@ -73,16 +73,16 @@ def test_killed_it_goes_on_to_the_same_bytes(trained: Trained, expert: FileTree,
     """From the last checkpoint; moments of older ones are gone."""
     monkeypatch.setattr(teach, "SECTION", 1)
     with pytest.raises(KeyboardInterrupt):
-        grasp_student.run(shadow(), tasks(), expert, TINY, Killed(tmp_path))
+        grasp_student.run(shadow(), (tasks(),), expert, TINY, Killed(tmp_path))
     assert [path.name for path in tmp_path.glob("moments-*")] == ["moments-2.safetensors"]
-    again = grasp_student.run(shadow(), tasks(), expert, TINY, Scratch(tmp_path))
+    again = grasp_student.run(shadow(), (tasks(),), expert, TINY, Scratch(tmp_path))
     assert [(one.name, one.digest) for one in again.files.files] == [(one.name, one.digest) for one in trained.files.files]
 
 
 def test_there_is_no_student_without_a_teacher_or_tasks(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
     for given, some in ((FileTree("none", ()), tasks()), (trained.files, tasks()), (expert, ())):
         with pytest.raises(ValueError, match="expected a task or more and the files of a teacher"):
-            grasp_student.run(shadow(), some, given, TINY, Scratch(tmp_path))
+            grasp_student.run(shadow(), (some,), given, TINY, Scratch(tmp_path))
 
 
 def test_files_that_fit_no_student_are_refused(trained: Trained) -> None:

@@ -60,6 +60,7 @@ from tests.made_meshes import as_object, cup
 from tests.made_motions import recorded, rod
 from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
+from tests.made_school import SCHOOL
 from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
@@ -96,6 +97,8 @@ ELSEWHERE = {"scene_render": "rendered",
              "grasp_record": "grasps",
              **dict.fromkeys(("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
                              "from_masks"),
+             **dict.fromkeys(("grasp_tasks", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
+                              "grasp_evaluate", "grasp_report"), "schooled"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
@@ -148,6 +151,11 @@ def benchmarked(compared: tuple[Path, RunReport]) -> Path:
     """A store in which methods were compared."""
     store, report = compared
     assert report.ok, report.failures
+    return with_fonts(store)
+
+
+def with_fonts(store: Path) -> Path:
+    """The store, with the list of fonts that matplotlib keeps in it."""
     (store / ".cache" / "matplotlib").mkdir(parents=True, exist_ok=True)
     listing = [sys.executable, "-c", "import matplotlib.font_manager"]
     subprocess.run(listing, env=os.environ | {"MPLCONFIGDIR": str(store / ".cache" / "matplotlib")}, check=True)
@@ -244,6 +252,17 @@ def grasps(tmp_path_factory: pytest.TempPathFactory) -> Path:
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "record")
     assert report.ok, report.failures
     return store
+
+
+@pytest.fixture(scope="module")
+def schooled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a prior, a teacher and a student have hardly learned anything, on one screwdriver."""
+    store = tmp_path_factory.mktemp("schooled")
+    use_kernel_cache(ROOT, store)
+    graph = build("grasp_full", Origin("tiny"), SCHOOL)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "grasp_full")
+    assert report.ok, report.failures
+    return with_fonts(store)
 
 
 @pytest.fixture(scope="module")

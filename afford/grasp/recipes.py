@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-TEACHER, NO_NEGATIVE = "teacher", "no_negative"
+TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 ROWS: dict[str, dict[str, Any]] = {
     TEACHER: {},
     NO_NEGATIVE: {"lambda_n": 0.0},
@@ -26,7 +26,8 @@ LAMBDA_SWEEP = ((0.0, NO_NEGATIVE), (0.5, "lambda_half"), (1.0, TEACHER), (2.0, 
 def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
     """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, or no seed."""
     wanted = tuple(rows)
-    unknown = sorted(set(wanted) - ROWS.keys())
-    if unknown or seeds < 1:
-        raise ValueError(f"grasp rows: expected some of {', '.join(ROWS)} and at least one seed, got {unknown or seeds}")
+    unknown = sorted(set(wanted) - {*ROWS, STUDENT})
+    if unknown or seeds < 1 or (STUDENT in wanted and TEACHER not in wanted[: wanted.index(STUDENT)]):
+        raise ValueError(f"grasp rows: expected some of {', '.join((*ROWS, STUDENT))}, {STUDENT} after {TEACHER}, and at least one "
+                         f"seed, got {', '.join(unknown) or ', '.join(wanted)} and {seeds}")
     return tuple((row, seed) for seed in range(seeds) for row in wanted)

@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 
 from afford.dataset.files import empty_folder, tree, write_json
 from afford.grasp.published import ROWS
+from afford.report.grasp_curves import write_curves
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp_task import LEVELS
@@ -145,12 +146,23 @@ def _text(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else ""
 
 
+def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
+    """Trainings named <row>-<seed> -> row: its seeds; those with curves of episodes."""
+    out = dict[str, list[TrainingLog]]()
+    for log in logs:
+        if any(curve.name.endswith("as_violation_pct") for curve in log.curves):
+            out.setdefault(log.name.rpartition("-")[0] or log.name, []).append(log)
+    return out
+
+
 def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path) -> FileTree:
-    """metrics.json and report.md; ValueError when nothing was played."""
+    """metrics.json, report.md and curves.png; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
     folder = empty_folder(scratch / name)
     last = {f"training.{log.name}.{curve.name}": float(curve.value[-1]) for log in logs for curve in log.curves if len(curve.value)}
     write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in last.items() if np.isfinite(value)})
     (folder / "report.md").write_text(markdown(episodes), encoding="utf-8")
+    if runs := by_row(logs):
+        write_curves(folder / "curves.png", runs)
     return tree(name, folder)

@@ -77,9 +77,13 @@ def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
 
 
 def negative_times(name: str, scale: float) -> dict[str, float]:
-    """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them. ValueError for an
-    unknown set."""
-    return {term: scale * weight for term, weight in weights(name).items() if term.startswith("negative")}
+    """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them. A set that has none
+    is given those of `dense`: so NAA plugs into other people's rewards. ValueError for an unknown set."""
+    return {term: scale * weight for term, weight in (_negative(name) or _negative("dense")).items()}
+
+
+def _negative(name: str) -> dict[str, float]:
+    return {term: weight for term, weight in weights(name).items() if term.startswith("negative")}
 
 
 def rewards(table: Mapping[str, float], measured: Measures) -> dict[str, np.ndarray]:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from afford.dataset.files import tree
-from afford.hands import read_urdf
-from afford.hands.folder import save
 from afford.hands.kinematics import forward
-from afford.hands.solids import solid
+from afford.hands.skin import skins
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -56,23 +52,21 @@ class BodyShape:
 
 def hand_shape(hand: HandModel) -> HandShape:
     """Of every link that can touch something. ValueError for a hand of which nothing can."""
-    with tempfile.TemporaryDirectory() as folder:
-        save(hand, Path(folder))
-        read = read_urdf.read(tree(hand.name, Path(folder)))
-        solids = [(hand.links.index(link.name), solid(shape, read, SIDES)) for link in read.links for shape in link.collisions]
+    solids = skins(hand, ("collision",), SIDES)
     if not solids:
         raise ValueError(f"{hand.name}: expected a link with a collision shape, got none; cameras would not see the hand")
-    corners, faces = _joined([found for _, found in solids])
-    return HandShape(hand, corners, np.repeat([link for link, _ in solids], [len(found.vertices) for _, found in solids]), faces)
+    corners, faces = _joined([(one.vertices, one.faces) for one in solids])
+    return HandShape(hand, corners, np.repeat([one.link for one in solids], [len(one.vertices) for one in solids]), faces)
 
 
 def body_shape(body: GraspObject) -> BodyShape:
     """Of all its hulls."""
-    return BodyShape(*_joined([trimesh.convex.convex_hull(hull) for hull in body.hulls()]))
+    solids = [trimesh.convex.convex_hull(hull) for hull in body.hulls()]
+    return BodyShape(*_joined([(one.vertices, one.faces) for one in solids]))
 
 
-def _joined(solids: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
+def _joined(solids: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """(v, 3) corners and (t, 3) faces of all."""
-    ends = np.cumsum([0, *(len(one.vertices) for one in solids)])
-    faces = [np.asarray(one.faces) + first for one, first in zip(solids, ends[:-1], strict=True)]
-    return np.concatenate([one.vertices for one in solids]).astype(np.float64), np.concatenate(faces).astype(np.int32)
+    ends = np.cumsum([0, *(len(corners) for corners, _ in solids)])
+    faces = [np.asarray(one) + first for (_, one), first in zip(solids, ends[:-1], strict=True)]
+    return np.concatenate([corners for corners, _ in solids]).astype(np.float64), np.concatenate(faces).astype(np.int32)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as Xml
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from afford.hands.solids import solid
+from afford.hands.solids import SIDES, solid
 from afford.hands.tree import Shape, Tree
 from afford.hands.urdf_shapes import SIZES
 from afford.meshes.urdf import filename, numbers, origin, parse
@@ -25,16 +26,17 @@ class Skin(NamedTuple):
     """(f, 3) int64, counter-clockwise seen from outside"""
 
 
-def skins(hand: HandModel) -> tuple[Skin, ...]:
-    """Of the links that have a shape: what they are to look like, or, where nobody says, what they collide with."""
+def skins(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides: int = SIDES) -> tuple[Skin, ...]:
+    """Of the links that have a shape of the first of `kinds` that they have: what they are to look like, or, where nobody says
+    what they collide with; so many corners around anything round."""
     root = parse(hand.urdf, hand.name)
     tree = Tree(hand.name, (), (), {mesh.file: (mesh.vertices, mesh.faces) for mesh in hand.meshes})
-    named = {link.get("name"): link.findall("visual") or link.findall("collision") for link in root.findall("link")}
-    return tuple(_skin(link, named[name], tree) for link, name in enumerate(hand.links) if named.get(name))
+    named = {link.get("name"): next(filter(None, (link.findall(kind) for kind in kinds)), []) for link in root.findall("link")}
+    return tuple(_skin(link, named[name], tree, sides) for link, name in enumerate(hand.links) if named.get(name))
 
 
-def _skin(link: int, elements: list[Xml.Element], tree: Tree) -> Skin:
-    solids = [solid(_shape(element, tree.name), tree) for element in elements]
+def _skin(link: int, elements: list[Xml.Element], tree: Tree, sides: int) -> Skin:
+    solids = [solid(_shape(element, tree.name), tree, sides) for element in elements]
     starts = np.cumsum([0] + [len(one.vertices) for one in solids[:-1]])
     faces = [np.asarray(one.faces) + start for one, start in zip(solids, starts, strict=True)]
     return Skin(link, np.concatenate([one.vertices for one in solids]), np.concatenate(faces))

@@ -1,0 +1,19 @@
+"""Settings with which the targets of grasping take seconds: one screwdriver to learn on, one soldering iron never seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from maps.settings import Settings
+
+SCHOOL = Settings(
+    object_plan=replace(Settings.object_plan, categories=("screwdriver", "soldering_iron"), train_per_category=1,
+                        seen_per_category=1, unseen_per_category=1),
+    object_solids=replace(Settings.object_solids, points=128, hulls=8),
+    grasp_targets=replace(Settings.grasp_targets, places=2),
+    hand_imitation=replace(Settings.hand_imitation, cloning=2, alone=1, worlds=2, hidden=(16,), proofs=0),
+    rl_grasp_refinement=replace(Settings.rl_grasp_refinement, updates=2, worlds=2, iterations=20),
+    grasp_student=replace(Settings.grasp_student, rounds=1, worlds=1, updates=2, batch=8, views=1, size_px=16, points=32),
+    grasp_evaluate=replace(Settings.grasp_evaluate, episodes=1, iterations=20, traces=1),
+    grasp_record=replace(Settings.grasp_record, width=64, height=48, supersample=1),
+    grasp_report=replace(Settings.grasp_report, rows=("teacher", "student"), seeds=1, engines=("mujoco",)))  # fmt: skip
