@@ -37,7 +37,7 @@ from stages import (
     rl_grasp_refinement,
 )
 
-HELD = ("brush", "chisel", "flashlight", "knife", "pan", "pizza_cutter", "screwdriver", "spatula")
+HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver", "spatula")
 """categories that policies learn on"""
 NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""

@@ -31,7 +31,7 @@ class Params:
     """of the policy and its curves"""
     seed: int = 0
     """of weights, noise, places and yaws"""
-    updates: int = 240
+    updates: int = 200
     """of PPO; each follows one episode of every world"""
     worlds: int = 32
     """computed side by side; tasks are taken in turn"""

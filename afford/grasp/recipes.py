@@ -6,11 +6,14 @@ from collections.abc import Iterable
 from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
+SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
 ROWS: dict[str, dict[str, Any]] = {
     TEACHER: {},
     NO_NEGATIVE: {"lambda_n": 0.0},
     "naa_only": {"base": "none"},
     "neither": {"base": "none", "lambda_n": 0.0},
+    "on_script": SCRIPT,
+    "on_script_no_negative": {**SCRIPT, "lambda_n": 0.0},
     "lambda_half": {"lambda_n": 0.5},
     "lambda_double": {"lambda_n": 2.0},
     "transfer_none": {"reward": "unidexgrasp++", "base": "none", "lambda_n": 0.0},
@@ -19,7 +22,7 @@ ROWS: dict[str, dict[str, Any]] = {
     "transfer_both": {"reward": "unidexgrasp++"},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
-nothing; lambda_*: other weights of the negative terms; transfer_*: both plugged into the rewards of UniDexGrasp++"""
+nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; transfer_*: both plugged into the rewards of UniDexGrasp++"""
 LAMBDA_SWEEP = ((0.0, NO_NEGATIVE), (0.5, "lambda_half"), (1.0, TEACHER), (2.0, "lambda_double"))
 
 
