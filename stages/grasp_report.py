@@ -23,8 +23,8 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    rows: tuple[str, ...] = ("teacher", "no_negative", "student", "naa_only", "neither", "on_script",
-                             "on_script_no_negative", "lambda_half", "lambda_double", "transfer_none", "transfer_hti", "transfer_naa", "transfer_both")
+    rows: tuple[str, ...] = ("teacher", "no_negative", "student", "naa_only", "neither", "on_script", "on_script_no_negative",
+                             "lambda_half", "lambda_double", "transfer_none", "transfer_hti", "transfer_naa", "transfer_both")
     """grasp_full: what is trained (afford/grasp/recipes.py); student comes after its teacher"""
     seeds: int = 3
     """grasp_full: trainings of each row, with the seeds 0, 1, ..."""

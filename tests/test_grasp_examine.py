@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from afford.grasp.config import Config
 from afford.grasp.core import Grasping
 from afford.grasp.evaluate import Still, play
 from afford.grasp.examine import FIGURES
-from afford.grasp.report import cells, markdown, metrics
+from afford.grasp.report import by_row, cells, markdown, metrics
 from afford.grasp.task import of
 from schemas.context import Context
 from schemas.episodes import GraspEpisodes
@@ -19,6 +21,7 @@ from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.mesh import ObjectSpec
 from schemas.motion import ReferenceSet, RetargetReport
+from schemas.training import Curve, TrainingLog
 from stages import grasp_evaluate, grasp_report, grasp_tasks
 from tests.made_grasps import reference
 from tests.made_hands import shadow
@@ -105,6 +108,17 @@ def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:
         values[:, FIGURES.index(name)] = column
     found = metrics([replace(script, values=values, engine="bullet", policy="teacher")])
     assert found["teacher.as_violation_pct"] == 10 and found["teacher.as_violation_pct.all"] == 40
+
+
+def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: GraspEpisodes, tmp_path: Path) -> None:
+    found = metrics([replace(script, policy="transfer_hti"), replace(script, policy="lambda_half", engine="bullet")])
+    assert "mujoco.transfer.hti.succ.train" in found and "lambda.half.as_violation_pct" in found
+    curve = Curve("train.as_violation_pct", np.arange(3), np.array([9.0, 5.0, 4.0]))
+    logs = tuple(TrainingLog(name, (curve,), 3, 3) for name in ("prior", "teacher-0", "teacher-1"))
+    files = grasp_report.run((script,), logs, grasp_report.Params(), Scratch(tmp_path))
+    said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
+    assert files.find("curves.png") and set(by_row(logs)) == {"prior", "teacher"}
 
 
 def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -22,8 +22,8 @@ ROWS: dict[str, dict[str, Any]] = {
     "transfer_both": {"reward": "unidexgrasp++"},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
-nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; transfer_*: both plugged into the rewards of UniDexGrasp++"""
-LAMBDA_SWEEP = ((0.0, NO_NEGATIVE), (0.5, "lambda_half"), (1.0, TEACHER), (2.0, "lambda_double"))
+nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; transfer_*: both plugged
+into the rewards of UniDexGrasp++"""
 
 
 def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +21,9 @@ from schemas.training import TrainingLog
 MAIN = "bullet"
 """the engine whose figures have no prefix"""
 PCT = 100.0
+PRIOR = "prior"
+"""name of the training whose last figures are called hti"""
+GROUP = re.compile("^(lambda|transfer)_")
 
 
 class Cell(NamedTuple):
@@ -92,10 +96,11 @@ SHARES = ("succ", "succ_low", "succ_high", "succ_sd", "held")
 
 def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
     """Flat; names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes,
-    `.all` over all episodes."""
+    `.all` over all episodes. Rows of a group (lambda_half, transfer_hti) have it as their first word (lambda.half)."""
     out = dict[str, float]()
     for cell in cells(episodes):
-        prefix = f"{cell.policy}." if cell.engine == MAIN else f"{cell.engine}.{cell.policy}."
+        row = GROUP.sub(r"\1.", cell.policy)
+        prefix = f"{row}." if cell.engine == MAIN else f"{cell.engine}.{row}."
         named = {name: of(cell) / (PCT if name in SHARES else 1.0) for name, _, of in FIGURES}
         out |= {f"{prefix}{name}.{cell.level}": value for name, value in named.items()}
         if cell.level == "train":
@@ -160,7 +165,8 @@ def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingL
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
     folder = empty_folder(scratch / name)
-    last = {f"training.{log.name}.{curve.name}": float(curve.value[-1]) for log in logs for curve in log.curves if len(curve.value)}
+    last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
+            for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
     write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in last.items() if np.isfinite(value)})
     (folder / "report.md").write_text(markdown(episodes), encoding="utf-8")
     if runs := by_row(logs):
