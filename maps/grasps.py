@@ -41,6 +41,8 @@ HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver",
 """categories that policies learn on"""
 NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
+CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
+"""other ways to examine a teacher, on what it learned on: objects that fell at random; pushes in the air"""
 SHAPES, SIZES = 4, (0.85, 1.15)
 """of each category to learn on; how much smaller and larger these are on the level of other sizes"""
 FROM_ABOVE: dict[str, Any] = {
@@ -135,11 +137,12 @@ def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     return trained
 
 
-def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels: Sequence[str], p: Settings) -> list[GraspEpisodes]:
-    """A policy on levels, in both engines."""
+def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels: Sequence[str], p: Settings,
+            **changes: Any) -> list[GraspEpisodes]:  # fmt: skip
+    """A policy on levels, in both engines; `changes` of what is asked."""
     return [g.named(f"{name}_{seed}_{level}_{engine}").add(
                 grasp_evaluate.run, hand=s.hand, tasks=s.shop.tasks[level], policy=policy, references=s.references,
-                params=replace(p.grasp_evaluate, policy=name, engine=engine), ctx=g.ctx)
+                params=replace(p.grasp_evaluate, policy=name, engine=engine, **changes), ctx=g.ctx)
             for level in levels for engine in p.grasp_report.engines]  # fmt: skip
 
 
@@ -173,6 +176,9 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     """all rows of the tables of grasping, over several seeds; go on at will"""
     s = school(g, p)
     episodes, logs = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), p)
+    for name, changes in CONDITIONS.items() if s.teachers else ():
+        policy = g.pick(s.teachers[0], lambda t: t.files)
+        episodes += examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes)
     report(g, "grasp_full", s, episodes, logs, p)
 
 
