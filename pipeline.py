@@ -16,7 +16,7 @@ from runner import Graph
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
            "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
            "ablation": ablate, "negative-affordance": negative_affordance,
-           "grasp": grasp, "grasp_full": grasp_full}
+           "grasp": grasp, "grasp-full": grasp_full}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

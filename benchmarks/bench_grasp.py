@@ -27,7 +27,7 @@ def main() -> None:
     parser.add_argument("--store")
     parser.add_argument("--full", action="store_true")
     asked = parser.parse_args()
-    target = "grasp_full" if asked.full else "grasp"
+    target = "grasp-full" if asked.full else "grasp"
     found = make(target, asked.store)
     report = Path(found["outputs"]["report"])
     text = (report / "report.md").read_text().partition("\n\n")[2]

@@ -179,7 +179,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     for name, changes in CONDITIONS.items() if s.teachers else ():
         policy = g.pick(s.teachers[0], lambda t: t.files)
         episodes += examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes)
-    report(g, "grasp_full", s, episodes, logs, p)
+    report(g, "grasp-full", s, episodes, logs, p)
 
 
 def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings) -> None:

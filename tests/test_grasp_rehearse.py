@@ -34,7 +34,7 @@ def test_targets_lie_in_the_object() -> None:
         handle[:3, :3], handle[:3, 3] = turn.as_matrix(), one.object_pose[:3]
         handle = handle @ one.T_object_handle
         assert handle[:3, 2] == pytest.approx([1, 0, 0], abs=1e-9)
-        assert (turn.apply(body.com_m) + one.object_pose[:3])[:2] == pytest.approx([0, 0], abs=1e-9)
+        assert (turn.apply(np.array(body.com_m)) + one.object_pose[:3])[:2] == pytest.approx([0, 0], abs=1e-9)
         assert (spots.min(0) < handle[:3, 3]).all() and (handle[:3, 3] < spots.max(0)).all()
         assert min(np.ptp(spots[:, 1:], axis=0)) / 4 < one.diameter_m <= np.ptp(spots[:, 1])
         ways.append(turn)
@@ -121,7 +121,8 @@ def test_a_clip_is_turned_and_shifted_with_its_object() -> None:
         clip = clips[made._now.clip[k]]
         episode, state = made.grasping.episode, made.state()
         palm = to_frame((state.palm[k, :3] - episode.origin[k])[None, None], episode.yaw[k : k + 1])[0, 0]
-        com = Rotation.from_quat(clip.object_pose[0, 3:]).apply(made.grasping.tasks[k].body.com_m) + clip.object_pose[0, :3]
+        turn, com_m = Rotation.from_quat(clip.object_pose[0, 3:]), np.array(made.grasping.tasks[k].body.com_m)
+        com = turn.apply(com_m) + clip.object_pose[0, :3]
         assert palm == pytest.approx(clip.T_world_palm[0, :3, 3] - com, abs=2e-3)
         assert made.tracking().wrist_m[k] < 2e-3 and made.tracking().wrist_rad[k] < 2e-2
     made.close()

@@ -27,7 +27,7 @@ TINY = grasp_student.Params(rounds=3, worlds=2, updates=2, batch=8, buffer=60, l
 
 def tasks() -> tuple[GraspTask, ...]:
     specs = [ObjectSpec(kind, kind, 12, "plain", "train") for kind in ("screwdriver", "spatula")]
-    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params())[0] for one in specs)
+    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params(within_m=1.0))[0] for one in specs)
 
 
 class Killed(Scratch):

@@ -259,8 +259,8 @@ def schooled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store in which a prior, a teacher and a student have hardly learned anything, on one screwdriver."""
     store = tmp_path_factory.mktemp("schooled")
     use_kernel_cache(ROOT, store)
-    graph = build("grasp_full", Origin("tiny"), SCHOOL)
-    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "grasp_full")
+    graph = build("grasp-full", Origin("tiny"), SCHOOL)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "grasp-full")
     assert report.ok, report.failures
     return with_fonts(store)
 
