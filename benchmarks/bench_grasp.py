@@ -30,7 +30,7 @@ def main() -> None:
     target = "grasp-full" if asked.full else "grasp"
     found = make(target, asked.store)
     report = Path(found["outputs"]["report"])
-    text = (report / "report.md").read_text().partition("\n\n")[2]
+    text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
     took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     head = took if not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0") else ""
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)

@@ -118,7 +118,7 @@ def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: Gr
     files = grasp_report.run((script,), logs, grasp_report.Params(), Scratch(tmp_path))
     said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
     assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
-    assert files.find("curves.png") and set(by_row(logs)) == {"prior", "teacher"}
+    assert files.find("curves.png") and set(by_row(logs)) == {"teacher"}
 
 
 def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -152,11 +152,12 @@ def _text(value: float, digits: int) -> str:
 
 
 def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
-    """Trainings named <row>-<seed> -> row: its seeds; those with curves of episodes."""
+    """Trainings named <row>-<seed> that have curves of episodes -> row: its seeds."""
     out = dict[str, list[TrainingLog]]()
     for log in logs:
-        if any(curve.name.endswith("as_violation_pct") for curve in log.curves):
-            out.setdefault(log.name.rpartition("-")[0] or log.name, []).append(log)
+        row, _, seed = log.name.rpartition("-")
+        if row and seed.isdigit() and any(curve.name.endswith("as_violation_pct") for curve in log.curves):
+            out.setdefault(row, []).append(log)
     return out
 
 
