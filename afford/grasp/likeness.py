@@ -9,8 +9,8 @@ work together (papers: section 7.4). Here each is a number, and people's own mot
 
 A criterion gives 1 up to one standard deviation above the mean of people and falls off exponentially beyond: to 1/e where the
 palm's way is 1.28 times as long, jerk 20 times as strong (squared, over the whole), or a quarter more of the motion unexplained.
-These scales are fixed, since clean clips are alike to the last digit. The score is 10 times the mean of the three. Nothing is said by
-it of whether anything was grasped.
+These scales are fixed, since clean clips are alike to the last digit. The score is 10 times the mean of the three. Nothing is
+said by it of whether anything was grasped.
 """
 
 from __future__ import annotations
