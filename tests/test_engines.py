@@ -103,7 +103,7 @@ def test_energy_of_a_throw_is_kept_and_lost_on_the_table(engine: str) -> None:
 
     def energy(state: State) -> float:
         R = Rotation.from_quat(state.body[3:])
-        height = (R.apply(found.com_m) + state.body[:3])[2]
+        height = (R.apply(np.array(found.com_m)) + state.body[:3])[2]
         inertia = R.as_matrix() @ found.inertia_kgm2 @ R.as_matrix().T
         moving = found.mass_kg * (9.81 * height + 0.5 * state.velocity @ state.velocity)
         return float(moving + 0.5 * state.spin @ inertia @ state.spin)
