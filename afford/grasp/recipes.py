@@ -7,18 +7,20 @@ from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
+ALONE: dict[str, Any] = {"base": "none", "std": 0.5, "std_along": 0.5}
+"""without a base that holds anything there is nothing to lose by noise, and everything to find"""
 ROWS: dict[str, dict[str, Any]] = {
     TEACHER: {},
     NO_NEGATIVE: {"lambda_n": 0.0},
-    "naa_only": {"base": "none"},
-    "neither": {"base": "none", "lambda_n": 0.0},
+    "naa_only": ALONE,
+    "neither": {**ALONE, "lambda_n": 0.0},
     "on_script": SCRIPT,
     "on_script_no_negative": {**SCRIPT, "lambda_n": 0.0},
     "lambda_half": {"lambda_n": 0.5},
     "lambda_double": {"lambda_n": 2.0},
-    "transfer_none": {"reward": "unidexgrasp++", "base": "none", "lambda_n": 0.0},
+    "transfer_none": {**ALONE, "reward": "unidexgrasp++", "lambda_n": 0.0},
     "transfer_hti": {"reward": "unidexgrasp++", "lambda_n": 0.0},
-    "transfer_naa": {"reward": "unidexgrasp++", "base": "none"},
+    "transfer_naa": {**ALONE, "reward": "unidexgrasp++"},
     "transfer_both": {"reward": "unidexgrasp++"},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
