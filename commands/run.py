@@ -138,7 +138,8 @@ def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
     if "report" not in outputs:
         return {}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
-    more = {"benchmark": _per_image, "extraction_report": _per_frame, "negative_affordance_report": _per_object}
+    more = {"benchmark": _per_image, "extraction_report": _per_frame, "negative_affordance_report": _per_object,
+            "grasp_report": _per_step}
     spent = [more[stage](report, metrics) for stage in report.outputs if stage in more]
     return metrics | (spent[0] if spent else {})
 
@@ -154,6 +155,16 @@ def _per_object(report: RunReport, metrics: dict[str, float]) -> dict[str, float
     scored = {shard for name, shard in report.cpu_s if name == "negative_affordance_score"}
     spent = sum(cpu for (name, shard), cpu in report.cpu_s.items() if name in NEGATIVE and shard in scored)
     return {"cpu_s_per_object": spent / metrics["objects"]}
+
+
+def _per_step(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
+    """Control steps a CPU second of examinations: physics, observations, policies, figures; PyBullet's has no prefix."""
+    out: dict[str, float] = {}
+    for engine, prefix in (("bullet", ""), ("mujoco", "mujoco.")):
+        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name.endswith(f"_{engine}"))
+        if spent and f"control_steps.{engine}" in metrics:
+            out[f"{prefix}control_steps_per_s"] = metrics[f"control_steps.{engine}"] / spent
+    return out
 
 
 def _per_frame(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:

@@ -105,6 +105,8 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
         out |= {f"{prefix}{name}.{cell.level}": value for name, value in named.items()}
         if cell.level == "train":
             out |= {f"{prefix}{name}": value for name, value in named.items()}
+        steps = f"control_steps.{cell.engine}"
+        out[steps] = out.get(steps, 0.0) + sum(one.depth_m.size for one in cell.runs)
     for name in ("penetration_mm.median", "penetration_mm.p95"):
         out |= {name: out[f"teacher.{name}"]} if f"teacher.{name}" in out else {}
     return {name: value for name, value in out.items() if np.isfinite(value)}
