@@ -5,7 +5,6 @@ Its licence (Apache-2.0, in the wheel's LICENSE.md) stays with it: nothing of it
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
 from blake3 import blake3
@@ -21,9 +20,11 @@ MESHES = "stls/hand/"
 
 def shadow_files() -> FileTree:
     """The MJCF and STL files of the Shadow Hand, as a leaf of the graph; SourceError when the package is not installed."""
+    from importlib import metadata  # 15 ms, which `--help` does not need
+
     try:
-        listed = files(PACKAGE) or []
-    except PackageNotFoundError as error:
+        listed = metadata.files(PACKAGE) or []
+    except metadata.PackageNotFoundError as error:
         raise SourceError("the Shadow Hand", f"the package {PACKAGE}", "none installed", f"pip install {PACKAGE}") from error
     found = {str(file).removeprefix(ASSETS): Path(str(file.locate())) for file in listed if str(file).startswith(ASSETS)}
     wanted = {name: path for name, path in found.items() if name in MODEL or name.startswith(MESHES)}
