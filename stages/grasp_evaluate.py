@@ -36,7 +36,7 @@ class Params:
     """most worlds at a time"""
     iterations: int = 100
     """of the solver"""
-    rate_hz: int = 240
+    rate_hz: int = 480
     """of the solver"""
     poses: str = "flat"
     """flat, or dropped: objects that fell at random"""

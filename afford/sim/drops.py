@@ -21,11 +21,13 @@ TRIES = 4
 SPEED_M_S, SPIN_RAD_S = 0.01, 0.1
 STILL = 6
 """at rest below these speeds for so many control steps: what rocks is slow where it turns back"""
+MOST_S = 6.0
+"""to come to rest in: what is round rolls first"""
 ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
 """also at rest is what has stayed so near to one pose for so many control steps: thin hulls tremble on a table in PyBullet"""
 
 
-def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = 4.0) -> np.ndarray:
+def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
     """(7,) pose at rest, about the origin within `reach_m` at first; the same seed and world give the same pose. The hand stays
     away. ValueError when it has not come to rest after `most_s`, as a thing that rolls."""
     found = _settled(world, scene, _thrown(scene, np.random.default_rng(seed), reach_m), most_s)
@@ -35,7 +37,7 @@ def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s
     return found
 
 
-def laid(world: World, scene: Scene, most_s: float = 4.0) -> np.ndarray:
+def laid(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
     """(7,) pose at rest of an object that is put down as it was built. ValueError when it rolls or rocks on."""
     found = _settled(world, scene, np.array([0.0, 0.0, LAID_M, 0.0, 0.0, 0.0, 1.0]), most_s)
     if found is None:
@@ -44,7 +46,7 @@ def laid(world: World, scene: Scene, most_s: float = 4.0) -> np.ndarray:
     return found
 
 
-def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = 4.0) -> list[np.ndarray]:
+def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = MOST_S) -> list[np.ndarray]:
     """`count` poses (7,) at rest, of the first seeds from `seed` on at which it comes to rest about the origin. ValueError when
     most do not."""
     thrown = (_thrown(scene, np.random.default_rng(seed + k), 0.0) for k in range(TRIES * count))

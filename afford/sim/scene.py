@@ -37,7 +37,7 @@ class Physics:
     """a motor closes the distance to its target in this time, as far as its torque allows"""
 
 
-STRICT = Physics(iterations=100)
+STRICT = Physics(rate_hz=480, iterations=100)
 """the settings under which grasps are judged"""
 
 
