@@ -43,8 +43,9 @@ NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """other ways to examine a teacher, on what it learned on: objects that fell at random; pushes in the air"""
-SHAPES, SIZES = 4, (0.85, 1.15)
-"""of each category to learn on; how much smaller and larger these are on the level of other sizes"""
+SHAPES, SIZES, BALLAST = 4, (0.85, 1.15), 6.0
+"""of each category to learn on; how much smaller and larger these are on the level of other sizes; how many times as dense what is
+forbidden is in half of the lessons: steel on wood, so that hands also learn to hold a thing beside its centre of mass"""
 FROM_ABOVE: dict[str, Any] = {
     "clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7, "lift_m": 0.2,
     "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0), "wander": 0.3,
@@ -60,6 +61,8 @@ class Shop(NamedTuple):
 
     body: GraspObject
     """each of the training level"""
+    lessons: tuple[tuple[GraspTask, ...], ...]
+    """what policies learn on: the training level, and the same with heavy heads"""
     tasks: dict[str, tuple[tuple[GraspTask, ...], ...]]
 
 
@@ -73,7 +76,8 @@ def shop(g: Graph, p: Settings) -> Shop:
     seen    = solid(g, "seen", replace(known, splits=("seen",)), p)
     unseen  = solid(g, "unseen", replace(never, splits=("unseen",)), p)
     sizes   = replace(p.grasp_tasks, scales=SIZES, level="unseen_size")
-    return Shop(train[1], {
+    heavy   = replace(p.grasp_tasks, ballast=(1.0, BALLAST))
+    return Shop(train[1], uses(g, "lesson", train, heavy), {
         "train": uses(g, "train", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
         "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)})
 
@@ -130,7 +134,7 @@ def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     """A teacher of one row and seed, on the prior where the row has one."""
     params  = replace(p.rl_grasp_refinement, name=f"{row}-{seed}", seed=seed, **ROWS[row])
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
-    trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.tasks["train"], prior=prior,
+    trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.lessons, prior=prior,
                                            params=params, ctx=g.ctx)
     if row == TEACHER:
         s.teachers[seed] = trained
@@ -159,7 +163,7 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], p: Settings) ->
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     """A student of the teacher of the same seed."""
-    return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks["train"],
+    return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.lessons,
                                         teacher=g.pick(s.teachers[seed], lambda t: t.files),
                                         params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
 

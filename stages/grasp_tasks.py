@@ -17,7 +17,7 @@ from schemas.grasp import GraspObject
 from schemas.grasp_task import GraspTask
 from schemas.mesh import ObjectSpec
 
-LIBRARIES = ("numpy", "scipy")
+LIBRARIES = ("numpy", "scipy", "trimesh")
 THREADS = 1
 MEMORY_GIB = 0.3
 
@@ -32,7 +32,8 @@ class Params:
     """shortest safe stretch of a part that is held"""
     thickness_m: tuple[float, float] = (0.009, 0.06)
     """thinnest and thickest: the second extent across its length"""
-
+    ballast: tuple[float, ...] = (1.0,)
+    """how many times as dense as the rest forbidden parts are: a blade of steel on a handle of wood is 6 times. 1 is as it was built"""
     within_m: float = 0.06
     """farthest that forbidden points may be from the centre of mass along the object: where they are farther, a hand that grasps
     near that centre meets none of them, and the task asks nothing"""
@@ -42,10 +43,14 @@ def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask,
     """The tasks of one object; none where no use can be held."""
     from afford.grasp.uses import scaled, uses
 
-    if not params.scales or min(params.scales) <= 0:
-        raise ValueError(f"grasp_tasks.scales: expected numbers above 0, got {params.scales}")
+    for field in ("scales", "ballast"):
+        if not getattr(params, field) or min(getattr(params, field)) <= 0:
+            raise ValueError(f"grasp_tasks.{field}: expected numbers above 0, got {getattr(params, field)}")
     level = params.level or {"train": "train", "val": "val", "seen": "unseen_object", "unseen": "unseen_category"}[spec.split]
-    sizes = [(f"x{scale:g}" if scale != 1.0 else "", scaled(body, scale)) for scale in params.scales]
-    return tuple(one for label, size in sizes
-                 for one in uses(size, spec.category, level, label, params.least_length_m, params.thickness_m,
-                             params.within_m))  # fmt: skip
+    return tuple(one for scale in params.scales for heavy in params.ballast
+                 for one in uses(scaled(body, scale), spec.category, level, _label("x", scale) + _label("+", heavy),
+                                 params.least_length_m, params.thickness_m, params.within_m, heavy))  # fmt: skip
+
+
+def _label(mark: str, times: float) -> str:
+    return f"{mark}{times:g}" if times != 1.0 else ""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from afford.grasp.task import of
-from afford.grasp.uses import aside, holdable, scaled
+from afford.grasp.uses import aside, holdable, scaled, weighted
 from schemas.grasp_task import LEVELS, GraspTask
 from schemas.mesh import ObjectSpec
 from stages import grasp_tasks
@@ -76,3 +76,24 @@ def test_what_is_forbidden_far_away_asks_nothing() -> None:
     assert 0.03 < away < body.size_m.max()
     assert first.name not in [one.name for one in made("hammer", within_m=away - 0.001)]
     assert first.name in [one.name for one in made("hammer", within_m=away + 0.001)]
+
+
+def test_a_heavy_head_draws_the_centre_of_mass_and_weighs_what_it_should() -> None:
+    body = tool("knife", 1)
+    heavy = weighted(body, ("blade",), 6.0)
+    blade = np.concatenate([h for h, part in zip(body.hulls(), body.hull_part, strict=True) if body.parts[part] == "blade"])
+    towards = blade.mean(axis=0) - body.com_m
+    moved = heavy.com_m - body.com_m
+    assert moved @ towards > 0.9 * np.linalg.norm(moved) * np.linalg.norm(towards) and heavy.mass_kg > body.mass_kg
+    both = weighted(body, body.parts, 3.0)
+    assert both.mass_kg == pytest.approx(3 * body.mass_kg) and both.com_m == pytest.approx(body.com_m, abs=0.003)
+    assert both.inertia_kgm2 == pytest.approx(3 * body.inertia_kgm2, rel=0.2, abs=1e-6)
+    assert weighted(body, ("blade",), 1.0) is body
+    with pytest.raises(ValueError, match=r"grasp_tasks.ballast: expected numbers above 0, got \(0.0,\)"):
+        made("knife", ballast=(0.0,))
+
+
+def test_ballast_changes_no_use() -> None:
+    plain, heavy = made("knife", ballast=(1.0, 6.0))
+    assert (plain.name, heavy.name) == ("knife/cut_bread", "knife+6/cut_bread") and plain.negative == heavy.negative
+    assert np.array_equal(plain.N_t, heavy.N_t) and np.linalg.norm(plain.body.com_m - heavy.body.com_m) > 0.01

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import trimesh
 
 from afford.backends.describe.lexicon import TASKS
 from afford.backends.describe.rules import look_up
@@ -17,8 +18,9 @@ from schemas.grasp_task import GraspTask
 
 
 def uses(body: GraspObject, category: str, level: str, label: str, least_m: float, thickness_m: tuple[float, float],
-         within_m: float) -> Iterator[GraspTask]:  # fmt: skip
-    """One for each set of forbidden parts: uses that forbid the same are one. ValueError for an unknown category."""
+         within_m: float, ballast: float = 1.0) -> Iterator[GraspTask]:  # fmt: skip
+    """One for each set of forbidden parts: uses that forbid the same are one. Forbidden parts are `ballast` times as dense as the
+    others, which changes no use. ValueError for an unknown category."""
     if category not in TASKS:
         raise ValueError(f"{body.name}: expected a category of the lexicon, got {category!r}; known are {', '.join(sorted(TASKS))}")
     done = set[tuple[str, ...]]()
@@ -33,7 +35,7 @@ def uses(body: GraspObject, category: str, level: str, label: str, least_m: floa
             continue
         done.add(negative)
         name = "/".join(filter(None, (body.name + label, use.replace(" ", "_"))))
-        yield GraspTask(name, level, use, body, negative, hold, made.N_t)
+        yield GraspTask(name, level, use, weighted(body, negative, ballast), negative, hold, made.N_t)
 
 
 def holdable(body: GraspObject, part: str, N_t: np.ndarray, least_m: float, thickness_m: tuple[float, float]) -> bool:
@@ -60,6 +62,22 @@ def scaled(body: GraspObject, factor: float) -> GraspObject:
     lengths = {name: getattr(body, name) * factor for name in ("corners", "com_m", "size_m", "stand_out_m")}
     points = (body.points * np.float32(factor)).astype(np.float32)
     return replace(body, points=points, mass_kg=body.mass_kg * factor**3, inertia_kgm2=body.inertia_kgm2 * factor**5, **lengths)
+
+
+def weighted(body: GraspObject, parts: Sequence[str], times: float) -> GraspObject:
+    """The same thing with some of its parts `times` as dense as the others, whose mass stays; what a part weighs is divided as the
+    volumes of the hulls are."""
+    if times == 1.0:
+        return body
+    hulls = [trimesh.convex.convex_hull(corners) for corners in body.hulls()]
+    density = body.mass_kg / sum(hull.volume for hull in hulls) * (times - 1)
+    added = [hull for hull, part in zip(hulls, body.hull_part, strict=True) if body.parts[part] in parts]
+    masses = np.array([body.mass_kg, *(density * hull.volume for hull in added)])
+    centres = np.array([body.com_m, *(hull.center_mass for hull in added)])
+    inertias = [body.inertia_kgm2, *(density * hull.moment_inertia for hull in added)]
+    com = masses @ centres / masses.sum()
+    moved = [I + m * (d @ d * np.eye(3) - np.outer(d, d)) for I, m, d in zip(inertias, masses, centres - com, strict=True)]
+    return replace(body, mass_kg=float(masses.sum()), com_m=com, inertia_kgm2=np.sum(moved, axis=0))
 
 
 def _largest_first(body: GraspObject) -> list[str]:
