@@ -76,8 +76,9 @@ def weighted(body: GraspObject, parts: Sequence[str], times: float) -> GraspObje
     centres = np.array([body.com_m, *(hull.center_mass for hull in added)])
     inertias = [body.inertia_kgm2, *(density * hull.moment_inertia for hull in added)]
     com = masses @ centres / masses.sum()
-    moved = [I + m * (d @ d * np.eye(3) - np.outer(d, d)) for I, m, d in zip(inertias, masses, centres - com, strict=True)]
-    return replace(body, mass_kg=float(masses.sum()), com_m=com, inertia_kgm2=np.sum(moved, axis=0))
+    offset = centres - com
+    steiner = [m * (d @ d * np.eye(3) - np.outer(d, d)) for m, d in zip(masses, offset, strict=True)]
+    return replace(body, mass_kg=float(masses.sum()), com_m=com, inertia_kgm2=np.sum([*inertias, *steiner], axis=0))
 
 
 def _largest_first(body: GraspObject) -> list[str]:
