@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.grasp.recipes import NO_NEGATIVE, ROWS, STUDENT, TEACHER, planned
+from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, TEACHER, planned
 from afford.hands.assets import shadow_files
+from maps import negatives, twohands
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
@@ -26,6 +27,7 @@ from stages import (
     grasp_student,
     grasp_targets,
     grasp_tasks,
+    grasp_tasks_predicted,
     hand_imitation,
     hand_model,
     hand_retarget,
@@ -34,6 +36,8 @@ from stages import (
     object_build,
     object_plan,
     object_solids,
+    part_describe,
+    positive_affordance_projection,
     rl_grasp_refinement,
 )
 
@@ -41,6 +45,10 @@ HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver",
 """categories that policies learn on"""
 NEVER = ("cleaver", "razor", "soldering_iron")
 """categories that they never see, of those with a handle that a hand can hold on a table"""
+NEW, LESSONS = "unseen_object", "lessons"
+"""level of new shapes; what policies learn on: the training level, and the same with heavy heads"""
+EXAMINED = {TEACHER: LEVELS, NO_NEGATIVE: LEVELS, STUDENT: LEVELS, POSITIVE: LEVELS[:2], POSITIVE_TRUTH: LEVELS[:2]}
+"""row -> levels; every other row only on what it learned on"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """other ways to examine a teacher, on what it learned on: objects that fell at random; pushes in the air"""
 SHAPES, SIZES, BALLAST = 4, (0.85, 1.15), 6.0
@@ -61,9 +69,12 @@ class Shop(NamedTuple):
 
     body: GraspObject
     """each of the training level"""
-    lessons: tuple[tuple[GraspTask, ...], ...]
-    """what policies learn on: the training level, and the same with heavy heads"""
     tasks: dict[str, tuple[tuple[GraspTask, ...], ...]]
+    """of LEVELS and LESSONS"""
+    spec: dict[str, ObjectSpec]
+    """each object of LESSONS and NEW"""
+    each: dict[str, tuple[GraspTask, ...]]
+    """the tasks of each object"""
 
 
 def shop(g: Graph, p: Settings) -> Shop:
@@ -77,9 +88,11 @@ def shop(g: Graph, p: Settings) -> Shop:
     unseen  = solid(g, "unseen", replace(never, splits=("unseen",)), p)
     sizes   = replace(p.grasp_tasks, scales=SIZES, level="unseen_size")
     heavy   = replace(p.grasp_tasks, ballast=(1.0, BALLAST))
-    return Shop(train[1], uses(g, "lesson", train, heavy), {
+    each    = {
+        LESSONS: uses(g, "lesson", train, heavy),
         "train": uses(g, "train", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
-        "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)})
+        "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)}
+    return Shop(train[1], {level: g.collect(tasks) for level, tasks in each.items()}, {LESSONS: train[0], NEW: seen[0]}, each)
 
 
 def solid(g: Graph, of: str, plan: object_plan.Params, p: Settings) -> tuple[ObjectSpec, GraspObject]:
@@ -91,9 +104,28 @@ def solid(g: Graph, of: str, plan: object_plan.Params, p: Settings) -> tuple[Obj
 
 
 def uses(g: Graph, of: str, made: tuple[ObjectSpec, GraspObject], params: grasp_tasks.Params) -> tuple[
-        tuple[GraspTask, ...], ...]:  # fmt: skip
-    """Rigid bodies -> what each may be grasped for."""
-    return g.collect(g.named(f"{of}_tasks").add(grasp_tasks.run, spec=made[0], body=made[1], params=params))
+        GraspTask, ...]:  # fmt: skip
+    """Each rigid body -> what it may be grasped for."""
+    return g.named(f"{of}_tasks").add(grasp_tasks.run, spec=made[0], body=made[1], params=params)
+
+
+def naa(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...]:
+    """Tasks of new shapes, told where a hand must not go as the chain of negative affordances predicts it."""
+    x       = negatives.look_at(g, "naa", s.spec[NEW], p.view_render, p)
+    found   = negatives.judge(g, x, negatives.teach(g, p), p, "naa_").found
+    return g.collect(g.named("naa_tasks").add(grasp_tasks_predicted.run, tasks=s.each[NEW], mesh=x.mesh, negatives=found,
+                                              params=grasp_tasks_predicted.Params()))
+
+
+def positive(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...]:
+    """Tasks to learn on, told where hands belong as the two-hand model of `run train` predicts it."""
+    model   = g.pick(twohands.learn(g, twohands.stills_to_train(g, p), p), lambda t: t.files)
+    x       = negatives.look_at(g, "positive", s.spec[LESSONS], p.view_render, p)
+    told    = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views,        params=p.part_describe)
+    found   = g.add(positive_affordance_projection.run, mesh=x.mesh, views=x.views, descriptions=told, model=model,
+                    params=p.positive_affordance_projection, ctx=g.ctx)
+    return g.collect(g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
+                                                   params=grasp_tasks_predicted.Params()))
 
 
 def hand(g: Graph, p: Settings) -> HandModel:
@@ -133,9 +165,10 @@ def school(g: Graph, p: Settings) -> School:
 def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     """A teacher of one row and seed, on the prior where the row has one."""
     params  = replace(p.rl_grasp_refinement, name=f"{row}-{seed}", seed=seed, **ROWS[row])
+    tasks   = s.shop.tasks[POSITIVE if row == POSITIVE else LESSONS]
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
-    trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=s.shop.lessons, prior=prior,
-                                           params=params, ctx=g.ctx)
+    trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=tasks, prior=prior, params=params,
+                                           ctx=g.ctx)
     if row == TEACHER:
         s.teachers[seed] = trained
     return trained
@@ -151,19 +184,18 @@ def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels:
 
 
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], p: Settings) -> tuple[list[GraspEpisodes], list[TrainingLog]]:
-    """Policies, trained and examined; those that the paper compares on every level, the others on what they learned on."""
+    """Policies, trained and examined on the levels of EXAMINED."""
     episodes, logs = list[GraspEpisodes](), list[TrainingLog]()
     for row, seed in wanted:
         trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
-        levels = LEVELS if row in (TEACHER, NO_NEGATIVE, STUDENT) else LEVELS[:1]
-        episodes += examine(g, s, g.pick(trained, lambda t: t.files), row, seed, levels, p)
+        episodes += examine(g, s, g.pick(trained, lambda t: t.files), row, seed, EXAMINED.get(row, LEVELS[:1]), p)
         logs.append(g.pick(trained, lambda t: t.log))
     return episodes, logs
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     """A student of the teacher of the same seed."""
-    return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.lessons,
+    return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks[LESSONS],
                                         teacher=g.pick(s.teachers[seed], lambda t: t.files),
                                         params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
 
@@ -178,17 +210,25 @@ def grasp(g: Graph, origin: Origin, p: Settings) -> None:
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     """all rows of the tables of grasping, over several seeds; go on at will"""
-    s = school(g, p)
+    s, predicted = school(g, p), {}
+    if POSITIVE in p.grasp_report.rows:
+        s.shop.tasks[POSITIVE] = positive(g, s.shop, p)
     episodes, logs = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), p)
     for name, changes in CONDITIONS.items() if s.teachers else ():
         policy = g.pick(s.teachers[0], lambda t: t.files)
         episodes += examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes)
-    report(g, "grasp-full", s, episodes, logs, p)
+    if s.teachers and p.grasp_report.naa:
+        predicted["predicted"] = naa(g, s.shop, p)
+        told = s._replace(shop=s.shop._replace(tasks={NEW: predicted["predicted"]}))
+        episodes += examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p)
+    report(g, "grasp-full", s, episodes, logs, p, **predicted)
 
 
-def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings) -> None:
+def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings,
+           **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
     """Tables and curves; a recording, a film and a sheet of the first policy."""
-    page    = g.add(grasp_report.run,       episodes=tuple(episodes), logs=tuple(logs), params=p.grasp_report, ctx=g.ctx)
+    page    = g.add(grasp_report.run,       episodes=tuple(episodes), logs=tuple(logs), params=p.grasp_report, ctx=g.ctx,
+                    **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes[0],
                     params=p.grasp_record, ctx=g.ctx)
     g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))

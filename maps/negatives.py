@@ -11,7 +11,7 @@ from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
-from schemas.negative import PartCandidates
+from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 from stages import (
     mask_propose,
     mask_score,
@@ -43,11 +43,16 @@ class Looked(NamedTuple):
 def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
     """Procedural objects of some splits -> their views and candidates."""
     spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
+    return spec, look_at(g, of, spec, seen, p)
+
+
+def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> Looked:
+    """Each of some procedural objects -> its views and candidates."""
     built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
     views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
     masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose)
-    return spec, Looked(mesh, parts, views, masks)
+    return Looked(mesh, parts, views, masks)
 
 
 def given(g: Graph, origin: Origin, p: Settings) -> Looked:
@@ -70,6 +75,24 @@ def teach(g: Graph, p: Settings) -> FileTree:
     return g.pick(trained, lambda t: t.files)
 
 
+class Judged(NamedTuple):
+    """Handles of what is said of an object."""
+
+    told: PartDescriptions
+    fit: PartScores
+    found: NegativeAffordances
+
+
+def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
+    """An object that was looked at -> where a hand must not go on it; `of` begins the names of the stages."""
+    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.part_describe)
+    fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
+                    descriptions=told, scorer=scorer, params=p.mask_score)
+    found   = g.named(f"{of}negative_affordance_projection").add(negative_affordance_projection.run, mesh=x.mesh, views=x.views,
+                    candidates=x.candidates, descriptions=told, scores=fit, params=p.negative_affordance_projection)
+    return Judged(told, fit, found)
+
+
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
     scorer  = teach(g, p)
@@ -78,11 +101,7 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
         x = given(g, origin, p)
     else:
         known["spec"], x = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
-    told    = g.add(part_describe.run,      mesh=x.mesh, views=x.views,                              params=p.part_describe)
-    fit     = g.add(mask_score.run,         mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told, scorer=scorer,
-                    params=p.mask_score)
-    found   = g.add(negative_affordance_projection.run, mesh=x.mesh, views=x.views, candidates=x.candidates, descriptions=told,
-                    scores=fit, params=p.negative_affordance_projection)
+    told, fit, found = judge(g, x, scorer, p)
     windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
                                             params=replace(p.mask_propose, backend="grid"))
     fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,

@@ -47,6 +47,7 @@ from stages import (
     object_solids,
     part_describe,
     part_lessons,
+    positive_affordance_projection,
     predict_cases,
     rl_grasp_refinement,
     sample_assemble,
@@ -100,6 +101,7 @@ class Settings:
     part_describe: part_describe.Params = part_describe.Params()
     mask_score: mask_score.Params = mask_score.Params()
     negative_affordance_projection: negative_affordance_projection.Params = negative_affordance_projection.Params()
+    positive_affordance_projection: positive_affordance_projection.Params = positive_affordance_projection.Params()
     negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()
     negative_affordance_report: negative_affordance_report.Params = negative_affordance_report.Params()
     hand_model: hand_model.Params = hand_model.Params()

@@ -27,3 +27,6 @@ class GraspTask(Schema):
     hold: str = value("part that is to be held; '' for the largest that is not negative")
     N_t: np.ndarray = array("k 3", "float64", "negative points that a policy is shown and rewards look at; none where nothing is",
                             unit="m", frame="object")  # fmt: skip
+    told: tuple[str, ...] = value("parts that N_t says must not be touched; those of `negative` where it is the truth")
+    A_t: np.ndarray = array("m 3", "float64", "points where hands belong, which rewards may look at; none where none are known",
+                            unit="m", frame="object")  # fmt: skip

@@ -1,6 +1,6 @@
 """episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, curves.
 
-Reads   GraspEpisodes; TrainingLog of the trainings
+Reads   GraspEpisodes; TrainingLog of the trainings; GraspTasks whose N_t was predicted, where there are some
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png
 Method  means over episodes, then over seeds; Wilson's intervals
 Fails   ValueError when nothing was played
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from schemas.context import Context
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
+from schemas.grasp_task import GraspTask
 from schemas.training import TrainingLog
 
 LIBRARIES = ("numpy", "scipy", "matplotlib", "opencv-python-headless", "pillow", "blake3")
@@ -24,16 +25,22 @@ MEMORY_GIB = 0.5
 @dataclass(frozen=True)
 class Params:
     rows: tuple[str, ...] = ("teacher", "no_negative", "student", "naa_only", "neither", "on_script", "on_script_no_negative",
-                             "lambda_half", "lambda_double", "transfer_none", "transfer_hti", "transfer_naa", "transfer_both")
-    """grasp_full: what is trained (afford/grasp/recipes.py); student comes after its teacher"""
+                             "lambda_half", "lambda_double", "positive_truth", "transfer_none", "transfer_hti", "transfer_naa",
+                             "transfer_both")
+    """grasp_full: what is trained (afford/grasp/recipes.py); student comes after its teacher; `positive` asks for a two-hand model,
+    which is trained where there is none"""
     seeds: int = 3
     """grasp_full: trainings of each row, with the seeds 0, 1, ..."""
     engines: tuple[str, ...] = ("bullet", "mujoco")
     """in which policies are examined"""
+    naa: bool = True
+    """grasp_full: the first teacher is also examined on new shapes with N_t as negative affordances are predicted for them; the
+    scorer of parts is trained where there is none"""
 
 
-def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context) -> FileTree:
+def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context,
+        predicted: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
     from afford.grasp.report import write
 
-    return write("grasp", episodes, logs, ctx.scratch)
+    return write("grasp", episodes, logs, ctx.scratch, tuple(one for some in predicted for one in some))

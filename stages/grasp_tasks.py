@@ -4,7 +4,8 @@ Reads   ObjectSpec, GraspObject
 Writes  GraspTask of every use that can be held, at every scale
 Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when what is
         safe of the part to hold, 2 cm from what is forbidden, is too short or too thick for the hand, or too thin to be lifted off
-        a table, and when what is forbidden is far from where one would grasp; N_t are farthest points of the forbidden parts
+        a table, and when what is forbidden is far from where one would grasp; N_t are farthest points of the forbidden parts,
+        A_t of what is safe of the part to hold
 Fails   ValueError for a category that the lexicon does not have, or numbers out of range
 Paper   AffordDex: 100 negative points of each object; tasks are ours
 """

@@ -40,6 +40,8 @@ class Params:
     actions are finer, std=0.1, std_along=0.35 and steps=44 were found to be good"""
     lambda_n: float = 1.0
     """times the negative terms of the reward; 0 for none"""
+    positive: float = 0.0
+    """weight of the term `positive`: per metre from fingertips to where hands belong (A_t), so below 0 where it is to draw them"""
     reward: str = "dense"
     """set of rewards (afford/grasp/reward.py)"""
     size: str = "small"
@@ -91,12 +93,18 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
 
 def _config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # Config is a leaf's type
     from afford.grasp.config import Config
-    from afford.grasp.reward import negative_times
     from afford.sim.scene import Physics
 
     return Config(physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout, reward=p.reward,
-                  start="anywhere", weights=negative_times(p.reward, p.lambda_n), steps=p.steps, start_m=p.start_m,
+                  start="anywhere", weights=_weights(p), steps=p.steps, start_m=p.start_m,
                   wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
+
+
+def _weights(p: Params) -> dict[str, float]:
+    """What a row changes in the set of rewards."""
+    from afford.grasp.reward import negative_times
+
+    return {**negative_times(p.reward, p.lambda_n), **({"positive": p.positive} if p.positive else {})}
 
 
 def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`

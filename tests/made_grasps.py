@@ -38,9 +38,9 @@ def measured(**given: Any) -> Measures:
     """One world, nothing near anything, but for what is given."""
     far: dict[str, Any] = {
         "palm_m": [1.0], "tips_m": [[1.0] * 5], "allowed_m": [[1.0] * 5], "positive_m": [[0.0] * 5],
-        "tips_centre_m": [[1.0] * 5], "goal_m": [1.0], "height_m": [0.0], "N_m": [[1.0] * 5],
-        "force_held": [[0.0] * 6], "force_negative": [[0.0] * 6], "penetration_m": [0.0], "away_m": [0.0],
-        "action": [[0.0] * 24]}  # fmt: skip
+        "tips_centre_m": [[1.0] * 5], "goal_m": [1.0], "height_m": [0.0], "N_m": [[1.0] * 5], "N_true_m": [[1.0] * 5],
+        "force_held": [[0.0] * 6], "force_negative": [[0.0] * 6], "force_told": [[0.0] * 6],
+        "penetration_m": [0.0], "away_m": [0.0], "action": [[0.0] * 24]}  # fmt: skip
     return Measures(**{name: np.array(value, float) for name, value in (far | given).items()})
 
 

@@ -8,7 +8,9 @@ from maps.settings import Settings
 
 SCHOOL = Settings(
     object_plan=replace(Settings.object_plan, categories=("screwdriver", "soldering_iron"), train_per_category=1,
-                        seen_per_category=1, unseen_per_category=1),
+                        val_per_category=1, seen_per_category=1, unseen_per_category=1),
+    view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
+    scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1),
     object_solids=replace(Settings.object_solids, points=128, hulls=8),
     grasp_targets=replace(Settings.grasp_targets, places=2),
     hand_imitation=replace(Settings.hand_imitation, cloning=2, alone=1, worlds=2, hidden=(16,), proofs=0),

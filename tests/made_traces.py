@@ -24,7 +24,8 @@ def hammer(category: str = "hammer", seed: int = 3, use: str = "drive a nail") -
     body = tool(category, seed)
     negative = tuple(part for part in body.parts if part != "handle")
     N_t = body.points[np.isin(body.point_part, [body.parts.index(part) for part in negative])]
-    return GraspTask(f"{body.name}/{use}", "train", use, body, negative, "handle", N_t.astype(np.float64))
+    return GraspTask(f"{body.name}/{use}", "train", use, body, negative, "handle", N_t.astype(np.float64), negative,
+                     np.zeros((0, 3)))  # fmt: skip
 
 
 @cache

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from afford.grasp.recipes import ROWS, STUDENT, TEACHER, planned
+from afford.grasp.recipes import POSITIVE, ROWS, STUDENT, TEACHER, planned
 from stages import grasp_report, rl_grasp_refinement
 
 
@@ -17,7 +17,7 @@ def test_every_row_with_a_seed_comes_before_the_next_seed() -> None:
 def test_rows_change_parameters_that_there_are() -> None:
     for changes in ROWS.values():
         replace(rl_grasp_refinement.Params(), **changes)
-    assert set(grasp_report.Params().rows) == {*ROWS, STUDENT} and planned(grasp_report.Params().rows, 1)
+    assert {*grasp_report.Params().rows, POSITIVE} == {*ROWS, STUDENT} and planned((*grasp_report.Params().rows, POSITIVE), 1)
 
 
 def test_what_is_unknown_or_out_of_order_is_refused() -> None:

@@ -43,7 +43,7 @@ def test_dense_pays_only_what_is_gripped() -> None:
     at = {"tips_m": [[0.0] * 5], "allowed_m": [[0.0] * 5], "goal_m": [0.01]}
     assert total("dense", **at, force_held=bare) == 0.0
     assert total("dense", **at, force_held=grip) == pytest.approx(2 * 0.14 + 1)
-    assert total("dense", **at, force_held=grip, force_negative=[[0, 1, 1, 0, 0, 0]]) == pytest.approx(1.28 - 0.25)
+    assert total("dense", **at, force_held=grip, force_told=[[0, 1, 1, 0, 0, 0]]) == pytest.approx(1.28 - 0.25)
     assert total("dense", **at, force_held=grip, N_m=[[0.01, 1, 1, 1, 1]]) == pytest.approx(1.28 - 0.7 * 0.75 / 5)
     detour = {**at, "allowed_m": [[0.06, 0.04, 0.0, 0.0, 0.0]]}
     assert total("dense", **detour, force_held=grip) == pytest.approx(1.28 - 4 * 0.02)
@@ -59,7 +59,7 @@ def test_what_is_positive_draws_where_it_is_asked_for() -> None:
 def test_without_negative_terms_all_else_is_equal() -> None:
     """Whatever is negative costs nothing, and nothing else changes."""
     off = weights("dense", negative_times("dense", 0.0))
-    given = measured(goal_m=[0.01], N_m=[[0.0] * 5], force_negative=[[1.0] * 6], allowed_m=[[2.0] * 5])
+    given = measured(goal_m=[0.01], N_m=[[0.0] * 5], force_told=[[1.0] * 6], allowed_m=[[2.0] * 5])
     full, without = rewards(weights("dense"), given), rewards(off, given)
     assert {name for name in full if full[name] != without[name]} == {name for name in full if name.startswith("negative")}
     assert not any(without[name] for name in without if name.startswith("negative"))

@@ -67,7 +67,7 @@ def prior(seed: int = 0) -> Prior:
 def grasp_task() -> GraspTask:
     one = held_by_handle()
     negative = tuple(name for name, bad in zip(one.body.parts, one.negative, strict=True) if bad)
-    return GraspTask("spatula/flip", "train", "flip an egg", one.body, negative, "handle", one.N_t)
+    return GraspTask("spatula/flip", "train", "flip an egg", one.body, negative, "handle", one.N_t, negative, np.zeros((0, 3)))
 
 
 def trained(scratch: Path, dies_at: int = 0, **params: object) -> Trained:

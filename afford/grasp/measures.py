@@ -34,11 +34,15 @@ class Measures:
     height_m: np.ndarray
     """(n,) of the object's centre of mass above the table"""
     N_m: np.ndarray
-    """(n, f) from each fingertip to the nearest negative point; infinite where there are none"""
+    """(n, f) from each fingertip to the nearest negative point that is shown; infinite where there are none"""
+    N_true_m: np.ndarray
+    """(n, f) the same of what must not be touched in truth"""
     force_held: np.ndarray
     """(n, f + 1) N that each finger, and last the rest of the hand, press on parts that may be touched with"""
     force_negative: np.ndarray
-    """(n, f + 1) N on negative parts"""
+    """(n, f + 1) N on negative parts, in truth"""
+    force_told: np.ndarray
+    """(n, f + 1) N on parts that N_t says are negative"""
     penetration_m: np.ndarray
     """(n,) of the deepest contact of hand and object"""
     away_m: np.ndarray
@@ -72,8 +76,10 @@ def measure(scenery: Scenery, episode: Episode, state: State, action: np.ndarray
         tips_centre_m=np.linalg.norm(state.tips - centre[:, None], axis=2),
         goal_m=np.linalg.norm(centre - episode.goal, axis=1),
         height_m=centre[:, 2],
-        N_m=np.where(scenery.any_negative[:, None], nearest(state.tips, scenery.negative_points(state))[0], np.inf),
-        force_held=state.force.sum(axis=2) - on_N, force_negative=on_N, penetration_m=np.asarray(state.penetration_m),
+        N_m=_to(state.tips, scenery.negative_points(state), scenery.any_negative),
+        N_true_m=_to(state.tips, scenery.true_points(state), scenery.any_true),
+        force_held=state.force.sum(axis=2) - on_N, force_negative=on_N,
+        force_told=np.einsum("nfp,np->nf", state.force, scenery.told.astype(float)), penetration_m=np.asarray(state.penetration_m),
         away_m=np.linalg.norm((centre - episode.origin)[:, :2], axis=1), action=action)  # fmt: skip
 
 
@@ -83,3 +89,8 @@ def nearest(spots: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
     chosen = squared.argmin(axis=2)
     found = np.take_along_axis(points, chosen[:, :, None], axis=1)
     return np.linalg.norm(spots - found, axis=2), found
+
+
+def _to(spots: np.ndarray, points: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """(n, f) distances of spots to points, infinite where there are none."""
+    return np.where(there[:, None], nearest(spots, points)[0], np.inf)

@@ -1,4 +1,7 @@
-"""How grasps went. Success as the paper has it; both readings of its affordance score; contacts of the whole hand; depths."""
+"""How grasps went. Success as the paper has it; both readings of its affordance score; contacts of the whole hand; depths.
+
+What must not be touched is judged by the truth, whatever N_t a policy was shown.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class Log:
         """After a step, whose number is (n,)."""
         self.success |= m.goal_m < GOAL_M
         self.negative |= (m.force_negative > TOUCH_N).any(axis=1)
-        self.unsafe |= (m.N_m <= SAFE_M).any(axis=1)
+        self.unsafe |= (m.N_true_m <= SAFE_M).any(axis=1)
         touched = m.touching.any(axis=1)
         self.depth_m[np.flatnonzero(touched), step[touched]] = m.penetration_m[touched]
 
@@ -47,7 +50,7 @@ class Log:
         """(n,) each, of episodes that end with this moment."""
         return {
             "success": self.success.astype(float), "held": ((m.goal_m < GOAL_M) & m.touching.any(axis=1)).astype(float),
-            "as_violation_pct": as_violation_pct(m.N_m), "as_safe_count": as_safe_count(m.N_m).astype(float),
+            "as_violation_pct": as_violation_pct(m.N_true_m), "as_safe_count": as_safe_count(m.N_true_m).astype(float),
             "as_any_step": self.unsafe.astype(float),
             "negative_contact_end": (m.force_negative > TOUCH_N).any(axis=1).astype(float),
             "negative_contact_any": self.negative.astype(float),

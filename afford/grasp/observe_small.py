@@ -86,7 +86,8 @@ SMALL: Mapping[str, tuple[Block, ...]] = {
         Block("negative", 6, "negative points: mean, from the middle of the palm, and spread, m; 0 where none", _negative),
         Block("allowed", 6, "the same of the object's points that are farther than 2 cm from all negative ones", _allowed),
         Block("tips_N", 5, "from fingertips to the nearest negative point, m, within 0.3", _tips_negative),
-        Block("press_N", 6, "each finger and the palm on negative parts, 5 N", lambda now: _press(now.measures.force_negative)),
+        Block("press_N", 6, "each finger and the palm on parts that N_t says are negative, 5 N",
+              lambda now: _press(now.measures.force_told)),
         Block("any_negative", 1, "whether there are any", lambda now: now.scenery.any_negative[:, None].astype(float)),
     ),
 }  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
+POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
 ALONE: dict[str, Any] = {"base": "none", "std": 0.5, "std_along": 0.5}
 """without a base that holds anything there is nothing to lose by noise, and everything to find"""
@@ -18,14 +19,17 @@ ROWS: dict[str, dict[str, Any]] = {
     "on_script_no_negative": {**SCRIPT, "lambda_n": 0.0},
     "lambda_half": {"lambda_n": 0.5},
     "lambda_double": {"lambda_n": 2.0},
+    POSITIVE_TRUTH: {"positive": -1.0},
+    POSITIVE: {"positive": -1.0},
     "transfer_none": {**ALONE, "reward": "unidexgrasp++", "lambda_n": 0.0},
     "transfer_hti": {"reward": "unidexgrasp++", "lambda_n": 0.0},
     "transfer_naa": {**ALONE, "reward": "unidexgrasp++"},
     "transfer_both": {"reward": "unidexgrasp++"},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
-nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; transfer_*: both plugged
-into the rewards of UniDexGrasp++"""
+nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; positive*: fingertips
+are drawn to where hands belong, half as much as to the surface (in truth, or as the two-hand model predicts it); transfer_*: both
+plugged into the rewards of UniDexGrasp++"""
 
 
 def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:

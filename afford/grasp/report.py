@@ -11,11 +11,12 @@ import numpy as np
 from scipy.stats import binomtest
 
 from afford.dataset.files import empty_folder, tree, write_json
+from afford.grasp import agreement
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
-from schemas.grasp_task import LEVELS
+from schemas.grasp_task import LEVELS, GraspTask
 from schemas.training import TrainingLog
 
 MAIN = "bullet"
@@ -112,8 +113,8 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def markdown(episodes: Sequence[GraspEpisodes]) -> str:
-    """All cells, the published rows, and the first policy task by task."""
+def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] = ()) -> str:
+    """All cells, what predictions are worth where some were shown, the published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
              "negative point at the last step. Physics is strict (100 iterations); policies act by their mean.", "",
              f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} |",
@@ -121,7 +122,7 @@ def markdown(episodes: Sequence[GraspEpisodes]) -> str:
     for cell in cells(episodes):
         values = [_text(of(cell), 2 if "depth" in head or "contact" in head else 1) for _, head, of in FIGURES]
         lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
-    return "\n".join([*lines, "", *_published(), "", *_tasks(episodes), ""])
+    return "\n".join([*lines, "", *agreement.lines(predicted, episodes), *_published(), "", *_tasks(episodes), ""])
 
 
 def _published() -> list[str]:
@@ -163,15 +164,17 @@ def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     return out
 
 
-def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path) -> FileTree:
+def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path,
+          predicted: Sequence[GraspTask] = ()) -> FileTree:  # fmt: skip
     """metrics.json, report.md and curves.png; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
     folder = empty_folder(scratch / name)
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
-    write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in last.items() if np.isfinite(value)})
-    (folder / "report.md").write_text(markdown(episodes), encoding="utf-8")
+    found = metrics(episodes) | agreement.metrics(predicted, episodes)
+    write_json(folder / "metrics.json", found | {key: value for key, value in last.items() if np.isfinite(value)})
+    (folder / "report.md").write_text(markdown(episodes, predicted), encoding="utf-8")
     if runs := by_row(logs):
         write_curves(folder / "curves.png", runs)
     return tree(name, folder)

@@ -44,15 +44,21 @@ class Scenery:
     allowed: np.ndarray
     """(n, k) bool, farther than SAFE_M from every negative point; all where none is"""
     N_object: np.ndarray
-    """(n, 100, 3) negative points, object frame; zero where there are none"""
+    """(n, 100, 3) negative points that a policy is shown, object frame; zero where there are none"""
     A_object: np.ndarray
     """(n, 100, 3) points where hands belong, object frame; zero where none are known"""
     any_positive: np.ndarray
     """(n,) bool"""
     any_negative: np.ndarray
     """(n,) bool"""
+    N_true: np.ndarray
+    """(n, 100, 3) the same in truth, for judging"""
+    any_true: np.ndarray
+    """(n,) bool"""
     negative: np.ndarray
-    """(n, p) bool, parts that must not be touched"""
+    """(n, p) bool, parts that must not be touched, in truth"""
+    told: np.ndarray
+    """(n, p) bool, parts that N_t says must not be touched"""
     palm_offset: np.ndarray
     """(3,) the middle of the palm, half-way from its origin to the knuckle of the middle finger, in its frame"""
 
@@ -67,6 +73,10 @@ class Scenery:
     def negative_points(self, state: State) -> np.ndarray:
         """(n, 100, 3) negative points, world."""
         return to_world(state.body, self.N_object)
+
+    def true_points(self, state: State) -> np.ndarray:
+        """(n, 100, 3) points that must not be touched, in truth, world."""
+        return to_world(state.body, self.N_true)
 
     def positive_points(self, state: State) -> np.ndarray:
         """(n, 100, 3) points where hands belong, world."""
@@ -87,7 +97,9 @@ def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
         N_object=np.stack([_hundred(one.N_t) for one in tasks]), A_object=np.stack([_hundred(one.A_t) for one in tasks]),
         any_positive=np.array([len(one.A_t) > 0 for one in tasks]),
         any_negative=np.array([len(one.N_t) > 0 for one in tasks]),
+        N_true=np.stack([_hundred(one.N_true) for one in tasks]), any_true=np.array([len(one.N_true) > 0 for one in tasks]),
         negative=np.stack([np.pad(one.negative, (0, parts - len(one.negative))) for one in tasks]),
+        told=np.stack([np.pad(one.told, (0, parts - len(one.told))) for one in tasks]),
         palm_offset=_middle_of_palm(hand))  # fmt: skip
 
 

@@ -1,9 +1,10 @@
-"""What is to be grasped, by which part, and where a hand must not go (N_t); where the object begins."""
+"""What is to be grasped, by which part, and where a hand must not go, as it is told (N_t) and in truth; where the object begins.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,16 +26,22 @@ class Task:
     """index of the part that is to be held"""
     negative: np.ndarray
     """(p,) bool, parts that must not be touched; in truth, for judging"""
+    N_true: np.ndarray
+    """(100, 3) float64 m, object frame, points of these parts, for judging; (0, 3) when there are none"""
     N_t: np.ndarray
     """(100, 3) float64 m, object frame, negative points that a policy is shown and rewards look at; (0, 3) when there are none"""
-    A_t: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    told: np.ndarray
+    """(p,) bool, parts that N_t says must not be touched, for the same"""
+    A_t: np.ndarray
     """(k, 3) float64 m, object frame, points where hands belong, which rewards may look at; (0, 3) when none are known"""
 
 
-def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: np.ndarray | None = None) -> Task:
+def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: np.ndarray | None = None,
+         told: Sequence[str] | None = None, A_t: np.ndarray | None = None) -> Task:  # fmt: skip
     """A task; `hold` is the largest part that is not negative where it is not named, N_t comes from the negative parts' own points
-    where none (k, 3) are given. ValueError for parts that the object lacks, or none that is left to hold."""
-    unknown = sorted({*negative, *filter(None, [hold])} - set(body.parts))
+    where none (k, 3) are given, `told` are the negative parts where it is not given, A_t (k, 3) is empty. ValueError for parts that
+    the object lacks, or none that is left to hold."""
+    unknown = sorted({*negative, *(told or ()), *filter(None, [hold])} - set(body.parts))
     if unknown:
         raise ValueError(f"{body.name}: expected parts among {', '.join(body.parts)}, got {', '.join(unknown)}")
     bad = np.array([name in negative for name in body.parts])
@@ -43,13 +50,15 @@ def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: n
     if not size[part]:
         raise ValueError(f"{body.name}: expected a part with points on it that may be held, got negative parts "
                          f"{', '.join(negative)}{f' and hold={hold!r}' if hold else ''}")
-    found = body.points[bad[body.point_part]] if N_t is None else N_t
-    return Task(body, part, bad, spread_points(np.asarray(found, np.float64), NEGATIVE_POINTS))
+    true = spread_points(body.points[bad[body.point_part]].astype(np.float64), NEGATIVE_POINTS)
+    shown = true if N_t is None else spread_points(np.asarray(N_t, np.float64), NEGATIVE_POINTS)
+    said = bad if told is None else np.array([name in told for name in body.parts])
+    return Task(body, part, bad, true, shown, said, np.zeros((0, 3)) if A_t is None else A_t)
 
 
 def of(given: GraspTask) -> Task:
     """A task as the pipeline passes it on; N_t is what it says, also where that is not the truth."""
-    return task(given.body, given.negative, given.hold, given.N_t)
+    return task(given.body, given.negative, given.hold, given.N_t, given.told, given.A_t)
 
 
 def spread_points(points: np.ndarray, count: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from afford.grasp.measures import TOUCH_N, nearest
 from afford.grasp.metrics import as_safe_count, as_violation_pct
 from afford.grasp.reward import GOAL_M
 from afford.grasp.scenery import to_world
-from afford.grasp.task import NEGATIVE_POINTS, spread_points
+from afford.grasp.task import of
 from schemas.episodes import GraspTrace
 from schemas.grasp_task import GraspTask
 
@@ -30,7 +30,7 @@ class Traced:
     success: np.ndarray
     """(t,) bool: it was at the goal here or before"""
     N_m: np.ndarray
-    """(t, f) from each fingertip to the nearest point of N_t; infinite where there are none"""
+    """(t, f) from each fingertip to the nearest point that must not be touched, in truth; infinite where there are none"""
     as_violation_pct: np.ndarray
     """(t,) percent of fingertips that are not safe"""
     as_safe_count: np.ndarray
@@ -62,8 +62,8 @@ def phases(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
 
 
 def _to_negative(trace: GraspTrace, task: GraspTask) -> np.ndarray:
-    """(t, f) distances of fingertips to N_t, as many points of it as policies are shown."""
-    points = spread_points(task.N_t, NEGATIVE_POINTS)
+    """(t, f) distances of fingertips to what must not be touched, in truth."""
+    points = of(task).N_true
     if not len(points):
         return np.full(trace.tips.shape[:2], np.inf)
     return nearest(trace.tips, to_world(trace.body, points[None]))[0]

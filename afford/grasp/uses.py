@@ -12,7 +12,7 @@ from afford.backends.describe.lexicon import TASKS
 from afford.backends.describe.rules import look_up
 from afford.grasp.measures import nearest
 from afford.grasp.metrics import SAFE_M
-from afford.grasp.task import task
+from afford.grasp.task import NEGATIVE_POINTS, spread_points, task
 from schemas.grasp import GraspObject
 from schemas.grasp_task import GraspTask
 
@@ -35,19 +35,25 @@ def uses(body: GraspObject, category: str, level: str, label: str, least_m: floa
             continue
         done.add(negative)
         name = "/".join(filter(None, (body.name + label, use.replace(" ", "_"))))
-        yield GraspTask(name, level, use, weighted(body, negative, ballast), negative, hold, made.N_t)
+        A_t = spread_points(safe(body, hold, made.N_t), NEGATIVE_POINTS)
+        yield GraspTask(name, level, use, weighted(body, negative, ballast), negative, hold, made.N_t, negative, A_t)
 
 
 def holdable(body: GraspObject, part: str, N_t: np.ndarray, least_m: float, thickness_m: tuple[float, float]) -> bool:
     """Whether what of a part is safe, 2 cm from N_t (k, 3), is long enough, and neither too thin nor too thick: its extents are
     between the 2nd and the 98th percentile along its axes."""
-    spots = body.points[body.point_part == body.parts.index(part)].astype(np.float64)
-    spots = spots[nearest(spots[None], N_t[None])[0][0] > SAFE_M] if len(N_t) else spots
+    spots = safe(body, part, N_t)
     if len(spots) < 8:
         return False
     axes = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2]
     length, across, thin = np.ptp(np.percentile((spots - spots.mean(0)) @ axes.T, [2, 98], axis=0), axis=0)
     return bool(length >= least_m and thickness_m[0] <= thin and across <= thickness_m[1])
+
+
+def safe(body: GraspObject, part: str, N_t: np.ndarray) -> np.ndarray:
+    """(m, 3) float64 points of a part that are farther than 2 cm from N_t (k, 3)."""
+    spots = body.points[body.point_part == body.parts.index(part)].astype(np.float64)
+    return spots[nearest(spots[None], N_t[None])[0][0] > SAFE_M] if len(N_t) else spots
 
 
 def aside(body: GraspObject, N_t: np.ndarray) -> float:
