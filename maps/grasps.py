@@ -83,14 +83,14 @@ def shop(g: Graph, p: Settings) -> Shop:
     known   = replace(p.object_plan, categories=tuple(one for one in HELD if one in wanted), train_plain_every=0,
                       train_per_category=min(SHAPES, p.object_plan.train_per_category))
     never   = replace(known, categories=tuple(one for one in NEVER if one in wanted))
-    train   = solid(g, "train", replace(known, splits=("train",)), p)
+    train   = solid(g, "known", replace(known, splits=("train",)), p)
     seen    = solid(g, "seen", replace(known, splits=("seen",)), p)
     unseen  = solid(g, "unseen", replace(never, splits=("unseen",)), p)
     sizes   = replace(p.grasp_tasks, scales=SIZES, level="unseen_size")
     heavy   = replace(p.grasp_tasks, ballast=(1.0, BALLAST))
     each    = {
         LESSONS: uses(g, "lesson", train, heavy),
-        "train": uses(g, "train", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
+        "train": uses(g, "known", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
         "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)}
     return Shop(train[1], {level: g.collect(tasks) for level, tasks in each.items()}, {LESSONS: train[0], NEW: seen[0]}, each)
 

@@ -13,6 +13,7 @@ from afford.grasp.agreement import agreement
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
 from afford.grasp.evaluate import Round, Still, play
+from afford.grasp.examine import FIGURES
 from afford.grasp.task import Task, of
 from afford.negative.distance import distance
 from maps.settings import Origin, Settings
@@ -27,7 +28,6 @@ from tests.made_hands import shadow
 from tests.made_objects import looked, projected
 from tests.made_samples import Scratch
 from tests.made_school import SCHOOL
-from tests.made_traces import episodes
 
 PARAMS = grasp_tasks_predicted.Params()
 
@@ -131,17 +131,14 @@ def test_what_does_not_fit_is_refused() -> None:
 
 
 def of_policy(name: str, as_pct: float) -> GraspEpisodes:
-    made = episodes(1)
-    values = made.values.copy()
-    for figure, value in (("success", 1.0), ("as_violation_pct", as_pct)):
-        values[:, made.figures.index(figure)] = value
-    return replace(made, policy=name, level="unseen_object", values=values)
+    values = np.array([[{"success": 1.0, "as_violation_pct": as_pct}.get(figure, 0.0) for figure in FIGURES]] * 2)
+    return GraspEpisodes(name, name, "unseen_object", "mujoco", 0, ("a", "b"), FIGURES, values, np.zeros((2, 4)), ())
 
 
 def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: ignore[no-untyped-def]  # a fixture
     """AS beside that without penalties; how many tasks have no points; nothing of it where nothing was predicted."""
     rows = tuple(of_policy(name, value) for name, value in (("teacher", 5.0), ("no_negative", 15.0), ("teacher_naa", 6.0)))
-    other = replace(rows[1], seed=1, values=2 * rows[1].values)
+    other = replace(of_policy("no_negative", 30.0), seed=1)
     tasks = ((told(said()),), (), (told(nothing_said()),))
     files = grasp_report.run((*rows, other), (), grasp_report.Params(), Scratch(tmp_path / "a"), tasks)
     found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
