@@ -212,7 +212,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     """all rows of the tables of grasping, over several seeds; go on at will"""
     s, predicted = school(g, p), {}
     if POSITIVE in p.grasp_report.rows:
-        s.shop.tasks[POSITIVE] = positive(g, s.shop, p)
+        predicted["positives"] = s.shop.tasks[POSITIVE] = positive(g, s.shop, p)
     episodes, logs = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), p)
     for name, changes in CONDITIONS.items() if s.teachers else ():
         policy = g.pick(s.teachers[0], lambda t: t.files)

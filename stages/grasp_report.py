@@ -1,6 +1,7 @@
 """episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, curves.
 
-Reads   GraspEpisodes; TrainingLog of the trainings; GraspTasks whose N_t was predicted, where there are some
+Reads   GraspEpisodes; TrainingLog of the trainings; GraspTasks whose N_t (`predicted`) or A_t
+        (`positives`) was predicted, where there are some
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png
 Method  means over episodes, then over seeds; Wilson's intervals
 Fails   ValueError when nothing was played
@@ -39,8 +40,10 @@ class Params:
 
 
 def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context,
-        predicted: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
+        predicted: tuple[tuple[GraspTask, ...], ...] = (),
+        positives: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
     from afford.grasp.report import write
 
-    return write("grasp", episodes, logs, ctx.scratch, tuple(one for some in predicted for one in some))
+    told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))
+    return write("grasp", episodes, logs, ctx.scratch, told, drawn)

@@ -147,8 +147,12 @@ def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: 
     assert "mujoco.teacher_naa.as_violation_pct.unseen_object" in found
     text = files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
     assert "| mujoco | 5.0 | 6.0 | 15.0 | 2.5 |" in text and "1 of 2 tasks have no predicted point" in text
+    drawn = (tasks[0], (replace(task(), A_t=np.zeros((0, 3))),))
+    files = grasp_report.run(rows, (), grasp_report.Params(), Scratch(tmp_path / "c"), positives=drawn)
+    found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert (found["positive.tasks_without_points"], found["positive.on_hold"]) == (1, 1) and "naa.tasks" not in found
     without = grasp_report.run(rows, (), grasp_report.Params(), Scratch(tmp_path / "b"))
-    assert "N_t as predicted" not in without.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
+    assert "as predicted" not in without.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
 
 
 def test_predictions_are_made_for_those_who_ask() -> None:
@@ -160,6 +164,7 @@ def test_predictions_are_made_for_those_who_ask() -> None:
     chain, model = {"scorer_train", "naa_tasks", "teacher_naa_0_unseen_object_mujoco"}, {"model_train", "positive_tasks"}
     assert chain <= set(stages[True]) and not model & set(stages[True]) and "predicted" in stages[True]["grasp_report"]
     assert model <= set(stages[False]) and not chain & set(stages[False]) and "predicted" not in stages[False]["grasp_report"]
+    assert "positives" in stages[False]["grasp_report"] and "positives" not in stages[True]["grasp_report"]
     assert stages[False]["positive_0"]["tasks"] != stages[False]["teacher_0"]["tasks"]
     assert stages[True]["positive_truth_0"]["tasks"] == stages[True]["teacher_0"]["tasks"]
     plain = {node.name for node in build("grasp", Origin("tiny"), Settings()).stages()}

@@ -1,4 +1,4 @@
-"""What predictions are worth to a policy: how near predicted N_t is to the truth, and what fingertips do that are shown it."""
+"""What predictions are worth to a policy: how near N_t and A_t are to the truth, and what fingertips do that are shown N_t."""
 
 from __future__ import annotations
 
@@ -32,6 +32,34 @@ def agreement(task: GraspTask) -> Agreement:
     bad = [task.body.parts.index(part) for part in task.negative]
     true = task.body.points[np.isin(task.body.point_part, bad)].astype(np.float64)
     return Agreement(_near(true, task.N_t), _near(task.N_t, true))
+
+
+def on_hold(task: GraspTask) -> float:
+    """Share of A_t whose nearest point of the surface is of the part to hold; NaN where A_t is empty."""
+    if not len(task.A_t):
+        return float("nan")
+    part = task.body.point_part[cKDTree(task.body.points).query(task.A_t)[1]]
+    return float((part == task.body.parts.index(task.hold)).mean())
+
+
+def positive_metrics(predicted: Sequence[GraspTask]) -> dict[str, float]:
+    """Flat, `positive.`, of tasks whose A_t was predicted; nothing where there are none."""
+    if not predicted:
+        return {}
+    shares = np.array([on_hold(one) for one in predicted])
+    out = {"positive.tasks": float(len(predicted)), "positive.tasks_without_points": float(np.isnan(shares).sum()),
+           "positive.on_hold": _mean(shares)}  # fmt: skip
+    return {name: value for name, value in out.items() if np.isfinite(value)}
+
+
+def positive_lines(predicted: Sequence[GraspTask]) -> list[str]:
+    """The section of the report; none where nothing was predicted."""
+    if not predicted:
+        return []
+    found = positive_metrics(predicted)
+    rows = (f"| tasks | {len(predicted)} |", f"| without a predicted point | {found['positive.tasks_without_points']:.0f} |",
+            f"| % of the others' points on the part to hold | {_text(100 * found.get('positive.on_hold', np.nan))} |")
+    return ["## A_t as predicted", "", "| tasks to learn on | |", "|---|--:|", *rows, ""]
 
 
 def metrics(predicted: Sequence[GraspTask], episodes: Sequence[GraspEpisodes]) -> dict[str, float]:

@@ -113,7 +113,7 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] = ()) -> str:
+def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] = (), positives: Sequence[GraspTask] = ()) -> str:
     """All cells, what predictions are worth where some were shown, the published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
              "negative point at the last step. Physics is strict (100 iterations); policies act by their mean.", "",
@@ -122,7 +122,8 @@ def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] =
     for cell in cells(episodes):
         values = [_text(of(cell), 2 if "depth" in head or "contact" in head else 1) for _, head, of in FIGURES]
         lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
-    return "\n".join([*lines, "", *agreement.lines(predicted, episodes), *_published(), "", *_tasks(episodes), ""])
+    worth = [*agreement.lines(predicted, episodes), *agreement.positive_lines(positives)]
+    return "\n".join([*lines, "", *worth, *_published(), "", *_tasks(episodes), ""])
 
 
 def _published() -> list[str]:
@@ -165,16 +166,16 @@ def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
 
 
 def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path,
-          predicted: Sequence[GraspTask] = ()) -> FileTree:  # fmt: skip
+          predicted: Sequence[GraspTask] = (), positives: Sequence[GraspTask] = ()) -> FileTree:  # fmt: skip
     """metrics.json, report.md and curves.png; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
     folder = empty_folder(scratch / name)
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
-    found = metrics(episodes) | agreement.metrics(predicted, episodes)
+    found = metrics(episodes) | agreement.metrics(predicted, episodes) | agreement.positive_metrics(positives)
     write_json(folder / "metrics.json", found | {key: value for key, value in last.items() if np.isfinite(value)})
-    (folder / "report.md").write_text(markdown(episodes, predicted), encoding="utf-8")
+    (folder / "report.md").write_text(markdown(episodes, predicted, positives), encoding="utf-8")
     if runs := by_row(logs):
         write_curves(folder / "curves.png", runs)
     return tree(name, folder)
