@@ -2,8 +2,8 @@
 
     PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full]
 
-Writes the results block of docs/grasping.md (with --full that of all rows), the table of the README, docs/pictures/grasps.png
-and grasp_curves.png. Nothing in those is typed by hand.
+Writes the results block of docs/grasping.md (with --full that of all rows), that of docs/imitation.md, the table of the README,
+docs/pictures/grasps.png, two_tasks.png and grasp_curves.png. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -34,11 +34,19 @@ def main() -> None:
     took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     head = took if not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0") else ""
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
+    into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name,
+         section(text, "With and without the prior" if asked.full else "Clips that training never shows"))  # fmt: skip
     if not asked.full:
         into(ROOT / "README.md", "grasp", Path(__file__).name, short(found["metrics"]))
         shutil.copyfile(report / "curves.png", ROOT / "docs" / "pictures" / "grasp_curves.png")
+        shutil.copyfile(report / "two_tasks.png", ROOT / "docs" / "pictures" / "two_tasks.png")
         sheet = next(Path(found["outputs"]["films"]).glob("*.png"))
         shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "grasps.png")
+
+
+def section(text: str, title: str) -> str:
+    """What stands under a heading of the report."""
+    return text.partition(f"## {title}\n\n")[2].partition("\n## ")[0].strip() + "\n"
 
 
 def short(metrics: dict[str, float]) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, TEACHER, planned
@@ -12,7 +12,7 @@ from maps import negatives, twohands
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
-from schemas.episodes import GraspEpisodes
+from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.grasp_task import LEVELS, GraspTask
@@ -28,9 +28,11 @@ from stages import (
     grasp_targets,
     grasp_tasks,
     grasp_tasks_predicted,
+    grasp_two_tasks,
     hand_imitation,
     hand_model,
     hand_retarget,
+    imitation_evaluate,
     motion_report,
     motion_synthesise,
     object_build,
@@ -69,6 +71,8 @@ class Shop(NamedTuple):
 
     body: GraspObject
     """each of the training level"""
+    unseen: GraspObject
+    """each of new shapes of the same categories"""
     tasks: dict[str, tuple[tuple[GraspTask, ...], ...]]
     """of LEVELS and LESSONS"""
     spec: dict[str, ObjectSpec]
@@ -92,7 +96,8 @@ def shop(g: Graph, p: Settings) -> Shop:
         LESSONS: uses(g, "lesson", train, heavy),
         "train": uses(g, "known", train, p.grasp_tasks), "unseen_object": uses(g, "seen", seen, p.grasp_tasks),
         "unseen_size": uses(g, "size", train, sizes), "unseen_category": uses(g, "unseen", unseen, p.grasp_tasks)}
-    return Shop(train[1], {level: g.collect(tasks) for level, tasks in each.items()}, {LESSONS: train[0], NEW: seen[0]}, each)
+    return Shop(train[1], seen[1], {level: g.collect(tasks) for level, tasks in each.items()}, {LESSONS: train[0], NEW: seen[0]},
+                each)
 
 
 def solid(g: Graph, of: str, plan: object_plan.Params, p: Settings) -> tuple[ObjectSpec, GraspObject]:
@@ -133,13 +138,34 @@ def hand(g: Graph, p: Settings) -> HandModel:
     return g.add(hand_model.run,            files=g.leaf("shadow", shadow_files()),                  params=p.hand_model)
 
 
-def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings) -> tuple[tuple[GraspTarget, ...], ReferenceSet]:
-    """Objects -> where people could grasp them, and how they do, in the hand's own joints."""
-    places  = g.add(grasp_targets.run,      body=body, hand=hand,                                    params=p.grasp_targets)
+def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = "") -> tuple[
+        tuple[GraspTarget, ...], ReferenceSet]:  # fmt: skip
+    """Objects -> where people could grasp them, and how they do, in the hand's own joints. `of`: of other clips than those that are
+    learned from."""
+    name    = (lambda stage: f"{of}_{stage}") if of else str
+    places  = g.named(name("grasp_targets")).add(grasp_targets.run, body=body, hand=hand,            params=p.grasp_targets)
     target  = g.each(places)
-    motion  = g.each(g.add(motion_synthesise.run, target=target,               params=replace(p.motion_synthesise, **FROM_ABOVE)))
-    clip    = g.add(hand_retarget.run,      motion=motion, hand=hand,              params=replace(p.hand_retarget, **FITTED))
-    return g.collect(target), g.add(motion_report.run, clips=g.collect(clip),                        params=p.motion_report)
+    motion  = g.each(g.named(name("motion_synthesise")).add(
+                motion_synthesise.run, target=target,                          params=replace(p.motion_synthesise, **FROM_ABOVE)))
+    clip    = g.named(name("hand_retarget")).add(
+                hand_retarget.run,  motion=motion, hand=hand,                      params=replace(p.hand_retarget, **FITTED))
+    return g.collect(target), g.named(name("motion_report")).add(motion_report.run, clips=g.collect(clip), params=p.motion_report)
+
+
+def follow(g: Graph, s: School, p: Settings) -> list[ClipsFollowed]:
+    """The prior beside clips that its training does not show: other places and other people, on its objects and on new shapes."""
+    places, more = p.imitation_evaluate.places, p.imitation_evaluate.held_out
+    other   = replace(p, grasp_targets=replace(p.grasp_targets, places=places, seed=p.grasp_targets.seed + more),
+                      motion_synthesise=replace(p.motion_synthesise, seed=p.motion_synthesise.seed + more))
+    prior   = g.pick(s.prior, lambda t: t.files)
+    out     = list[ClipsFollowed]()
+    for level, body in (("train", s.shop.body), ("unseen_object", s.shop.unseen)):
+        clips = people(g, s.hand, body, other, f"{level}_held_out")[1]
+        out += [g.named(f"followed_{level}_{engine}").add(
+                    imitation_evaluate.run, hand=s.hand, bodies=g.collect(body), references=clips, prior=prior,
+                    params=replace(p.imitation_evaluate, level=level, engine=engine), ctx=g.ctx)
+                for engine in p.grasp_report.engines]  # fmt: skip
+    return out
 
 
 class School(NamedTuple):
@@ -183,14 +209,28 @@ def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels:
             for level in levels for engine in p.grasp_report.engines]  # fmt: skip
 
 
-def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], p: Settings) -> tuple[list[GraspEpisodes], list[TrainingLog]]:
-    """Policies, trained and examined on the levels of EXAMINED."""
-    episodes, logs = list[GraspEpisodes](), list[TrainingLog]()
+@dataclass(frozen=True)
+class Played:
+    """What policies have done."""
+
+    episodes: list[GraspEpisodes]
+    logs: list[TrainingLog]
+    """of their trainings"""
+    twice: list[TwoTasksShown]
+    """one object, two tasks"""
+
+
+def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings) -> Played:
+    """Policies, trained and examined on `levels`, those that have none there on what they learned on; the teacher and the one
+    without negative terms also on one object, two tasks."""
+    made = Played([], [], [])
     for row, seed in wanted:
         trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
-        episodes += examine(g, s, g.pick(trained, lambda t: t.files), row, seed, EXAMINED.get(row, LEVELS[:1]), p)
-        logs.append(g.pick(trained, lambda t: t.log))
-    return episodes, logs
+        policy = g.pick(trained, lambda t: t.files)
+        made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), p))
+        made.twice.extend(twice(g, s, policy, row, seed, p) if row in (TEACHER, NO_NEGATIVE) and seed == 0 else ())
+        made.logs.append(g.pick(trained, lambda t: t.log))
+    return made
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
@@ -200,12 +240,21 @@ def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
                                         params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
 
 
+def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settings) -> list[TwoTasksShown]:
+    """A policy before the same object with N_t at either end, in each engine."""
+    return [g.named(f"{name}_{seed}_two_tasks_{engine}").add(
+                grasp_two_tasks.run, hand=s.hand, bodies=g.collect(s.shop.body), policy=policy,
+                params=replace(p.grasp_two_tasks, policy=name, engine=engine), ctx=g.ctx)
+            for engine in p.grasp_report.engines]  # fmt: skip
+
+
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
     s = school(g, p)
-    episodes, logs = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), p)
+    played = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p)
     prior = examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
-    report(g, "grasp", s, [*episodes, *prior], [g.pick(s.prior, lambda t: t.log), *logs], p)
+    played.episodes.extend(prior)
+    report(g, "grasp", s, played, p)
 
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
@@ -213,22 +262,24 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     s, predicted = school(g, p), {}
     if POSITIVE in p.grasp_report.rows:
         predicted["positives"] = s.shop.tasks[POSITIVE] = positive(g, s.shop, p)
-    episodes, logs = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), p)
+    played = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), EXAMINED, p)
     for name, changes in CONDITIONS.items() if s.teachers else ():
         policy = g.pick(s.teachers[0], lambda t: t.files)
-        episodes += examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes)
+        played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
     if s.teachers and p.grasp_report.naa:
         predicted["predicted"] = naa(g, s.shop, p)
         told = s._replace(shop=s.shop._replace(tasks={NEW: predicted["predicted"]}))
-        episodes += examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p)
-    report(g, "grasp-full", s, episodes, logs, p, **predicted)
+        played.episodes.extend(examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p))
+    report(g, "grasp-full", s, played, p, **predicted)
 
 
-def report(g: Graph, target: str, s: School, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], p: Settings,
+def report(g: Graph, target: str, s: School, played: Played, p: Settings,
            **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
     """Tables and curves; a recording, a film and a sheet of the first policy."""
-    page    = g.add(grasp_report.run,       episodes=tuple(episodes), logs=tuple(logs), params=p.grasp_report, ctx=g.ctx,
-                    **predicted)
-    shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes[0],
+    pairs   = tuple(g.pick(one, lambda t: t.pairs) for one in played.twice)
+    sheets  = tuple(g.pick(one, lambda t: t.sheet) for one in played.twice[:1])
+    page    = g.add(grasp_report.run,       episodes=tuple(played.episodes), logs=(g.pick(s.prior, lambda t: t.log), *played.logs),
+                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, params=p.grasp_report, ctx=g.ctx, **predicted)
+    shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=played.episodes[0],
                     params=p.grasp_record, ctx=g.ctx)
     g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))

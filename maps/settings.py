@@ -24,10 +24,12 @@ from stages import (
     grasp_student,
     grasp_targets,
     grasp_tasks,
+    grasp_two_tasks,
     hand_imitation,
     hand_inpaint,
     hand_model,
     hand_retarget,
+    imitation_evaluate,
     key_thin,
     mask_densify,
     mask_propose,
@@ -115,6 +117,8 @@ class Settings:
     rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()
     grasp_student: grasp_student.Params = grasp_student.Params()
     grasp_evaluate: grasp_evaluate.Params = grasp_evaluate.Params()
+    grasp_two_tasks: grasp_two_tasks.Params = grasp_two_tasks.Params()
+    imitation_evaluate: imitation_evaluate.Params = imitation_evaluate.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()
 

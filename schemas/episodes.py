@@ -1,10 +1,11 @@
-"""How grasps went, episode by episode."""
+"""How grasps went, and clips were followed, episode by episode."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.files import FileTree
 from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:
@@ -51,3 +52,41 @@ class GraspEpisodes(Schema):
         """(n,) of one figure; ValueError for one that was not measured."""
         found: np.ndarray = self.values[:, self.figures.index(name)]
         return found
+
+
+@dataclass(frozen=True)
+class ClipsFollowed(Schema):
+    """How near hands come to n clips of people, clip by clip and follower by follower."""
+
+    name: str = value("id, unique among its siblings: policy-level-engine")
+    level: str = value("one of schemas.grasp_task.LEVELS: whose objects the clips grasp")
+    engine: str = value("mujoco or bullet")
+    follower: tuple[str, ...] = value("n names: prior, the policy; clip, motors that go where the clip goes; still, nobody")
+    clip: tuple[str, ...] = value("n names of clips")
+    level_1_m: np.ndarray = array("n", "float64", "of the joints where fingers leave the palm from the clip's, mean over "
+                                  "fingers and steps", unit="m")  # fmt: skip
+    level_2_m: np.ndarray = array("n", "float64", "the same one phalanx further", unit="m")
+    tips_m: np.ndarray = array("n", "float64", "the same of fingertips", unit="m")
+    followed: np.ndarray = array("n", "bool", "the end was reached, never further off than the tolerance")
+
+
+@dataclass(frozen=True)
+class TwoTasks(Schema):
+    """Where a policy grasps n times the same object from the same start, with N_t at one end and at the other."""
+
+    name: str = value("id, unique among its siblings: policy-engine-seed")
+    policy: str = value("e.g. teacher, no_negative")
+    engine: str = value("mujoco or bullet")
+    seed: int = value("of the training")
+    body: tuple[str, ...] = value("n names of objects")
+    along_m: np.ndarray = array("n 2", "float64", "middle of the palm at the end, along the object from its centre of mass "
+                                "towards the first end; with N_t at that end, and at the other", unit="m")  # fmt: skip
+    success: np.ndarray = array("n 2", "bool", "the object was at its goal, in each of the two")
+
+
+@dataclass(frozen=True)
+class TwoTasksShown(Schema):
+    """The same with a picture; each field is an artifact of its own."""
+
+    pairs: TwoTasks = value("all pairs")
+    sheet: FileTree = value("two_tasks.png: an object grasped twice")

@@ -1,10 +1,11 @@
 """episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, curves.
 
-Reads   GraspEpisodes; TrainingLog of the trainings; GraspTasks whose N_t (`predicted`) or A_t
-        (`positives`) was predicted, where there are some
-Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png
-Method  means over episodes, then over seeds; Wilson's intervals
-Fails   ValueError when nothing was played
+Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets; GraspTasks
+        whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
+Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png,
+        two_tasks.png
+Method  means over episodes, then over seeds; Wilson's intervals; the teacher against the row without a prior (hti.*_with, _without)
+Fails   ValueError when nothing was played, or when those two did not learn equally long
 Paper   AffordDex, tables of results and ablations
 """
 
@@ -13,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.context import Context
-from schemas.episodes import GraspEpisodes
+from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.training import TrainingLog
@@ -39,11 +40,12 @@ class Params:
     scorer of parts is trained where there is none"""
 
 
-def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], params: Params, ctx: Context,
+def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], followed: tuple[ClipsFollowed, ...],
+        pairs: tuple[TwoTasks, ...], sheets: tuple[FileTree, ...], params: Params, ctx: Context,
         predicted: tuple[tuple[GraspTask, ...], ...] = (),
         positives: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
-    from afford.grasp.report import write
+    from afford.grasp.report import Beside, write
 
     told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))
-    return write("grasp", episodes, logs, ctx.scratch, told, drawn)
+    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, told, drawn), ctx.scratch)

@@ -17,5 +17,7 @@ SCHOOL = Settings(
     rl_grasp_refinement=replace(Settings.rl_grasp_refinement, updates=2, worlds=2, iterations=20),
     grasp_student=replace(Settings.grasp_student, rounds=1, worlds=1, updates=2, batch=8, views=1, size_px=16, points=32),
     grasp_evaluate=replace(Settings.grasp_evaluate, episodes=1, iterations=20, traces=1),
+    imitation_evaluate=replace(Settings.imitation_evaluate, places=1, iterations=20),
+    grasp_two_tasks=replace(Settings.grasp_two_tasks, rounds=1, iterations=20, width=64, height=48, supersample=1),
     grasp_record=replace(Settings.grasp_record, width=64, height=48, supersample=1),
     grasp_report=replace(Settings.grasp_report, rows=("teacher", "student"), seeds=1, engines=("mujoco",)))  # fmt: skip

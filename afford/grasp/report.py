@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,10 +12,10 @@ import numpy as np
 from scipy.stats import binomtest
 
 from afford.dataset.files import empty_folder, tree, write_json
-from afford.grasp import agreement
+from afford.grasp import agreement, report_clips, report_pairs
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
-from schemas.episodes import GraspEpisodes
+from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import LEVELS, GraspTask
 from schemas.training import TrainingLog
@@ -113,8 +114,8 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] = (), positives: Sequence[GraspTask] = ()) -> str:
-    """All cells, what predictions are worth where some were shown, the published rows, and the first policy task by task."""
+def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = ()) -> str:
+    """All cells, `more` lines, the published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
              "negative point at the last step. Physics is strict (100 iterations); policies act by their mean.", "",
              f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} |",
@@ -122,8 +123,7 @@ def markdown(episodes: Sequence[GraspEpisodes], predicted: Sequence[GraspTask] =
     for cell in cells(episodes):
         values = [_text(of(cell), 2 if "depth" in head or "contact" in head else 1) for _, head, of in FIGURES]
         lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
-    worth = [*agreement.lines(predicted, episodes), *agreement.positive_lines(positives)]
-    return "\n".join([*lines, "", *worth, *_published(), "", *_tasks(episodes), ""])
+    return "\n".join([*lines, "", *more, *_published(), "", *_tasks(episodes), ""])
 
 
 def _published() -> list[str]:
@@ -165,17 +165,37 @@ def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     return out
 
 
-def write(name: str, episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog], scratch: Path,
-          predicted: Sequence[GraspTask] = (), positives: Sequence[GraspTask] = ()) -> FileTree:  # fmt: skip
-    """metrics.json, report.md and curves.png; ValueError when nothing was played."""
+class Beside(NamedTuple):
+    """What was measured beside episodes."""
+
+    logs: Sequence[TrainingLog] = ()
+    followed: Sequence[ClipsFollowed] = ()
+    pairs: Sequence[TwoTasks] = ()
+    sheets: Sequence[FileTree] = ()
+    """of the first policy: two_tasks.png"""
+    predicted: Sequence[GraspTask] = ()
+    """tasks whose N_t was predicted"""
+    positives: Sequence[GraspTask] = ()
+    """tasks whose A_t was"""
+
+
+def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch: Path) -> FileTree:
+    """metrics.json, report.md, curves.png and the first of the sheets; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
-    folder = empty_folder(scratch / name)
+    folder, logs = empty_folder(scratch / name), beside.logs
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
-    found = metrics(episodes) | agreement.metrics(predicted, episodes) | agreement.positive_metrics(positives)
-    write_json(folder / "metrics.json", found | {key: value for key, value in last.items() if np.isfinite(value)})
-    (folder / "report.md").write_text(markdown(episodes, predicted, positives), encoding="utf-8")
+    compared = report_clips.ablation(episodes, logs)
+    worth = agreement.metrics(beside.predicted, episodes) | agreement.positive_metrics(beside.positives)
+    more = last | report_clips.tracking(beside.followed) | report_pairs.metrics(beside.pairs) | compared | worth
+    write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in more.items() if np.isfinite(value)})
+    lines = [*report_clips.lines(beside.followed, compared), *report_pairs.lines(beside.pairs),
+             *agreement.lines(beside.predicted, episodes), *agreement.positive_lines(beside.positives)]  # fmt: skip
+    (folder / "report.md").write_text(markdown(episodes, lines), encoding="utf-8")
     if runs := by_row(logs):
         write_curves(folder / "curves.png", runs)
+    for sheet in beside.sheets[:1]:
+        for file in sheet.files:
+            shutil.copyfile(file.path, folder / file.name)
     return tree(name, folder)

@@ -1,7 +1,7 @@
 """Pictures of a grasp out of its trace alone: hand, object, table and goal, from three quarters above, without an engine.
 
-What must not be touched is red, what is to be held ochre, the rest of the object slate; the hand has its own colour. The goal is a
-ring around the place where the centre of mass is to be, as wide as success is.
+What must not be touched is red, what is to be held ochre, the rest of the object slate; where N_t is no part, its points are red.
+The hand has its own colour. The goal is a ring around the place where the centre of mass is to be, as wide as success is.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from afford.hands.kinematics import forward
 from afford.hands.skin import skins
 from afford.palette import Colour
 from afford.render.draw import render
-from afford.render.mesh import merge, mesh
+from afford.render.mesh import Mesh, merge, mesh, moved
 from afford.render.model import Camera, Instance, Light, Material, Rendered
-from afford.render.solids import patch, tube
+from afford.render.solids import box, patch, tube
 from afford.render.textures import Textures
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspObject
@@ -38,6 +38,8 @@ HAND_SHADE = 0.62
 """of the hand's own colour, so that a white hand shows its form"""
 HAND, THING, GROUND, RING = 0, 1, 2, 3
 """entities of the id map"""
+DOT_M = 0.006
+"""side of the box that stands for a point of N_t"""
 RING_M, RING_CORNERS = 0.0011, 48
 """thickness and corners of the goal's ring"""
 TABLE_M = 3.0
@@ -82,6 +84,7 @@ class Studio:
         self._parts = [(colour, merge(*(mesh(piece.vertices, piece.faces, crease_deg=25) for piece in found)))
                        for colour, found in _by_colour(task).items()]  # fmt: skip
         self._table = patch(np.array([-TABLE_M / 2, -TABLE_M / 2, 0]), np.array([TABLE_M, 0, 0]), np.array([0, TABLE_M, 0]))
+        self._dots = [_dots(task.N_t)] if loose(task) else []
         self._textures = Textures.of(self._look.values())
 
     def shoot(self, trace: GraspTrace, row: int) -> Rendered:
@@ -98,6 +101,7 @@ class Studio:
         circle = tube(ring(trace.goal), np.full(RING_CORNERS + 1, RING_M), 6)
         return [*(Instance(shape, self._look["hand"], T[link], HAND) for link, shape in self._links),
                 *(Instance(shape, self._look[colour], body, THING) for colour, shape in self._parts),
+                *(Instance(dots, self._look[str(NEGATIVE)], body, THING) for dots in self._dots),
                 Instance(self._table, self._look["table"], entity=GROUND, casts=False),
                 Instance(circle, self._look["goal"], entity=RING, casts=False)]  # fmt: skip
 
@@ -127,6 +131,11 @@ def colour_of(task: GraspTask, part: int) -> Colour:
     return NEGATIVE if name in task.negative else HELD if name == task.hold else OTHER
 
 
+def loose(task: GraspTask) -> bool:
+    """Whether N_t are points of no part."""
+    return not task.negative and len(task.N_t) > 0
+
+
 def matrix(pose: np.ndarray) -> np.ndarray:
     """(7,) a pose -> (4, 4)."""
     T = np.eye(4)
@@ -153,6 +162,12 @@ def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     inwards = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
     faces[inwards] = faces[inwards][:, ::-1]
     return corners, faces
+
+
+def _dots(points: np.ndarray) -> Mesh:
+    """A small box around each point (k, 3)."""
+    dot = box((DOT_M, DOT_M, DOT_M), bevel=0.0)
+    return merge(*(moved(dot, x, y, z - DOT_M / 2) for x, y, z in points.tolist()))
 
 
 def _by_colour(task: GraspTask) -> dict[str, list[Piece]]:
