@@ -1,6 +1,6 @@
 """Train and examine hands that grasp, and write how they do where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full]
+    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full] [--set STAGE.PARAM=VALUE ...]
 
 Writes the results block of docs/grasping.md (with --full that of all rows), that of docs/imitation.md, the table of the README,
 docs/pictures/grasps.png, two_tasks.png and grasp_curves.png. Nothing in those is typed by hand.
@@ -26,16 +26,19 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--store")
     parser.add_argument("--full", action="store_true")
+    parser.add_argument("--set", action="append", default=[], help="for fewer rows or seeds; it is written beside the table")
     asked = parser.parse_args()
     target = "grasp-full" if asked.full else "grasp"
-    found = make(target, asked.store)
+    found = make(target, asked.store, *(word for one in asked.set for word in ("--set", one)))
     report = Path(found["outputs"]["report"])
     text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
     took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     head = took if not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0") else ""
+    settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
+    head += settings
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
     into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name,
-         section(text, "With and without the prior" if asked.full else "Clips that training never shows"))  # fmt: skip
+         settings + section(text, "With and without the prior" if asked.full else "Clips that training never shows"))  # fmt: skip
     if not asked.full:
         into(ROOT / "README.md", "grasp", Path(__file__).name, short(found["metrics"]))
         shutil.copyfile(report / "curves.png", ROOT / "docs" / "pictures" / "grasp_curves.png")

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.grasp import imitation, reward
+from afford.grasp import imitation, reward, wrench
 from afford.grasp.act import RATES, table
 from afford.grasp.env import AffordanceGraspVector
 from afford.grasp.metrics import MEANING
 from afford.grasp.observe import LAYOUTS, STATES, blocks
 from afford.grasp.task import Task, task
 from afford.hands.assets import shadow_files
-from afford.hands.coupling import driven
+from afford.hands.coupling import driven, limits_u
 from afford.sim.scene import RANDOM, Physics
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
@@ -38,7 +38,8 @@ SETTINGS = (("mujoco", "small", 50), ("mujoco", "small", 100), ("mujoco", "paper
 def main() -> None:
     """Write."""
     hand = hand_model.run(shadow_files(), hand_model.Params())
-    for name, text in {"action": actions(hand), "observation": observations(), "reward": rewards(), "imitation": imitations(),
+    for name, text in {"action": actions(hand), "wrench": wrenches(hand), "observation": observations(),
+                       "reward": rewards(), "imitation": imitations(),
                        "report": report(), "random": randomisation(), "speed": speeds(hand)}.items():  # fmt: skip
         into(PAGE, name, Path(__file__).name, text)
 
@@ -54,6 +55,18 @@ def actions(hand: HandModel) -> str:
     head = ["| | motor | unit | a step, base `none` | a step, base `prior` | a step, base `script` | in all, base `script` |",
             "|--:|---|---|--:|--:|--:|--:|"]
     return "\n".join([*head, *rows, ""])
+
+
+def wrenches(hand: HandModel) -> str:
+    """One row for each number of an action of the paper's mode: what a full one is, and where that comes from."""
+    names = [hand.joints.name[k] for k in driven(hand.joints)]
+    full, limits = wrench.table(limits_u(hand.joints))[:, 0], limits_u(hand.joints)
+    rows = ["| | of | unit | a full action | zero is | published |", "|--:|---|---|--:|--:|--:|"]
+    for k, name in enumerate(names):
+        what = f"force, {'xyz'[k]}" if k < 3 else f"torque, {'xyz'[k - 3]}" if k < 6 else f"target of {name}"
+        unit, published = ("N", "833") if k < 3 else ("N m", "1.67") if k < 6 else ("rad", "limits")
+        rows.append(f"| {k} | {what} | {unit} | {full[k]:.4g} | {0.0 if k < 6 else limits[k].mean():.4g} | {published} |")
+    return "\n".join([*rows, ""])
 
 
 def observations() -> str:

@@ -26,7 +26,8 @@ def test_the_contract_in_the_docstring_is_kept() -> None:
 
 
 @pytest.mark.parametrize(("name", "block"), [
-    ("action", lambda: page.actions(shadow())), ("observation", page.observations), ("reward", page.rewards),
+    ("action", lambda: page.actions(shadow())), ("wrench", lambda: page.wrenches(shadow())),
+    ("observation", page.observations), ("reward", page.rewards),
     ("imitation", page.imitations), ("report", page.report), ("random", page.randomisation)])  # fmt: skip
 def test_tables_are_those_of_the_code(name: str, block) -> None:  # type: ignore[no-untyped-def]  # a function without arguments
     """Written by benchmarks/bench_grasp_env.py, and not changed by hand since."""

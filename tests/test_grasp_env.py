@@ -204,7 +204,7 @@ def test_gymnasium_makes_the_vector_too() -> None:
 
 
 @pytest.mark.parametrize(("wrong", "message"), [
-    ({"action_mode": "paper"}, "60 Hz are not there yet"), ({"base": "human"}, "got 'human'"), ({"steps": 0}, "steps"),
+    ({"action_mode": "paper", "base": "script"}, "expected none"), ({"base": "human"}, "got 'human'"), ({"steps": 0}, "steps"),
     ({"poses": "upright"}, "got 'upright'"), ({"base": "script", "steps": 20}, "expected 38 or more"), ({"reward": "x"}, "got 'x'"),
     ({"push_n": float("nan")}, "push_n"), ({"layout": "x"}, "got 'x'")])  # fmt: skip
 def test_what_cannot_be_is_refused(wrong: dict[str, Any], message: str) -> None:

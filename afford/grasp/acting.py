@@ -23,7 +23,8 @@ from schemas.files import FileTree
 PRIOR = "prior/"
 """folder of the frozen prior within that of a teacher"""
 ENVIRONMENT = ("base", "posture", "layout", "role", "reward", "weights", "steps", "wait", "lift_m", "start",
-               "start_m")  # fmt: skip
+               "start_m",
+               "action_mode")  # fmt: skip
 """fields of Config that a policy was trained with, and needs again"""
 
 

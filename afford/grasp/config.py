@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from afford.grasp import wrench
 from afford.grasp.base import BASES
+from afford.sim.engine import CONTROL_S
 from afford.sim.scene import Physics
 
 
@@ -18,7 +20,7 @@ class Config:
     physics: Physics = field(default_factory=Physics)
     """how carefully worlds are computed"""
     action_mode: str = "rate"
-    """rate: act.py"""
+    """rate: act.py, 20 a second; paper: wrench.py, 60 a second, base=none; give it steps=200, as the paper does"""
     base: str = "none"
     """what actions are added to: none, script, or prior (base.py)"""
     posture: tuple[float, ...] = ()
@@ -55,15 +57,21 @@ class Config:
     """that compute worlds"""
 
     def __post_init__(self) -> None:
-        if self.action_mode == "paper":
-            raise ValueError("action_mode: expected rate, got paper: wrenches on the wrist at 60 Hz are not there yet; use rate")
-        for name, allowed in (("action_mode", ("rate",)), ("base", BASES), ("poses", ("flat", "dropped")),
+        for name, allowed in (("action_mode", ("rate", "paper")), ("base", BASES), ("poses", ("flat", "dropped")),
                               ("start", ("part", "anywhere"))):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
+        if self.action_mode == "paper" and self.base != "none":
+            raise ValueError(f"base: expected none with action_mode=paper, got {self.base}: bases give targets of the wrist, "
+                             "which is given forces there; use action_mode=rate, or base=none")
         if self.base == "prior" and not self.posture:
             raise ValueError("posture: expected the posture that a prior begins in, as its facts have it, got none")
         for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("wait", 0), ("push_n", 0.0),
                           ("threads", 1)):  # fmt: skip
             if not getattr(self, name) >= low:
                 raise ValueError(f"{name}: expected {low} or more, got {getattr(self, name)}")
+
+    @property
+    def control_s(self) -> float:
+        """A control step."""
+        return wrench.CONTROL_S if self.action_mode == "paper" else CONTROL_S

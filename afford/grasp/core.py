@@ -1,7 +1,8 @@
 """n grasps at once: worlds, their episodes, their rewards. Environments (env.py, vector.py) are this, in gymnasium's words.
 
-20 actions a second. An episode ends early (terminated) when the object is beyond reach; it is cut off (truncated) after `steps`.
-Everything random in an episode comes from the generator that its reset is given; what varies between worlds comes from `seed`.
+20 actions a second, 60 with action_mode=paper. An episode ends early (terminated) when the object is beyond reach; it is cut off
+(truncated) after `steps`. Everything random in an episode comes from the generator that its reset is given; what varies between
+worlds comes from `seed`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasp import act, base
+from afford.grasp import act, base, wrench
 from afford.grasp.config import Config
 from afford.grasp.happened import Happened
 from afford.grasp.measures import Measures, measure
@@ -24,7 +25,7 @@ from afford.grasp.task import Task, placed
 from afford.hands.coupling import commanded, limits_u
 from afford.sim.drops import drops, laid
 from afford.sim.engine import CONTROL_S, State
-from afford.sim.scene import Scene, Sensing, centre, randomised, sensing
+from afford.sim.scene import Scene, Sensing, centre, held, randomised, sensing
 from afford.sim.scripted import Aim, along, at_part
 from afford.sim.worlds import Worlds
 from schemas.hand import HandModel
@@ -32,7 +33,7 @@ from schemas.hand import HandModel
 LOST_M = 0.5
 """the object is beyond reach when it has moved so far along the table"""
 PUSH_S, PUSH_RAISED_M, PUSH_CHANCE = 0.05, 0.03, 0.25
-"""a push takes a twentieth of a second; while the object is raised by 3 cm, one step in four begins with one"""
+"""a push takes a twentieth of a second; while the object is raised by 3 cm, one twentieth of a second in four begins with one"""
 DROPS = 8
 """resting poses of each object that was dropped"""
 
@@ -50,7 +51,8 @@ class Grasping:
         self.worlds = Worlds(config.engine, self.scenes, config.threads)
         self._of_motor = commanded(hand.joints)
         self._limits = limits_u(hand.joints)
-        self.rates = act.table(act.RATES[config.base], len(self._limits))
+        self.rates = (wrench.table(self._limits) if config.action_mode == "paper"
+                      else act.table(act.RATES[config.base], len(self._limits)))  # fmt: skip
         self._resting: dict[int, list[np.ndarray]] = {}
         self._now = _Running(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
         self._state: State | None = None
@@ -82,12 +84,12 @@ class Grasping:
         now, rows = self._now, np.arange(len(self.tasks))
         action = act.checked(action, (len(rows), self.motors))
         at = now.step.clip(max=self.config.steps - 1)
-        u, now.offset = act.command(now.base[rows, at], act.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
+        u, now.offset = self._command(action, now.base[rows, at])
         now.sent = np.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
         now.action = action.clip(-1, 1)
         self._push(rngs)
         latency = [one.latency_steps for one in self.sensing]
-        self._state = self.worlds.step(now.sent[rows, latency], CONTROL_S)
+        self._state = self.worlds.step(now.sent[rows, latency], self.config.control_s)
         measured = self.measures()
         now.log.note(measured, at)
         now.step = now.step + 1
@@ -135,6 +137,11 @@ class Grasping:
                          for scene, aim in zip(self.scenes, self._now.aim, strict=True)])  # fmt: skip
 
     @property
+    def aims(self) -> list[Aim]:
+        """Where the hands began and bases go."""
+        return list(self._now.aim)
+
+    @property
     def sent(self) -> np.ndarray:
         """(n, m) the targets that motors were given last."""
         return self._now.sent[:, 0]
@@ -170,11 +177,19 @@ class Grasping:
         """Give the engine back; twice is harmless."""
         self.worlds.close()
 
+    def _command(self, action: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, m) commands of actions (n, m) over what the base (n, m) wants, and how far actions have moved it."""
+        now = self._now
+        if self.config.action_mode == "paper":
+            u = wrench.command(action, self.state().q[:, :6], now.episode.yaw, self._limits)
+            return u, action.clip(-1, 1) * self.rates[:, 0]
+        return act.command(base, act.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
+
     def _begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float] = ()) -> None:
         scene, config = self.scenes[k], self.config
         posture = posture or config.posture
         q = base.begin(scene, aim, posture)
-        self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, q[self._of_motor],
+        self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, held(scene, q),
                         base.commands(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait))  # fmt: skip
         self.worlds.reset(q[None], pose[None], [k])
 
@@ -203,7 +218,7 @@ class Grasping:
             return
         raised = self.scenery.centre(self.state())[:, 2] - self._now.episode.origin[:, 2] > PUSH_RAISED_M
         for k in np.flatnonzero(raised).tolist():
-            if rngs[k].random() < PUSH_CHANCE:
+            if rngs[k].random() < PUSH_CHANCE * self.config.control_s / CONTROL_S:
                 direction = rngs[k].normal(size=3)
                 self.worlds.worlds[k].push(self.config.push_n * direction / np.linalg.norm(direction), PUSH_S)
 
@@ -228,7 +243,7 @@ class _Running:
 
 
 def _scene(hand: HandModel, one: Task, config: Config, k: int) -> Scene:
-    scene = Scene(hand, one.body, config.physics)
+    scene = Scene(hand, one.body, config.physics, "wrench" if config.action_mode == "paper" else "servo")
     return randomised(scene, config.seed + k) if config.randomise else scene
 
 

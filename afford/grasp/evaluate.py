@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 
 from afford.grasp.core import Grasping
-from afford.sim.engine import CONTROL_S
 from schemas.episodes import GraspTrace
 
 
@@ -51,11 +50,13 @@ class Round:
     """(n, 3)"""
     ended: np.ndarray
     """(n,) row at which each ended"""
+    rate_hz: float
+    """rows a second"""
 
     def trace(self, k: int, task: str, number: int) -> GraspTrace:
         """What happened in world k."""
         rows = {f.name: getattr(self, f.name)[k, : self.ended[k] + 1] for f in fields(GraspTrace) if f.name in STEPWISE}
-        return GraspTrace(name=f"{task}/{number:02d}", task=task, rate_hz=1 / CONTROL_S, terms=self.terms, goal=self.goal[k],
+        return GraspTrace(name=f"{task}/{number:02d}", task=task, rate_hz=self.rate_hz, terms=self.terms, goal=self.goal[k],
                           **rows)  # fmt: skip
 
 
@@ -78,7 +79,8 @@ def play(grasping: Grasping, actor: Actor, rngs: list[np.random.Generator]) -> R
     stacked = {name: np.stack([row[name] for row in rows], axis=1) for name in STEPWISE if name != "reward"}
     terms = tuple(sorted(grasping.weights))
     reward = np.stack([row["reward"] for row in rows], axis=1)
-    return Round(report=report, reward=reward, terms=terms, depth_m=grasping.depths(), goal=grasping.goal(), ended=ended, **stacked)
+    return Round(report=report, reward=reward, terms=terms, depth_m=grasping.depths(), goal=grasping.goal(), ended=ended,
+                 rate_hz=1 / grasping.config.control_s, **stacked)  # fmt: skip
 
 
 def _row(grasping: Grasping, action: np.ndarray, terms: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

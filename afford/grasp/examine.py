@@ -14,7 +14,6 @@ from afford.grasp.evaluate import Round, play
 from afford.grasp.likeness import CRITERIA, Humans, humans, likeness, log_jerk
 from afford.grasp.metrics import MEANING
 from afford.grasp.task import of
-from afford.sim.engine import CONTROL_S
 from afford.sim.scene import Physics
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.files import FileTree
@@ -24,7 +23,6 @@ from schemas.motion import ReferenceSet
 
 FIGURES = (*MEANING, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
 """of each episode: metrics.MEANING, likeness.py"""
-RATE_HZ = 1 / CONTROL_S
 
 
 @dataclass(frozen=True)
@@ -48,12 +46,13 @@ class Examination:
 def examine(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet, asked: Examination,
             progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
     """Episodes in rounds: each task as often as another. ValueError for a policy that does not fit."""
-    policy, people = load(files, {"base": asked.base, "start": asked.start}), humans(references.references, RATE_HZ)
+    policy = load(files, {"base": asked.base, "start": asked.start})
+    config = policy.config(asked.engine, _physics(asked), asked.poses, asked.push_n)
+    people = humans(references.references, 1 / config.control_s)
     rounds = ceil(asked.episodes / len(tasks))
     values, depths, names, traces = [], [], [], list[GraspTrace]()
     for first in range(0, len(tasks), asked.at_once):
         some = tasks[first : first + asked.at_once]
-        config = policy.config(asked.engine, _physics(asked), asked.poses, asked.push_n)
         grasping = Grasping(hand, [of(one) for one in some], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([asked.seed, first + k, number]) for k in range(len(some))]
@@ -77,13 +76,14 @@ def _physics(asked: Examination) -> Physics:
 
 def _figures(played: Round, people: Humans) -> np.ndarray:
     """(n, k) in the order of FIGURES."""
-    human = [_human(played.q[k, : end + 1, 6:], played.palm[k, : end + 1, :3], people) for k, end in enumerate(played.ended)]
+    human = [_human(played.q[k, : end + 1, 6:], played.palm[k, : end + 1, :3], played.rate_hz, people)
+             for k, end in enumerate(played.ended)]
     return np.concatenate([np.stack([played.report[name] for name in MEANING], axis=1), np.array(human)], axis=1)
 
 
-def _human(q: np.ndarray, palm: np.ndarray, people: Humans) -> list[float]:
-    score, parts = likeness(q, palm, RATE_HZ, people)
-    return [score, *parts.tolist(), (log_jerk(q, RATE_HZ) + log_jerk(palm, RATE_HZ)) / 2]
+def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: Humans) -> list[float]:
+    score, parts = likeness(q, palm, rate_hz, people)
+    return [score, *parts.tolist(), (log_jerk(q, rate_hz) + log_jerk(palm, rate_hz)) / 2]
 
 
 def _traces(played: Round, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:

@@ -1,7 +1,8 @@
 """A world on PyBullet, through afford.sim.bullet.Client.
 
 Motors are velocity constraints with a limited impulse and speed; a coupled joint is held to its driver by a gear. The object is one
-body, a compound of hulls; the part that a contact is on is that of the hull whose surface is nearest.
+body, a compound of hulls; the part that a contact is on is that of the hull whose surface is nearest. A wrist that takes forces is
+given them, less drag, at every step of the solver.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from afford.hands.coupling import commanded, driven, limits_u
+from afford.hands.coupling import commanded, driven
 from afford.hands.folder import save as save_hand
 from afford.hands.kinematics import moving
 from afford.sim import object_urdf
 from afford.sim.bullet import Client
 from afford.sim.engine import State, checked, solver_steps
 from afford.sim.quaternions import inverse, matrix, product
-from afford.sim.scene import Physics, Scene, finger_of_link
+from afford.sim.scene import Physics, Scene, finger_of_link, held, limits_of
 
 GEAR_NM = 100.0
 """torque that a coupling may take: more than any motor of a finger has"""
@@ -38,6 +39,8 @@ class Saved:
     force: np.ndarray
     steps_left: int
     state: State
+    efforts: np.ndarray | None
+    """of a wrist that takes forces"""
 
 
 class BulletWorld:
@@ -47,7 +50,7 @@ class BulletWorld:
         """`seen`: with what can be seen of the hand, for pictures."""
         self.scene, self.client = scene, Client()
         hand, physics = scene.hand, scene.physics
-        _settings(self.client, physics)
+        _settings(self.client, scene)
         with tempfile.TemporaryDirectory() as folder:
             self.table = _table(self.client, physics)
             self.object = _object(self.client, scene, Path(folder))
@@ -57,7 +60,7 @@ class BulletWorld:
         self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
         self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
         self._of_motor = commanded(hand.joints)
-        self._limits = limits_u(hand.joints)
+        self._limits = limits_of(scene)
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
         self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
         self._speeds = hand.joints.velocity[motors].tolist()
@@ -65,6 +68,7 @@ class BulletWorld:
         self._finger = {-1: int(of_link[0]), **{number[name]: int(of_link[k + 1]) for k, name in enumerate(hand.joints.name)}}
         self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
         self._inertial = np.array(self.client.getDynamicsInfo(self.object, -1)[4])
+        self._wrench = _Wrench(self.client, scene, self.hand, self._motors[:6], self.object) if scene.wrist == "wrench" else None
         self._force, self._left = np.zeros(3), 0
         self._fresh = int(self.client.saveState())
 
@@ -80,7 +84,7 @@ class BulletWorld:
         self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
         self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
         self._force, self._left = np.zeros(3), 0
-        self._command(q[self._of_motor])
+        self._command(held(self.scene, q))
         self.client.performCollisionDetection()
         return self.state()
 
@@ -91,6 +95,8 @@ class BulletWorld:
         for _ in range(count):
             if self._left:
                 self._shove()
+            if self._wrench:
+                self._wrench.apply()
             self.client.stepSimulation()
         return self.state()
 
@@ -106,15 +112,18 @@ class BulletWorld:
         body = self._body()
         velocity, spin = self.client.getBaseVelocity(self.object)
         force, deepest, count = self._touching(body)
+        torque = torque[self._of_motor]
+        torque[:6] = torque[:6] if self._wrench is None else self._wrench.efforts
         return State(
-            q=q, qd=qd, torque=torque[self._of_motor], palm=np.concatenate(links[-1]), body=body,
+            q=q, qd=qd, torque=torque, palm=np.concatenate(links[-1]), body=body,
             tips=np.array([place + matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
             velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
         """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
         near each other is not in it, so the world forgets that now, as `restore` does."""
-        token = Saved(int(self.client.saveState()), self._force, self._left, self.state())
+        efforts = self._wrench.efforts if self._wrench else None
+        token = Saved(int(self.client.saveState()), self._force, self._left, self.state(), efforts)
         self.restore(token)
         return token
 
@@ -125,6 +134,8 @@ class BulletWorld:
         self.client.performCollisionDetection()
         self.client.restoreState(stateId=token.number)  # points of contact are put where there are pairs
         self._force, self._left = token.force, token.steps_left
+        if self._wrench and token.efforts is not None:
+            self._wrench.efforts = token.efforts
         return token.state
 
     def close(self) -> None:
@@ -138,8 +149,12 @@ class BulletWorld:
         self.client.setCollisionFilterGroupMask(self.object, -1, *EVERYTHING)
 
     def _command(self, targets: np.ndarray) -> None:
+        wrist = 0 if self._wrench is None else 6
+        if self._wrench:
+            self._wrench.efforts = targets[:6].copy()
         gain = 1.0 / (self.scene.physics.rate_hz * self.scene.physics.response_s)
-        for joint, target, effort, speed in zip(self._motors, targets.tolist(), self._efforts, self._speeds, strict=True):
+        motors = list(zip(self._motors, targets.tolist(), self._efforts, self._speeds, strict=True))
+        for joint, target, effort, speed in motors[wrist:]:
             self.client.setJointMotorControl2(self.hand, joint, self.client.POSITION_CONTROL, target, force=effort,
                                               positionGain=gain, velocityGain=1.0, maxVelocity=speed)  # fmt: skip
 
@@ -167,9 +182,35 @@ class BulletWorld:
         return force, max(0.0, -min(c[8] for c in found)), len(found)
 
 
-def _settings(client: Client, physics: Physics) -> None:
+class _Wrench:
+    """Forces on the gantry's joints, and the weight of the object."""
+
+    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], thing: int) -> None:
+        self.client, self.hand, self.joints, self.object = client, hand, joints, thing
+        self.efforts = np.zeros(6)
+        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(thing, -1)[0]))
+        moves = sum(client.getJointInfo(hand, k)[3] >= 0 for k in range(client.getNumJoints(hand)))
+        inertia = np.array(client.calculateMassMatrix(hand, [0.0] * moves))
+        self._drag = scene.physics.drag_1_s * inertia.diagonal()[:6]
+        self._slowed = 1.0 + scene.physics.drag_1_s / scene.physics.rate_hz
+        for joint in joints:
+            client.setJointMotorControl2(hand, joint, client.VELOCITY_CONTROL, force=0.0)
+
+    def apply(self) -> None:
+        """For one step of the solver. Drag is that of the speed after the step, as if the inertia were that at 0, so that it
+        does not overshoot."""
+        speed = np.array([row[1] for row in self.client.getJointStates(self.hand, self.joints)])
+        forces = (self.efforts - self._drag * speed) / self._slowed
+        self.client.setJointMotorControlArray(self.hand, self.joints, self.client.TORQUE_CONTROL, forces=forces.tolist())
+        centre = self.client.getBasePositionAndOrientation(self.object)[0]
+        self.client.applyExternalForce(self.object, -1, self._weight, centre, self.client.WORLD_FRAME)
+
+
+def _settings(client: Client, scene: Scene) -> None:
+    """Where the hand has no weight, nothing has, and the object is given its own at every step."""
+    physics = scene.physics
     client.setTimeStep(1.0 / physics.rate_hz)
-    client.setGravity(0.0, 0.0, -physics.gravity_m_s2)
+    client.setGravity(0.0, 0.0, 0.0 if scene.wrist == "wrench" else -physics.gravity_m_s2)
     client.setPhysicsEngineParameter(numSolverIterations=physics.iterations, deterministicOverlappingPairs=1)
 
 

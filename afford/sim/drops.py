@@ -7,10 +7,9 @@ from itertools import islice
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.hands.coupling import commanded
 from afford.hands.kinematics import moving
 from afford.sim.engine import CONTROL_S, State, World
-from afford.sim.scene import Scene
+from afford.sim.scene import Scene, held
 
 GAP_M = 0.05
 """between the table and the lowest point at first"""
@@ -61,11 +60,11 @@ def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = MOS
 def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.ndarray | None:
     """(7,) where it lies, None when it has not come to rest."""
     q = parked(scene)
-    held = q[commanded(scene.hand.joints)]
+    stay = held(scene, q)
     world.reset(q, pose)
     still, poses = 0, list[np.ndarray]()
     for _ in range(round(most_s / CONTROL_S)):
-        state = world.step(held, CONTROL_S)
+        state = world.step(stay, CONTROL_S)
         poses.append(state.body)
         still = still + 1 if _rests(state) else 0
         if still == STILL:

@@ -2,7 +2,7 @@
 
 The hand's URDF is read by MuJoCo itself, which turns `<mimic>` into equality constraints. Motors are position servos without
 overshoot: force = k (target - q) - k response_s qd, cut off at the motor's effort. Newton's solver, elliptic cones, damping taken
-implicitly.
+implicitly. A wrist that takes forces has plain motors, no weight, and drag as damping of its joints.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from afford.hands.coupling import commanded, driven, limits_u
+from afford.hands.coupling import driven
 from afford.hands.folder import files as files_of
 from afford.hands.kinematics import moving, points
 from afford.sim.engine import State, checked, solver_steps
-from afford.sim.scene import Scene, finger_of_link
+from afford.sim.scene import Scene, finger_of_link, held, limits_of
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -53,7 +53,7 @@ class MujocoWorld:
         self._q = np.array([int(self.model.joint(names[k]).qposadr[0]) for k in moving(hand.joints)])
         self._qd = np.array([int(self.model.joint(names[k]).dofadr[0]) for k in moving(hand.joints)])
         self._motors = np.array([self.model.actuator(name).id for name in motors])
-        self._limits = limits_u(hand.joints)
+        self._limits = limits_of(scene)
         self._links = np.array([self.model.body(name).id for name in hand.links])
         self._object = self.model.body("object").id
         self._free = int(self.model.joint("object").qposadr[0]), int(self.model.joint("object").dofadr[0])
@@ -67,7 +67,7 @@ class MujocoWorld:
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[self._q] = q
         self._data.qpos[self._free[0] :][:7] = pose[[0, 1, 2, 6, 3, 4, 5]]
-        self._data.ctrl[self._motors] = q[commanded(self.scene.hand.joints)]
+        self._data.ctrl[self._motors] = held(self.scene, q)
         self._force, self._left = np.zeros(3), 0
         mujoco.mj_forward(self.model, self._data)
         return self.state()
@@ -164,7 +164,10 @@ def compiled(scene: Scene) -> mujoco.MjModel:
     _hand(spec, scene)
     _table(spec, scene)
     _object(spec, scene)
-    return spec.compile()
+    model = spec.compile()
+    if scene.wrist == "wrench":
+        _drag(model, scene)
+    return model
 
 
 def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
@@ -184,8 +187,22 @@ def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
         if role in ("actuated", "coupled"):
             spec.joint(name).armature = ARMATURE_KGM2
             spec.joint(name).frictionloss = 0.0  # a constraint for each joint at each step, for a thousandth of a motor's torque
+    if scene.wrist == "wrench":
+        for link in hand.links:
+            spec.body(link).gravcomp = 1.0
     for k in driven(hand.joints):
         _motor(spec, scene, int(k))
+
+
+def _drag(model: mujoco.MjModel, scene: Scene) -> None:
+    """Of the gantry's joints: the rate times the inertia that each carries when all joints are at 0."""
+    data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    data.qpos[:] = model.qpos0
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, inertia)
+    for k in driven(scene.hand.joints)[:6]:
+        dof = int(model.joint(scene.hand.joints.name[k]).dofadr[0])
+        model.dof_damping[dof] = scene.physics.drag_1_s * inertia[dof, dof]
 
 
 def _motor(spec: mujoco.MjSpec, scene: Scene, joint: int) -> None:
@@ -195,7 +212,10 @@ def _motor(spec: mujoco.MjSpec, scene: Scene, joint: int) -> None:
     gain = effort / (YIELD_M if joints.kind[joint] == "prismatic" else YIELD_RAD)
     spec.joint(joints.name[joint]).actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the motor has the limit
     motor = spec.add_actuator(name=joints.name[joint], target=joints.name[joint], trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    motor.set_to_position(kp=gain, kv=gain * physics.response_s)
+    if joints.role[joint] == "wrist" and scene.wrist == "wrench":
+        motor.set_to_motor()
+    else:
+        motor.set_to_position(kp=gain, kv=gain * physics.response_s)
     motor.forcelimited, motor.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, (-effort, effort)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.hands.coupling import commanded, driven, limits_u
 from afford.hands.kinematics import ancestry
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
@@ -35,6 +36,8 @@ class Physics:
     """times the torques of the fingers' motors"""
     response_s: float = 0.02
     """a motor closes the distance to its target in this time, as far as its torque allows"""
+    drag_1_s: float = 100.0
+    """wrist=wrench: nothing holds the hand, and what moves freely loses speed at this rate; as published for Isaac Gym"""
 
 
 STRICT = Physics(rate_hz=480, iterations=100)
@@ -48,6 +51,8 @@ class Scene:
     hand: HandModel
     body: GraspObject
     physics: Physics = field(default_factory=Physics)
+    wrist: str = "servo"
+    """what a command is to the gantry's joints: servo, a target; wrench, a force or torque, and then the hand has no weight"""
 
     def __post_init__(self) -> None:
         steps = {f.name: getattr(self.physics, f.name) for f in fields(Physics)}
@@ -56,9 +61,26 @@ class Scene:
         if wrong or zero:
             name = (wrong or zero)[0]
             raise ValueError(f"Physics.{name}: expected a number {'of 0 or more' if wrong else 'above 0'}, got {steps[name]}")
+        if self.wrist not in ("servo", "wrench"):
+            raise ValueError(f"Scene.wrist: expected servo or wrench, got {self.wrist!r}")
         wrist = self.hand.joints.role.count("wrist")
         if wrist != 6:
             raise ValueError(f"{self.hand.name}: expected a gantry of 6 joints, got {wrist}; build the hand with wrist=gantry")
+
+
+def held(scene: Scene, q: np.ndarray) -> np.ndarray:
+    """(m,) the command that keeps the hand at joints q (d,): their targets, and no force where a wrist takes forces."""
+    u: np.ndarray = q[commanded(scene.hand.joints)]
+    return np.concatenate([np.zeros(6), u[6:]]) if scene.wrist == "wrench" else u
+
+
+def limits_of(scene: Scene) -> np.ndarray:
+    """(m, 2) least and greatest command of each motor: rad or m; N or N m where the wrist takes forces."""
+    limits = limits_u(scene.hand.joints)
+    if scene.wrist == "wrench":
+        effort = scene.hand.joints.effort[driven(scene.hand.joints)[:6]]
+        limits = np.concatenate([np.stack([-effort, effort], axis=1), limits[6:]])
+    return limits
 
 
 @dataclass(frozen=True)
