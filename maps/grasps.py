@@ -22,6 +22,7 @@ from schemas.motion import GraspTarget, ReferenceSet
 from schemas.training import Trained, TrainingLog
 from stages import (
     grasp_evaluate,
+    grasp_judge,
     grasp_record,
     grasp_report,
     grasp_student,
@@ -278,8 +279,11 @@ def report(g: Graph, target: str, s: School, played: Played, p: Settings,
     """Tables and curves; a recording, a film and a sheet of the first policy."""
     pairs   = tuple(g.pick(one, lambda t: t.pairs) for one in played.twice)
     sheets  = tuple(g.pick(one, lambda t: t.sheet) for one in played.twice[:1])
+    first   = played.episodes[0]
+    judged  = g.add(grasp_judge.run,        hand=s.hand, tasks=s.shop.tasks["train"], episodes=first, params=p.grasp_judge)
     page    = g.add(grasp_report.run,       episodes=tuple(played.episodes), logs=(g.pick(s.prior, lambda t: t.log), *played.logs),
-                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, params=p.grasp_report, ctx=g.ctx, **predicted)
-    shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=played.episodes[0],
+                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, judged=(judged,), params=p.grasp_report, ctx=g.ctx,
+                    **predicted)
+    shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)
     g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))

@@ -19,6 +19,7 @@ from stages import (
     extraction_score,
     frame_decode,
     grasp_evaluate,
+    grasp_judge,
     grasp_record,
     grasp_report,
     grasp_student,
@@ -119,6 +120,7 @@ class Settings:
     grasp_evaluate: grasp_evaluate.Params = grasp_evaluate.Params()
     grasp_two_tasks: grasp_two_tasks.Params = grasp_two_tasks.Params()
     imitation_evaluate: imitation_evaluate.Params = imitation_evaluate.Params()
+    grasp_judge: grasp_judge.Params = grasp_judge.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()
 

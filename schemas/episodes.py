@@ -90,3 +90,16 @@ class TwoTasksShown(Schema):
 
     pairs: TwoTasks = value("all pairs")
     sheet: FileTree = value("two_tasks.png: an object grasped twice")
+
+
+@dataclass(frozen=True)
+class GraspJudgement(Schema):
+    """How much n episodes look like a person's to somebody who was shown them."""
+
+    name: str = value("that of the episodes: policy-level-engine")
+    policy: str = value("e.g. teacher")
+    engine: str = value("mujoco or bullet")
+    backend: str = value("who was asked: vlm, endpoint, or none")
+    model: str = value("its name; '' for none")
+    trace: tuple[str, ...] = value("n names of traces")
+    score: np.ndarray = array("n", "float64", "1 to 10; NaN where nobody was asked")

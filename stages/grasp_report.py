@@ -1,7 +1,7 @@
 """episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, curves.
 
-Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets; GraspTasks
-        whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
+Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets;
+        GraspJudgement of a policy; GraspTasks whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png,
         two_tasks.png
 Method  means over episodes, then over seeds; Wilson's intervals; the teacher against the row without a prior (hti.*_with, _without)
@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.context import Context
-from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasks
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.training import TrainingLog
@@ -41,11 +41,11 @@ class Params:
 
 
 def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], followed: tuple[ClipsFollowed, ...],
-        pairs: tuple[TwoTasks, ...], sheets: tuple[FileTree, ...], params: Params, ctx: Context,
+        pairs: tuple[TwoTasks, ...], sheets: tuple[FileTree, ...], judged: tuple[GraspJudgement, ...], params: Params, ctx: Context,
         predicted: tuple[tuple[GraspTask, ...], ...] = (),
         positives: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
     from afford.grasp.report import Beside, write
 
     told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))
-    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, told, drawn), ctx.scratch)
+    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, judged, told, drawn), ctx.scratch)

@@ -12,9 +12,7 @@ Paper   AffordDex, negative affordance: GPT-4V is asked for one part that should
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from urllib.parse import urlsplit
 
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescriptions
@@ -54,12 +52,10 @@ class Params:
 
     def __post_init__(self) -> None:
         """What might be a key is not shown, and is refused before anything is written."""
-        if not re.fullmatch(r"([A-Z_][A-Z0-9_]*)?", self.key_variable):
-            raise ValueError("expected the name of an environment variable in capitals, as OPENAI_API_KEY, got something else (not "
-                             "shown, it may be a key); export the key under such a name")  # fmt: skip
-        if self.url and not _plain(self.url):
-            raise ValueError("expected http(s)://HOST[:PORT]/PATH, got something else (not shown, it may hold a key); leave out "
-                             "user, password and all from ? or # on")  # fmt: skip
+        from afford.models.api_key import named, plain
+
+        named(self.key_variable)
+        plain(self.url)
         if self.views < 1 or self.new_tokens < 1 or self.retries < 0 or self.timeout_s <= 0 or self.pause_s < 0:
             raise ValueError("expected views and new_tokens of 1 or more, timeout_s above 0, retries and pause_s of 0 or more")
 
@@ -73,9 +69,3 @@ def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartDescription
     describe = load(BACKENDS, params.backend)
     tasks = params.tasks or TASKS.get(known(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, params) for task in tasks))
-
-
-def _plain(url: str) -> bool:
-    """An address of nothing but a scheme, a host and a path."""
-    parts = urlsplit(url)
-    return parts.scheme in ("http", "https") and bool(parts.hostname) and not re.search(r"[@?#\s]", url)

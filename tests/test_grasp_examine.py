@@ -99,7 +99,8 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(cells([strict, script])) == 2
     text = markdown([strict, script])
     assert all(one.name in text for one in tasks()) and "UniDexGrasp++" in text
-    files = grasp_report.run((strict, script), (), (), (), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("report")))
+    here = Scratch(tmp_path_factory.mktemp("report"))
+    files = grasp_report.run((strict, script), (), (), (), (), (), grasp_report.Params(), here)
     assert [file.name for file in files.files] == ["metrics.json", "report.md"]
 
 
@@ -116,7 +117,7 @@ def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: Gr
     assert "mujoco.transfer.hti.succ.train" in found and "lambda.half.as_violation_pct" in found
     curve = Curve("train.as_violation_pct", np.arange(3), np.array([9.0, 5.0, 4.0]))
     logs = tuple(TrainingLog(name, (curve,), 3, 3) for name in ("prior", "teacher-0", "teacher-1"))
-    files = grasp_report.run((script,), logs, (), (), (), grasp_report.Params(), Scratch(tmp_path))
+    files = grasp_report.run((script,), logs, (), (), (), (), grasp_report.Params(), Scratch(tmp_path))
     said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
     assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
     assert files.find("curves.png") and set(by_row(logs)) == {"teacher"}
@@ -124,4 +125,4 @@ def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: Gr
 
 def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
     with pytest.raises(ValueError, match="expected episodes"):
-        grasp_report.run((), (), (), (), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("empty")))
+        grasp_report.run((), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("empty")))

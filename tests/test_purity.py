@@ -98,8 +98,8 @@ ELSEWHERE = {"scene_render": "rendered",
              **dict.fromkeys(("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
                              "from_masks"),
              **dict.fromkeys(("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement",
-                              "grasp_student", "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks"),
-                             "schooled"),
+                              "grasp_student", "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks",
+                              "grasp_judge"), "schooled"),
              **dict.fromkeys(("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"), "stills")}
 """stages that no target of the tiny source runs, and the fixture whose store holds a run of them"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"

@@ -15,7 +15,7 @@ from afford.dataset.files import empty_folder, tree, write_json
 from afford.grasp import agreement, report_clips, report_pairs
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
-from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasks
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import LEVELS, GraspTask
 from schemas.training import TrainingLog
@@ -173,6 +173,7 @@ class Beside(NamedTuple):
     pairs: Sequence[TwoTasks] = ()
     sheets: Sequence[FileTree] = ()
     """of the first policy: two_tasks.png"""
+    judged: Sequence[GraspJudgement] = ()
     predicted: Sequence[GraspTask] = ()
     """tasks whose N_t was predicted"""
     positives: Sequence[GraspTask] = ()
@@ -187,8 +188,11 @@ def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch:
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
     compared = report_clips.ablation(episodes, logs)
+    marks = {f"{'' if one.engine == MAIN else one.engine + '.'}{one.policy}.hls_vlm": float(one.score.mean())
+             for one in beside.judged if len(one.score)}  # fmt: skip
     worth = agreement.metrics(beside.predicted, episodes) | agreement.positive_metrics(beside.positives)
-    more = last | report_clips.tracking(beside.followed) | report_pairs.metrics(beside.pairs) | compared | worth
+    told = report_clips.tracking(beside.followed) | report_pairs.metrics(beside.pairs)
+    more = last | marks | told | compared | worth
     write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in more.items() if np.isfinite(value)})
     lines = [*report_clips.lines(beside.followed, compared), *report_pairs.lines(beside.pairs),
              *agreement.lines(beside.predicted, episodes), *agreement.positive_lines(beside.positives)]  # fmt: skip

@@ -12,6 +12,21 @@ ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|/)")
 THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
 
 
+def named(variable: str) -> None:
+    """ValueError, which does not show it, for what is no name of an environment variable; '' is fine."""
+    if not re.fullmatch(r"([A-Z_][A-Z0-9_]*)?", variable):
+        raise ValueError("expected the name of an environment variable in capitals, as OPENAI_API_KEY, got something else (not "
+                         "shown, it may be a key); export the key under such a name")  # fmt: skip
+
+
+def plain(url: str) -> None:
+    """ValueError, which does not show it, for an address of more than a scheme, a host and a path; '' is fine."""
+    parts = urlsplit(url)
+    if url and not (parts.scheme in ("http", "https") and parts.hostname and not re.search(r"[@?#\s]", url)):
+        raise ValueError("expected http(s)://HOST[:PORT]/PATH, got something else (not shown, it may hold a key); leave out "
+                         "user, password and all from ? or # on")  # fmt: skip
+
+
 def read(variable: str, url: str) -> str:
     """The value of an environment variable, '' for no variable; ValueError, which does not show it, when it cannot be a key or
     would travel to `url` in the open."""

@@ -1,0 +1,16 @@
+"""Question: how much does this grasp look like a person's, from 1 to 10?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class Judge(Protocol):
+    """What every backend of this folder looks like."""
+
+    def __call__(self, name: str, frames: np.ndarray, seconds: np.ndarray, params: Any) -> float:
+        """1..10 for the frames (t, h, w, 3) uint8 of the episode `name`, taken at times (t,). ValueError in one sentence when there
+        is no judgement: no model, no server, an answer without a number."""
