@@ -36,6 +36,8 @@ class Params:
     """most objects at a time, two worlds each"""
     iterations: int = 100
     """of the solver"""
+    rate_hz: int = 480
+    """of the solver"""
     shown: int = 1
     """objects on the sheet"""
     width: int = 320
@@ -60,8 +62,9 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], policy: FileTree, para
     if min(params.rounds, params.at_once, params.shown) < 1:
         raise ValueError(f"grasp_two_tasks: expected rounds, at_once and shown of 1 or more, got {params.rounds}, {params.at_once} "
                          f"and {params.shown}")
-    pairs, seen = grasp_twice(hand, bodies, load(policy, {}), params.policy, params.engine, Physics(iterations=params.iterations),
-                              params.rounds, params.at_once, params.shown, params.seed, ctx.progress)
+    physics = Physics(params.rate_hz, params.iterations)
+    pairs, seen = grasp_twice(hand, bodies, load(policy, {}), params.policy, params.engine, physics, params.rounds,
+                              params.at_once, params.shown, params.seed, ctx.progress)
     root = empty_folder(ctx.scratch / "sheet")
     rows = {f"{params.policy} {k}": Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
             for k, (task, trace) in enumerate(seen, 1)}  # fmt: skip

@@ -34,6 +34,8 @@ class Params:
     """whose objects the clips grasp (schemas/grasp_task.py LEVELS)"""
     iterations: int = 100
     """of the solver"""
+    rate_hz: int = 480
+    """of the solver"""
     tolerance_m: float = 0.05
     """mean error of a level from which a clip is not followed"""
     at_once: int = 48
@@ -54,5 +56,5 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], references: ReferenceS
     if params.at_once < 1 or params.iterations < 1 or not params.tolerance_m > 0:
         raise ValueError(f"imitation_evaluate: expected at_once and iterations of 1 or more and a tolerance_m above 0, got "
                          f"{params.at_once}, {params.iterations} and {params.tolerance_m}")
-    asked = Asked(params.engine, params.level, params.iterations, params.tolerance_m, params.at_once, params.seed)
+    asked = Asked(params.engine, params.level, params.iterations, params.rate_hz, params.tolerance_m, params.at_once, params.seed)
     return followed(hand, bodies, references.references, prior, asked, ctx.progress)

@@ -47,7 +47,8 @@ def test_a_server_is_shown_each_episode_once(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("text", ["I cannot say.", '{"score": "8"}', '{"score": true}', '{"score": 0}', '{"score": 11}',
-                                  '{"score": null}', '{"mark": 8}', '{"score": 8} or {"score": 9}', '{"score": NaN}', "8"])  # fmt: skip
+                                  '{"score": null}', '{"mark": 8}', '{"score": 8} or {"score": 9}',
+                                  '{"score": NaN}', "8"])  # fmt: skip
 def test_what_is_no_mark_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ValueError, match=r"a/00: answer of backend 'vlm': expected one JSON object with a score from 1 to 10"):
         read(text, "a/00", "vlm")

@@ -10,6 +10,8 @@ Action (24,) in -1..1, 20 a second, rates of the motors' targets (act.py):
     6-8    FFJ3 FFJ2 FFJ1                                   19-23  THJ4 THJ3 THJ2 THJ1 THJ0
     9-11   MFJ3 MFJ2 MFJ1
 
+With `action_mode="paper"` the wrist's numbers are a force and a torque, the others targets, 60 a second (wrench.py).
+
 Observation, a vector by `layout` and `role` (observe.py). `layout="paper"` are the published numbers:
 
     0-21     q          44-65    torque      131-160  tip_force   167-190  action     207-235  unused

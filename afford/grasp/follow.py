@@ -35,6 +35,7 @@ class Asked:
     engine: str
     level: str
     iterations: int
+    rate_hz: int
     tolerance_m: float
     at_once: int
     seed: int
@@ -46,7 +47,7 @@ def followed(hand: HandModel, bodies: Sequence[GraspObject], references: Sequenc
     whose object is not among the bodies."""
     policy, of = load(files, {}), {one.name: task(one) for one in bodies}
     _check(policy, set(of), references)
-    config = Rehearsal(engine=asked.engine, physics=Physics(iterations=asked.iterations), steps=int(policy.facts["steps"]),
+    config = Rehearsal(engine=asked.engine, physics=Physics(asked.rate_hz, asked.iterations), steps=int(policy.facts["steps"]),
                        lift_m=float(policy.facts["lift_m"]), tolerance_m=asked.tolerance_m)  # fmt: skip
     parts = list[np.ndarray]()
     for first in range(0, len(references), asked.at_once):

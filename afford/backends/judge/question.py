@@ -16,14 +16,14 @@ LEAST, MOST = 1.0, 10.0
 def question(count: int) -> str:
     """The text beside a sheet of `count` frames."""
     return (
-        f"The sheet shows {count} moments of one grasp by a robot hand, row by row from left to right, each with its time. The hand "
-        "comes down to an object on a table, closes, and lifts it to the green ring.\n"
+        f"The sheet shows {count} moments of one grasp by a robot hand, row by row from left to right, each with its time. The "
+        "hand comes down to an object on a table, closes, and lifts it to the green ring.\n"
         "How much does it move as the hand of a person would who does the same? Look at three things:\n"
         "1. Trajectory: is the way to the object and up again short and purposeful, without detours and second tries?\n"
         "2. Smoothness: does the hand gain and lose speed gradually, without jumps between the moments?\n"
         "3. Coordination: do the fingers open and close together, in postures that a person's hand takes, thumb against fingers?\n"
-        "Give one mark for all three together: 1 is nothing like a person, 10 cannot be told from one. Whether the object is lifted "
-        'does not count.\nAnswer with one JSON object and nothing else: {"score": N}')  # fmt: skip
+        "Give one mark for all three together: 1 is nothing like a person, 10 cannot be told from one. Whether the object is "
+        'lifted does not count.\nAnswer with one JSON object and nothing else: {"score": N}')  # fmt: skip
 
 
 def sheet(frames: np.ndarray, seconds: np.ndarray) -> np.ndarray:
