@@ -18,7 +18,7 @@ from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "pillow", "opencv-python-headless", "av",
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "pillow", "opencv-python-headless",
              "matplotlib", "safetensors", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 1.5

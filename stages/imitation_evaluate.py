@@ -21,7 +21,7 @@ from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 from schemas.motion import ReferenceSet
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "safetensors")
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "safetensors")
 THREADS = 1
 MEMORY_GIB = 1.5
 
