@@ -1,4 +1,5 @@
-"""Backends by name: a literal dict ``name -> "module:attribute"``, resolved at the moment of use so that leafs load late."""
+"""Backends by name: a literal dict ``name -> "module:attribute"``, resolved at the moment of use so that leafs load late; and
+packages that only an extra installs."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
-DYNAMIC = ()  # nothing is loaded here that the literal registry of the caller does not name
+DYNAMIC = ()  # no module of ours is loaded here that the literal registry of the caller does not name
 
 
 def load(registry: Mapping[str, str], name: str) -> Any:
@@ -15,3 +16,13 @@ def load(registry: Mapping[str, str], name: str) -> Any:
         raise KeyError(f"unknown backend {name!r}; choose one of {', '.join(sorted(registry))}")
     module, attribute = registry[name].split(":")
     return getattr(importlib.import_module(module), attribute)
+
+
+def extra(package: str, name: str) -> Any:
+    """A package of the extra `name` of pyproject.toml; ValueError when it is not installed. No stage may compute with it: its
+    version is in no key."""
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{package}: expected this package of the extra `{name}`, got none; "
+                         f'pip install --constraint constraints.txt --editable ".[{name}]"') from error

@@ -130,7 +130,7 @@ def test_an_object_out_of_reach_ends_the_episode() -> None:
     made.reset(seed=0)
     over = False
     for _ in range(30):
-        made.core.worlds.worlds[0].push(np.array([9.0, 0.0, 3.0]), 0.05)
+        made.core.worlds.push(np.array([[9.0, 0.0, 3.0]]), 0.05)
         *_, over, late, _ = made.step(np.zeros(24))
         if over:
             break

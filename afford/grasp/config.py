@@ -16,7 +16,7 @@ class Config:
     """Keywords of the environments. ValueError for what they cannot mean."""
 
     engine: str = "mujoco"
-    """mujoco or bullet"""
+    """mujoco, bullet, or warp (afford/sim/warp_worlds.py; the extra gpu)"""
     physics: Physics = field(default_factory=Physics)
     """how carefully worlds are computed"""
     action_mode: str = "rate"
@@ -55,6 +55,10 @@ class Config:
     """of what differs between worlds, and of drops"""
     threads: int = 1
     """that compute worlds"""
+    processes: int = 1
+    """that compute worlds, each with a share of them: for bullet, which has no use for threads"""
+    device: str = "cpu"
+    """cpu, or cuda with the engine warp"""
 
     def __post_init__(self) -> None:
         for name, allowed in (("action_mode", ("rate", "paper")), ("base", BASES), ("poses", ("flat", "dropped")),
@@ -67,7 +71,7 @@ class Config:
         if self.base == "prior" and not self.posture:
             raise ValueError("posture: expected the posture that a prior begins in, as its facts have it, got none")
         for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("wait", 0), ("push_n", 0.0),
-                          ("threads", 1)):  # fmt: skip
+                          ("threads", 1), ("processes", 1)):  # fmt: skip
             if not getattr(self, name) >= low:
                 raise ValueError(f"{name}: expected {low} or more, got {getattr(self, name)}")
 

@@ -23,11 +23,11 @@ from afford.grasp.reward import rewards, weights
 from afford.grasp.scenery import Episode, scenery
 from afford.grasp.task import Task, placed
 from afford.hands.coupling import commanded, limits_u
+from afford.sim.batch import batch
 from afford.sim.drops import drops, laid
 from afford.sim.engine import CONTROL_S, State
 from afford.sim.scene import Scene, Sensing, centre, held, randomised, sensing
 from afford.sim.scripted import Aim, along, at_part
-from afford.sim.worlds import Worlds
 from schemas.hand import HandModel
 
 LOST_M = 0.5
@@ -48,14 +48,15 @@ class Grasping:
         self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = scenery(hand, self.tasks)
-        self.worlds = Worlds(config.engine, self.scenes, config.threads)
+        self.worlds = batch(config.engine, self.scenes, config.threads, config.processes, config.device)
         self._of_motor = commanded(hand.joints)
         self._limits = limits_u(hand.joints)
         self.rates = (wrench.table(self._limits) if config.action_mode == "paper"
                       else act.table(act.RATES[config.base], len(self._limits)))  # fmt: skip
-        self._resting: dict[int, list[np.ndarray]] = {}
+        self._resting: dict[Any, list[np.ndarray]] = {}
         self._now = _Running(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
         self._state: State | None = None
+        self._measured: Measures | None = None
 
     @property
     def motors(self) -> int:
@@ -69,15 +70,15 @@ class Grasping:
 
     def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin episodes in worlds `which`, from the generators of all worlds."""
+        poses, aims = list[np.ndarray](), list[Aim]()
         for k in which:
-            pose = self._pose(k, rngs[k])
-            self._begin(k, pose, self._aim(k, pose, rngs[k]))
-        self._state = self.worlds.state()
+            poses.append(self._pose(k, rngs[k]))
+            aims.append(self._aim(k, poses[-1], rngs[k]))
+        self._begin(which, poses, aims)
 
     def begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float]) -> None:
         """Begin an episode of world k with its object at the pose (7,), the hand over an aim in a posture (m,), see base.begin."""
-        self._begin(k, pose, aim, posture)
-        self._state = self.worlds.state()
+        self._begin([k], [pose], [aim], posture)
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> Happened:
         """Act (n, m); worlds whose episode is over go on, until they are reset. ValueError for actions that are not finite."""
@@ -90,7 +91,7 @@ class Grasping:
         self._push(rngs)
         latency = [one.latency_steps for one in self.sensing]
         self._state = self.worlds.step(now.sent[rows, latency], self.config.control_s)
-        measured = self.measures()
+        measured = self._measured = self._measure()
         now.log.note(measured, at)
         now.step = now.step + 1
         terms = rewards(self.weights, measured)
@@ -100,7 +101,9 @@ class Grasping:
 
     def measures(self) -> Measures:
         """What rewards look at."""
-        return measure(self.scenery, self._now.episode, self.state(), self._now.action)
+        if self._measured is None:
+            self._measured = self._measure()
+        return self._measured
 
     def observe(self) -> np.ndarray:
         """(n, width) float32."""
@@ -172,10 +175,14 @@ class Grasping:
     def restore(self, token: Any) -> None:
         """Back to what was saved."""
         self._state, self._now = self.worlds.restore(token[0]), copy.deepcopy(token[1])
+        self._measured = None
 
     def close(self) -> None:
         """Give the engine back; twice is harmless."""
         self.worlds.close()
+
+    def _measure(self) -> Measures:
+        return measure(self.scenery, self._now.episode, self.state(), self._now.action)
 
     def _command(self, action: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, m) commands of actions (n, m) over what the base (n, m) wants, and how far actions have moved it."""
@@ -185,13 +192,17 @@ class Grasping:
             return u, action.clip(-1, 1) * self.rates[:, 0]
         return act.command(base, act.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
 
-    def _begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float] = ()) -> None:
-        scene, config = self.scenes[k], self.config
-        posture = posture or config.posture
-        q = base.begin(scene, aim, posture)
-        self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, held(scene, q),
-                        base.commands(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait))  # fmt: skip
-        self.worlds.reset(q[None], pose[None], [k])
+    def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
+               posture: Sequence[float] = ()) -> None:  # fmt: skip
+        config, posture = self.config, posture or self.config.posture
+        q = [base.begin(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
+        for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
+            scene = self.scenes[k]
+            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, held(scene, joints),
+                            base.commands(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait))  # fmt: skip
+        if q:
+            self.worlds.reset(np.stack(q), np.stack(poses), which)
+        self._state, self._measured = self.worlds.state(), None
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         """Where the hand of world k begins and its base goes."""
@@ -201,14 +212,16 @@ class Grasping:
 
     def _pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
         """Where the object of world k begins."""
-        if k not in self._resting:
-            self._resting[k] = self._rest(k)
-        lying = self._resting[k][rng.integers(len(self._resting[k]))]
+        scene = self.scenes[k]
+        key = (id(scene.body), scene.physics) if self.config.poses == "flat" else k  # what is laid down lies alike in equal worlds
+        if key not in self._resting:
+            self._resting[key] = self._rest(k)
+        lying = self._resting[key][rng.integers(len(self._resting[key]))]
         xy, yaw = rng.uniform(-self.config.xy_m, self.config.xy_m, 2), rng.uniform(-np.pi, np.pi)
         return placed(self.tasks[k].body, lying, xy, yaw)
 
     def _rest(self, k: int) -> list[np.ndarray]:
-        world, scene = self.worlds.worlds[k], self.scenes[k]
+        world, scene = self.worlds.alone(k), self.scenes[k]
         if self.config.poses == "flat":
             return [laid(world, scene)]
         return drops(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
@@ -220,7 +233,7 @@ class Grasping:
         for k in np.flatnonzero(raised).tolist():
             if rngs[k].random() < PUSH_CHANCE * self.config.control_s / CONTROL_S:
                 direction = rngs[k].normal(size=3)
-                self.worlds.worlds[k].push(self.config.push_n * direction / np.linalg.norm(direction), PUSH_S)
+                self.worlds.push(self.config.push_n * direction[None] / np.linalg.norm(direction), PUSH_S, [k])
 
 
 class _Running:

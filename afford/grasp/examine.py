@@ -14,6 +14,7 @@ from afford.grasp.evaluate import Round, play
 from afford.grasp.likeness import CRITERIA, Humans, humans, likeness, log_jerk
 from afford.grasp.metrics import MEANING
 from afford.grasp.task import of
+from afford.sim.engine import stageable
 from afford.sim.scene import Physics
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.files import FileTree
@@ -41,6 +42,9 @@ class Examination:
     start: str
     traces: int
     seed: int
+
+    def __post_init__(self) -> None:
+        stageable(self.engine)
 
 
 def examine(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet, asked: Examination,

@@ -26,7 +26,7 @@ from afford.grasp.scenery import about_z
 from afford.grasp.task import Task
 from afford.grasp.track import FIELDS, Tracker
 from afford.hands.coupling import commanded
-from afford.sim.engine import CONTROL_S, State
+from afford.sim.engine import CONTROL_S, State, stageable
 from afford.sim.scene import Physics
 from afford.sim.scripted import Aim
 from schemas.hand import HandModel
@@ -61,6 +61,7 @@ class Rehearsal:
     """that compute worlds"""
 
     def __post_init__(self) -> None:
+        stageable(self.engine)
         if self.reward not in REWARDS:
             raise ValueError(f"reward: expected {' or '.join(REWARDS)}, got {self.reward!r}")
 

@@ -84,7 +84,7 @@ class Scenery:
 
     def palm(self, state: State) -> np.ndarray:
         """(n, 3) middle of the palm, world."""
-        return to_world(state.palm, np.tile(self.palm_offset, (len(state.palm), 1, 1)))[:, 0]
+        return to_world(state.palm, self.palm_offset[None, None])[:, 0]
 
 
 def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
@@ -116,9 +116,11 @@ def about_z(yaw: np.ndarray) -> Rotation:
 
 def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """(n, ..., 3) directions of the world along the axes of frames turned by yaw (n,) about the vertical."""
-    c, s = (np.expand_dims(f(yaw), tuple(range(1, vectors.ndim - 1))) for f in (np.cos, np.sin))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+    c, s = (f(yaw).reshape(-1, *[1] * (vectors.ndim - 2)) for f in (np.cos, np.sin))
+    x, y = vectors[..., 0], vectors[..., 1]
+    out = np.array(vectors, np.float64)
+    out[..., 0], out[..., 1] = c * x + s * y, c * y - s * x
+    return out
 
 
 def palm_yaw(hand: HandModel, state: State) -> np.ndarray:

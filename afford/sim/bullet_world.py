@@ -153,10 +153,10 @@ class BulletWorld:
         if self._wrench:
             self._wrench.efforts = targets[:6].copy()
         gain = 1.0 / (self.scene.physics.rate_hz * self.scene.physics.response_s)
+        follow, mode = self.client.setJointMotorControl2, self.client.POSITION_CONTROL
         motors = list(zip(self._motors, targets.tolist(), self._efforts, self._speeds, strict=True))
         for joint, target, effort, speed in motors[wrist:]:
-            self.client.setJointMotorControl2(self.hand, joint, self.client.POSITION_CONTROL, target, force=effort,
-                                              positionGain=gain, velocityGain=1.0, maxVelocity=speed)  # fmt: skip
+            follow(self.hand, joint, mode, target, force=effort, positionGain=gain, velocityGain=1.0, maxVelocity=speed)
 
     def _shove(self) -> None:
         centre = self.client.getBasePositionAndOrientation(self.object)[0]

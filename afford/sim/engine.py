@@ -83,6 +83,12 @@ def world(engine: str, scene: Scene) -> World:
     return made(scene)
 
 
+def stageable(engine: str) -> None:
+    """ValueError for an engine that stages must not compute with: those of extras, whose versions are in no key."""
+    if engine not in BACKENDS:
+        raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; environments may have others, stages may not")
+
+
 def solver_steps(control_s: float, rate_hz: int) -> int:
     """How many solver steps make a control step; ValueError when it is not a whole number above zero."""
     count = round(control_s * rate_hz)

@@ -16,6 +16,7 @@ from afford.hands.coupling import driven
 from afford.hands.folder import files as files_of
 from afford.hands.kinematics import moving, points
 from afford.sim.engine import State, checked, solver_steps
+from afford.sim.quaternions import cross
 from afford.sim.scene import Scene, finger_of_link, held, limits_of
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
@@ -49,15 +50,10 @@ class MujocoWorld:
         self.scene, hand = scene, scene.hand
         self.model: mujoco.MjModel = compiled(scene)
         self._data = mujoco.MjData(self.model)
-        names, motors = hand.joints.name, [hand.joints.name[k] for k in driven(hand.joints)]
-        self._q = np.array([int(self.model.joint(names[k]).qposadr[0]) for k in moving(hand.joints)])
-        self._qd = np.array([int(self.model.joint(names[k]).dofadr[0]) for k in moving(hand.joints)])
-        self._motors = np.array([self.model.actuator(name).id for name in motors])
+        at = layout(self.model, scene)
+        self._q, self._qd, self._motors, self._links, self._object = at.q, at.qd, at.motors, at.links, at.object
+        self._free, self._finger, self._part = at.free, at.finger, at.part
         self._limits = limits_of(scene)
-        self._links = np.array([self.model.body(name).id for name in hand.links])
-        self._object = self.model.body("object").id
-        self._free = int(self.model.joint("object").qposadr[0]), int(self.model.joint("object").dofadr[0])
-        self._finger, self._part = _owners(self.model, hand, scene.body)
         self._force, self._left = np.zeros(3), 0
         self._before = np.empty(mujoco.mj_stateSize(self.model, STATE))
 
@@ -115,7 +111,7 @@ class MujocoWorld:
             q=d.qpos[self._q], qd=d.qvel[self._qd], torque=d.actuator_force[self._motors],
             tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], palm=self._pose(int(self._links[hand.palm])),
             body=d.qpos[at + np.array([0, 1, 2, 4, 5, 6, 3])],
-            velocity=d.qvel[dof : dof + 3] + np.cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
+            velocity=d.qvel[dof : dof + 3] + cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
             penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
@@ -150,6 +146,40 @@ class MujocoWorld:
             return force, 0.0, 0
         np.add.at(force, (finger[touch], part[touch]), self._data.efc_force[row[touch]])
         return force, max(0.0, -float(contact.dist[touch].min())), int(touch.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the numbers of a scene stand in those of its model."""
+
+    q: np.ndarray
+    """(d,) of qpos: the joints of the hand that move"""
+    qd: np.ndarray
+    """(d,) of qvel"""
+    motors: np.ndarray
+    """(m,) of ctrl"""
+    links: np.ndarray
+    """(l,) bodies of the hand's links"""
+    object: int
+    """its body"""
+    free: tuple[int, int]
+    """of the object's joint: first of seven in qpos, first of six in qvel"""
+    finger: np.ndarray
+    """(g,) finger of each geom, -1 for those that are not of the hand"""
+    part: np.ndarray
+    """(g,) part of each geom, -1 for those that are not of the object"""
+
+
+def layout(model: mujoco.MjModel, scene: Scene) -> Layout:
+    """Of the model that `compiled` makes of the scene."""
+    joints, names = scene.hand.joints, scene.hand.joints.name
+    moves, motors = ([names[k] for k in some] for some in (moving(joints), driven(joints)))
+    free = model.joint("object")
+    return Layout(
+        np.array([int(model.joint(name).qposadr[0]) for name in moves]),
+        np.array([int(model.joint(name).dofadr[0]) for name in moves]), np.array([model.actuator(name).id for name in motors]),
+        np.array([model.body(name).id for name in scene.hand.links]), int(model.body("object").id),
+        (int(free.qposadr[0]), int(free.dofadr[0])), *_owners(model, scene.hand, scene.body))  # fmt: skip
 
 
 def compiled(scene: Scene) -> mujoco.MjModel:

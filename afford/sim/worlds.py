@@ -1,4 +1,4 @@
-"""Many worlds at once, as arrays (n, ...), on threads: MuJoCo computes outside Python's lock, PyBullet one world after another."""
+"""Many worlds in this process, on threads: MuJoCo computes outside Python's lock, PyBullet one world after another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from afford.sim.scene import Scene
 
 
 class Worlds:
-    """n worlds of one engine; scenes may differ in object and physics, not in hand or in the number of parts (see `parts`)."""
+    """See afford.sim.batch.Batch. `parts`: the most that an object has; forces on others are padded with 0."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1) -> None:
         """ValueError for no scenes, or hands that differ in their joints."""
@@ -28,6 +28,10 @@ class Worlds:
         self.worlds: tuple[World, ...] = tuple(world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
+    def alone(self, k: int) -> World:
+        """World k."""
+        return self.worlds[k]
+
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
         """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
         return self._each(lambda k, row: self.worlds[k].reset(q[row], body[row]), which)
@@ -36,10 +40,10 @@ class Worlds:
         """u (n, m)."""
         return self._each(lambda k, row: self.worlds[k].step(u[row], control_s), None)
 
-    def push(self, force: np.ndarray, duration_s: float) -> None:
-        """force (n, 3)."""
-        for made, row in zip(self.worlds, force, strict=True):
-            made.push(row, duration_s)
+    def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
+        """force (k, 3) on the objects of worlds `which`, or of all."""
+        for k, row in zip(range(len(self.worlds)) if which is None else which, force, strict=True):
+            self.worlds[k].push(row, duration_s)
 
     def state(self) -> State:
         """What is known now."""
@@ -69,5 +73,8 @@ class Worlds:
     def _stacked(self, states: Sequence[State]) -> State:
         """One State of arrays (n, ...); force (n, fingers + 1, most parts) is 0 where an object has fewer parts."""
         columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
-        columns["force"] = [np.pad(force, ((0, 0), (0, self.parts - force.shape[1]))) for force in columns["force"]]
-        return State(**{name: np.array(column) for name, column in columns.items()})  # type: ignore[arg-type]  # (n,) for numbers
+        force = np.zeros((len(states), len(states[0].force), self.parts))
+        for row, one in zip(force, columns.pop("force"), strict=True):
+            row[:, : one.shape[1]] = one
+        arrays: dict[str, Any] = {name: np.array(column) for name, column in columns.items()}
+        return State(force=force, **arrays)
