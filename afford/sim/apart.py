@@ -81,10 +81,14 @@ class Apart:
         """Ask every process that there is something for, then hear all of them, so that they compute at the same time. The first
         error is raised when all have answered."""
         asked = [(worker, given) for worker, given in zip(self._workers, arguments, strict=True)]
-        for worker, given in asked:
-            if given is not None:
-                worker.ask(None, method, given)
-        answers = [worker.hear() if given is not None else None for worker, given in asked]
+        try:
+            for worker, given in asked:
+                if given is not None:
+                    worker.ask(None, method, given)
+            answers = [worker.hear() if given is not None else None for worker, given in asked]
+        except RuntimeError:  # a process is gone: what others answer would be taken for the answer to another question
+            self.close()
+            raise
         return [_value(answer) for answer in answers]
 
     def _joined(self, states: Sequence[State], order: np.ndarray | None = None) -> State:
