@@ -111,7 +111,7 @@ def randomisation() -> str:
 
 def speeds(hand: HandModel) -> str:
     """Control steps a CPU second."""
-    tasks = [_task(category) for category in TOOLS]
+    tasks = [tool(category) for category in TOOLS]
     rows = ["| engine | layout | iterations | control steps / CPU s | a reset, ms |", "|---|---|--:|--:|--:|"]
     for engine, layout, iterations in SETTINGS:
         envs = AffordanceGraspVector(WORLDS, hand, tasks, engine=engine, layout=layout, base="script", steps=STEPS,
@@ -140,7 +140,8 @@ def _weights(tables: Mapping[str, Mapping[str, float]], term: str) -> str:
     return " | ".join(f"{weights[term]:g}" if term in weights else "" for weights in tables.values())
 
 
-def _task(category: str) -> Task:
+def tool(category: str) -> Task:
+    """A procedural tool to be held by its handle."""
     built = object_build.run(ObjectSpec(f"{category}_11", category, 11, "plain", "train"), object_build.Params(atlas_px=64))
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
     return task(body, [part for part in body.parts if part != "handle"])

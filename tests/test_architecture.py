@@ -62,16 +62,23 @@ def test_stages_never_import_each_other() -> None:
 
 
 HOMES = {"pybullet": ("afford/sim/bullet.py",), "mujoco": ("afford/sim/mujoco_world.py", "afford/hands/mjcf.py"),
-         "rerun": ("afford/recording",)}  # fmt: skip
+         "rerun": ("afford/recording",), "mujoco_warp": (), "warp": ()}  # fmt: skip
 
 
 @pytest.mark.parametrize(("package", "home"), HOMES.items())
 def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tuple[str, ...]) -> None:
-    """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder."""
+    """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder; what an
+    extra installs is never imported by a statement: see registry.extra."""
     for room in MAY_IMPORT:
         for path in sources(room):
             if package in {name.split(".")[0] for name in imported(path)}:
                 assert path.relative_to(ROOT).as_posix().startswith(home), path
+
+
+def test_one_home_for_the_extra_engine() -> None:
+    """One file asks for mujoco_warp and warp."""
+    users = {path.relative_to(ROOT).as_posix() for room in MAY_IMPORT for path in sources(room) if '"gpu")' in path.read_text()}
+    assert users == {"afford/sim/warp_worlds.py"}
 
 
 @pytest.mark.parametrize("package", ["torch", "cv2", "numpy", "mcap", "trimesh", "pybullet", "gymnasium", "rerun"])

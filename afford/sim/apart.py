@@ -95,8 +95,9 @@ class Apart:
         """One State; `order` (k,) says which place each row has. force is 0 where an object has fewer parts than another."""
         columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
         columns["force"] = [np.pad(force, ((0, 0), (0, 0), (0, self.parts - force.shape[2]))) for force in columns["force"]]
-        whole = {name: np.concatenate(column) for name, column in columns.items()}
-        return State(**{name: column if order is None else column[np.argsort(order)] for name, column in whole.items()})
+        place = slice(None) if order is None else np.argsort(order)
+        whole: dict[str, Any] = {name: np.concatenate(column)[place] for name, column in columns.items()}
+        return State(**whole)
 
 
 class _Worker:
@@ -136,8 +137,9 @@ class _Worker:
 
     def _gone(self) -> RuntimeError:
         self._process.join(LEAVE_S)
-        return RuntimeError(f"worlds with {self._names}: expected their process to answer, got that it ended (exit code "
-                            f"{self._process.exitcode}); it may have run out of memory: take fewer worlds or processes")  # fmt: skip
+        code = self._process.exitcode
+        return RuntimeError(f"worlds with {self._names}: expected their process to answer, got that it ended (exit code {code}); "
+                            "it may have run out of memory: take fewer worlds or processes")
 
 
 class _Remote:

@@ -1,5 +1,5 @@
-"""Many worlds at once, as arrays (n, ...), however they are computed: on threads, in processes, or by an engine that computes all of
-them together."""
+"""Many worlds at once, as arrays (n, ...), however they are computed: on threads, in processes, or by an engine that computes all
+of them together."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int
     the CPU where it has none, threads or processes where all worlds are computed together."""
     if engine in TOGETHER:
         if threads > 1 or processes > 1:
-            raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all worlds "
-                             "at once")
+            raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all "
+                             "worlds at once")
         made: Callable[[Sequence[Scene], str], Batch] = load(TOGETHER, engine)
         return made(scenes, device)
     if device != "cpu":

@@ -1,5 +1,5 @@
-"""Many worlds on mujoco-warp: MuJoCo's models and equations in 32 bits, all worlds of an object in one launch, on a GPU or a CPU. The
-only user of mujoco_warp and warp, which the extra `gpu` installs.
+"""Many worlds on mujoco-warp: MuJoCo's models and equations in 32 bits, all worlds of an object in one launch, on a GPU or a CPU.
+The only user of mujoco_warp and warp, which the extra `gpu` installs.
 
 Worlds are grouped by object and by what an engine can only set for all (rate, iterations, gravity). Within a group everything else
 of physics differs world by world: every field of the model in which the scenes of a group differ is given once for each.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from afford.hands.coupling import commanded, limits_u
 from afford.hands.kinematics import points
 from afford.registry import extra
-from afford.sim.engine import State, World, checked, solver_steps, world
+from afford.sim.engine import State, World, solver_steps, world
 from afford.sim.mujoco_world import Layout, compiled, layout
 from afford.sim.scene import Scene
 
@@ -106,7 +107,9 @@ class WarpWorlds:
     def _together(self, states: Sequence[State]) -> State:
         """Rows of the groups, in the order of the worlds."""
         order = np.argsort(np.concatenate(self._rows))
-        return State(**{f.name: np.concatenate([getattr(state, f.name) for state in states])[order] for f in fields(State)})
+        names = (f.name for f in fields(State))
+        whole: dict[str, Any] = {name: np.concatenate([getattr(state, name) for state in states])[order] for name in names}
+        return State(**whole)
 
 
 class _Group:
@@ -124,19 +127,19 @@ class _Group:
             self._data = self._mjw.make_data(models[0], nworld=len(scenes), nconmax=CONTACTS, njmax=ROWS)
             self._mjw.forward(self._model, self._data)
         self._graph: Any = None
+        self._pushed = False
 
     def reset(self, which: np.ndarray, q: np.ndarray, body: np.ndarray) -> None:
         """Worlds `which` of the group at rest, joints at q (k, d), motors holding them there."""
-        at, free = self._at, self._at.free[0]
+        at, place = self._at, self._at.free[0] + np.arange(7)
+        q, body = _checked("reset, q", q, (len(which), len(at.q))), _checked("reset, body", body, (len(which), 7))
         mask = np.zeros(self._data.nworld, bool)
         mask[which] = True
         with self._warp.ScopedDevice(self._device):
             self._mjw.reset_data(self._model, self._data, self._warp.array(mask, dtype=bool))
             qpos, ctrl = self._numbers("qpos"), self._numbers("ctrl")
-            for k, joints, pose in zip(which, q, body, strict=True):
-                joints, pose = checked("reset, q", joints, len(at.q)), checked("reset, body", pose, 7)
-                qpos[k, at.q], qpos[k, free : free + 7] = joints, pose[[0, 1, 2, 6, 3, 4, 5]]
-                ctrl[k, at.motors] = joints[commanded(self.scene.hand.joints)]
+            qpos[np.ix_(which, at.q)], qpos[np.ix_(which, place)] = q, body[:, [0, 1, 2, 6, 3, 4, 5]]
+            ctrl[np.ix_(which, at.motors)] = q[:, commanded(self.scene.hand.joints)]
             self._data.qpos.assign(qpos)
             self._data.ctrl.assign(ctrl)
             self._mjw.forward(self._model, self._data)
@@ -145,12 +148,11 @@ class _Group:
         """Motors follow u (n, m); `force` (n, 3) for the solver steps that are `left` (n,). Gives how many of these are over."""
         count = solver_steps(control_s, self.scene.physics.rate_hz)
         over, ctrl = left.clip(max=count), self._numbers("ctrl")
-        for k, row in enumerate(u):
-            ctrl[k, self._at.motors] = checked("step, u", row, len(self._at.motors)).clip(*self._limits.T)
+        ctrl[:, self._at.motors] = _checked("step, u", u, (len(ctrl), len(self._at.motors))).clip(*self._limits.T)
         with self._warp.ScopedDevice(self._device):
             self._data.ctrl.assign(ctrl)
             ends = np.unique([0, count, *over]).tolist()
-            for start, end in zip(ends[:-1], ends[1:], strict=True):
+            for start, end in pairwise(ends):
                 self._push(np.where((over > start)[:, None], force, 0.0))
                 self._advance(end - start)
             self._mjw.kinematics(self._model, self._data)
@@ -186,7 +188,7 @@ class _Group:
     def _touching(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) contacts: of the hand with the object."""
         n, contact, count = self._data.nworld, self._data.contact, int(self._data.nacon.numpy()[0])
-        geom, of, row, dist = (array.numpy()[:count] for array in (contact.geom, contact.worldid, contact.efc_address, contact.dist))
+        geom, of, row, dist = (getattr(contact, name).numpy()[:count] for name in ("geom", "worldid", "efc_address", "dist"))
         finger, part, row = self._at.finger[geom].max(axis=1), self._at.part[geom].max(axis=1), row[:, 0]
         touch = (finger >= 0) & (part >= 0) & (row >= 0)
         of, row = of[touch], row[touch]
@@ -201,7 +203,9 @@ class _Group:
         return found
 
     def _push(self, force: np.ndarray) -> None:
-        wrench = self._numbers("xfrc_applied")
+        if not force.any() and not self._pushed:
+            return
+        wrench, self._pushed = self._numbers("xfrc_applied"), bool(force.any())
         wrench[:, self._at.object, :3] = force
         self._data.xfrc_applied.assign(wrench)
 
@@ -227,8 +231,16 @@ class _Group:
             raise RuntimeError(f"{self.scene.body.name}: expected at most {CONTACTS} contacts and {ROWS} rows of constraints in a "
                                "world, got more; raise CONTACTS and ROWS of afford/sim/warp_worlds.py")
         if not np.isfinite(self._data.qpos.numpy()).all():
-            raise RuntimeError(f"{self.scene.body.name}: mujoco-warp diverged; more iterations than {self.scene.physics.iterations} "
-                               f"or a rate above {self.scene.physics.rate_hz} Hz are needed")
+            physics = self.scene.physics
+            raise RuntimeError(f"{self.scene.body.name}: mujoco-warp diverged; more iterations than {physics.iterations} or a rate "
+                               f"above {physics.rate_hz} Hz are needed")
+
+
+def _checked(name: str, found: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    out = np.asarray(found, np.float64)
+    if out.shape != shape or not np.isfinite(out).all():
+        raise ValueError(f"{name}: expected finite numbers of shape {shape}, got {out}")
+    return out
 
 
 def _device(warp: Any, device: str) -> str:

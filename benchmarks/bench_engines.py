@@ -1,0 +1,127 @@
+"""How fast each engine is in the environment of grasping, and how deep its contacts go; writes a table of docs/physics.md.
+
+    PYTHONPATH=. python benchmarks/bench_engines.py
+
+The grasp by script: reach, grasp, lift, with observation and reward after every control step of 1/20 s. CPU seconds are those of
+all processes; seconds are those of the clock, and worth reading only on a machine that does nothing else. mujoco-warp's rows are
+there where the extra `gpu` is installed, its rows on a GPU where there is one.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import psutil
+import torch
+
+from afford.grasp.config import Config
+from afford.grasp.core import Grasping
+from afford.grasp.env import AffordanceGraspVector
+from afford.grasp.refine import Plan, made
+from afford.grasp.task import Task
+from afford.grasp.vector import Learning
+from afford.hands.assets import shadow_files
+from afford.registry import extra
+from afford.rl import ppo
+from afford.sim.scene import Physics
+from benchmarks.bench_grasp_env import TOOLS, tool
+from benchmarks.pages import ROOT, into
+from schemas.hand import HandModel
+from stages import hand_model
+
+PAGE = ROOT / "docs" / "physics.md"
+STEPS, EPISODES = 40, 2
+ON_CPU, ON_GPU = 16, 4096
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A row."""
+
+    engine: str
+    iterations: int
+    processes: int = 1
+    worlds: int = ON_CPU
+    device: str = "cpu"
+
+    def config(self) -> Config:
+        """Of the environment."""
+        return Config(engine=self.engine, physics=Physics(iterations=self.iterations), processes=self.processes, device=self.device,
+                      base="script", steps=STEPS)  # fmt: skip
+
+
+SETTINGS = (*(Setting("bullet", iterations, processes) for iterations in (20, 50, 100) for processes in (1, 2)),
+            Setting("mujoco", 50), Setting("mujoco", 100))  # fmt: skip
+HEAD = ["| engine | device | iterations | processes | worlds | at the goal | penetration median / p95 mm | control steps / CPU s "
+        "| control steps / s | while it learns |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"]  # fmt: skip
+
+
+def main() -> None:
+    """Measure, then write."""
+    hand, tasks = hand_model.run(shadow_files(), hand_model.Params()), [tool(category) for category in TOOLS]
+    rows = [row(hand, tasks, setting) for setting in (*SETTINGS, *_warp())]
+    into(PAGE, "engines", Path(__file__).name, "\n".join([*HEAD, *rows, ""]))
+
+
+def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
+    """One setting, measured."""
+    core = Grasping(hand, [tasks[k % len(tasks)] for k in range(setting.worlds)], setting.config())
+    cpu_s, clock_s, goal, depths = _rollouts(core, setting.worlds)
+    core.close()
+    steps = EPISODES * STEPS * setting.worlds
+    learning = f"{_learning(hand, tasks, setting):.0f}" if setting.device == "cuda" else ""
+    return (f"| {setting.engine} | {setting.device} | {setting.iterations} | {setting.processes} | {setting.worlds} | "
+            f"{100 * goal:.0f} % | {np.median(depths):.2f} / {np.percentile(depths, 95):.2f} | {steps / cpu_s:.0f} | "
+            f"{steps / clock_s:.0f} | {learning} |")  # fmt: skip
+
+
+def _rollouts(core: Grasping, n: int) -> tuple[float, float, float, np.ndarray]:
+    """CPU seconds, seconds, share of objects at their goals at the end, depths in mm. A first step, which compiles, is not
+    counted."""
+    rngs = [np.random.default_rng(k) for k in range(n)]
+    core.reset(range(n), rngs)
+    core.step(np.zeros((n, core.motors)), rngs)
+    cpu_s, clock_s, at_goal, depths = 0.0, 0.0, list[float](), list[np.ndarray]()
+    for _ in range(EPISODES):
+        core.reset(range(n), rngs)
+        cpu, clock = _cpu_s(), time.perf_counter()
+        for _ in range(STEPS):
+            core.step(np.zeros((n, core.motors)), rngs)
+            core.observe()
+        cpu_s, clock_s = cpu_s + _cpu_s() - cpu, clock_s + time.perf_counter() - clock
+        at_goal.append(float((core.report()["held"] == 1).mean()))
+        depths.append(core.depths())
+    found = 1000 * np.concatenate(depths).reshape(-1)
+    return cpu_s, clock_s, float(np.mean(at_goal)), found[~np.isnan(found)]
+
+
+def _learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
+    """Control steps a second of PPO, updates and all; the policy is computed on the CPU. The first update is not counted."""
+    envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
+    config, clock = ppo.Config(updates=3), list[float]()
+    model = made(Plan(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)
+    torch.manual_seed(0)
+    ppo.learn(Learning(envs, 0), model, config, ppo.adam(model, config.lr), 0, lambda *_: clock.append(time.perf_counter()))
+    envs.close()
+    return (config.updates - 1) * config.steps * setting.worlds / (clock[-1] - clock[0])
+
+
+def _warp() -> list[Setting]:
+    if not (importlib.util.find_spec("mujoco_warp") and importlib.util.find_spec("warp")):
+        return []
+    gpu = [Setting("warp", 50, 1, ON_GPU, "cuda")] if extra("warp", "gpu").is_cuda_available() else []
+    return [Setting("warp", 50), *gpu]
+
+
+def _cpu_s() -> float:
+    """Of this process and of those that it has started."""
+    mine = psutil.Process()
+    return float(sum(sum(one.cpu_times()[:2]) for one in (mine, *mine.children(recursive=True))))
+
+
+if __name__ == "__main__":
+    main()
