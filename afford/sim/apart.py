@@ -15,7 +15,7 @@ import numpy as np
 
 from afford.sim.engine import State, World
 from afford.sim.scene import Scene
-from afford.sim.worlds import Worlds
+from afford.sim.worlds import Worlds, most_parts
 
 LEAVE_S = 10.0
 """a process that does not end by itself after this time is ended"""
@@ -26,7 +26,7 @@ class Apart:
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 2) -> None:
         """ValueError as Worlds, RuntimeError when a process does not begin."""
-        self.parts = max((len(scene.body.parts) for scene in scenes), default=0)
+        self.parts = most_parts(scenes)
         self._shares = np.array_split(np.arange(len(scenes)), max(1, min(processes, len(scenes))))
         self._workers = [_Worker(engine, [scenes[k] for k in share], threads) for share in self._shares]
         try:

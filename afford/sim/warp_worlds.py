@@ -22,6 +22,7 @@ from afford.registry import extra
 from afford.sim.engine import State, World, solver_steps, world
 from afford.sim.mujoco_world import Layout, compiled, layout
 from afford.sim.scene import Scene
+from afford.sim.worlds import most_parts
 
 CONTACTS, ROWS = 96, 320
 """room for each world: contacts (worlds of a group share it) and rows of constraints"""
@@ -43,10 +44,9 @@ class WarpWorlds:
     """See afford.sim.worlds.Worlds."""
 
     def __init__(self, scenes: Sequence[Scene], device: str = "cpu") -> None:
-        """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, or for a scene that
-        mujoco-warp does not know how to compute."""
-        self.scenes, n = tuple(scenes), len(scenes)
-        self.parts = max(len(scene.body.parts) for scene in scenes)
+        """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, for a scene that
+        mujoco-warp does not know how to compute, and as Worlds."""
+        self.scenes, self.parts, n = tuple(scenes), most_parts(scenes), len(scenes)
         alike: dict[Any, list[int]] = {}
         for k, scene in enumerate(scenes):
             physics = scene.physics

@@ -13,18 +13,22 @@ from afford.sim.engine import State, World, world
 from afford.sim.scene import Scene
 
 
+def most_parts(scenes: Sequence[Scene]) -> int:
+    """Of the objects of scenes that can be computed side by side; ValueError for none, or for hands that differ in their joints."""
+    names = {scene.hand.joints.name for scene in scenes}
+    if len(names) != 1:
+        raise ValueError(f"Worlds: expected one scene or more, with one hand, got {len(scenes)} with {len(names)} hands")
+    return max(len(scene.body.parts) for scene in scenes)
+
+
 class Worlds:
     """See afford.sim.batch.Batch. `parts`: the most that an object has; forces on others are padded with 0."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1) -> None:
-        """ValueError for no scenes, or hands that differ in their joints."""
-        if not scenes or threads < 1:
-            raise ValueError(f"Worlds: expected one scene or more and one thread or more, got {len(scenes)} and {threads}")
-        names = {scene.hand.joints.name for scene in scenes}
-        if len(names) > 1:
-            raise ValueError(f"Worlds: expected one hand, got {len(names)} with other joints")
-        self.scenes = tuple(scenes)
-        self.parts = max(len(scene.body.parts) for scene in scenes)
+        """ValueError for no scenes, hands that differ in their joints, or no threads."""
+        if threads < 1:
+            raise ValueError(f"Worlds: expected one thread or more, got {threads}")
+        self.scenes, self.parts = tuple(scenes), most_parts(scenes)
         self.worlds: tuple[World, ...] = tuple(world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
