@@ -47,7 +47,7 @@ class MujocoWorld:
     """See afford.sim.engine.World."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, hand = scene, scene.hand
+        self.scene = scene
         self.model: mujoco.MjModel = compiled(scene)
         self._data = mujoco.MjData(self.model)
         at = layout(self.model, scene)

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from afford.hands.coupling import commanded, limits_u
 from afford.hands.kinematics import points
 from afford.registry import extra
 from afford.sim.engine import State, World, solver_steps, world
 from afford.sim.mujoco_world import Layout, compiled, layout
-from afford.sim.scene import Scene
+from afford.sim.scene import Scene, held, limits_of
 from afford.sim.worlds import most_parts
 
 CONTACTS, ROWS = 96, 320
@@ -121,7 +120,7 @@ class _Group:
         self._device = _device(self._warp, device)
         models = [compiled(scene) for scene in scenes]
         self._at: Layout = layout(models[0], scenes[0])
-        self._limits = limits_u(self.scene.hand.joints)
+        self._limits = limits_of(self.scene)
         with self._warp.ScopedDevice(self._device):
             self._model = _model(self._mjw, models)
             self._data = self._mjw.make_data(models[0], nworld=len(scenes), nconmax=CONTACTS, njmax=ROWS)
@@ -139,7 +138,7 @@ class _Group:
             self._mjw.reset_data(self._model, self._data, self._warp.array(mask, dtype=bool))
             qpos, ctrl = self._numbers("qpos"), self._numbers("ctrl")
             qpos[np.ix_(which, at.q)], qpos[np.ix_(which, place)] = q, body[:, [0, 1, 2, 6, 3, 4, 5]]
-            ctrl[np.ix_(which, at.motors)] = q[:, commanded(self.scene.hand.joints)]
+            ctrl[np.ix_(which, at.motors)] = [held(self.scene, joints) for joints in q]
             self._data.qpos.assign(qpos)
             self._data.ctrl.assign(ctrl)
             self._mjw.forward(self._model, self._data)
