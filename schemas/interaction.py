@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.files import FileTree
 from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:
@@ -80,11 +81,10 @@ class InteractionTruth(Schema):
 
 @dataclass(frozen=True)
 class RenderedInteraction(Schema):
-    """A made sequence and its truth."""
+    """A made sequence: what the sensor recorded, as files that are read like any others, and, apart, what was so."""
 
-    name: str = value("the sequence")
-    clip: InteractionClip = value("what the sensor recorded")
-    truth: InteractionTruth = value("what was so")
+    files: FileTree = value("one sequence in the layout of SOR3D-AFF (docs/interaction-data.md)")
+    truth: InteractionTruth = value("for measuring only")
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,10 @@ class StaticSample(Schema):
     split: str = value("train, val or test; '' when the source does not say")
     object_type: str = value("as the source says; '' when it does not")
     rgb: np.ndarray = array("h w 3", "uint8", "colours", encoding="zstd")
-    depth_m: np.ndarray | None = value("(h, w) float32, 0 = hole; None where there is none", unit="m")
+    depth_m: np.ndarray = array("d h w", "float32", "0 = hole; d = 1, or 0 where the source has no depth", unit="m",
+                                encoding="zstd")
     label: np.ndarray = array("h w", "uint8", "index in AFFORDANCES, BACKGROUND elsewhere", encoding="zstd")
-    K: np.ndarray | None = value("(3, 3) float64; None where the source gives no intrinsics", unit="px")
+    K: np.ndarray = array("k 3 3", "float64", "of the grid of rgb; k = 1, or 0 where the source does not say", unit="px")
 
 
 @dataclass(frozen=True)
@@ -108,4 +109,4 @@ class ActionClip(Schema):
     name: str = value("id, unique in its set")
     action: str = value("what is done, in the words of the source")
     rgb: np.ndarray = array("t h w 3", "uint8", "colours", encoding="zstd")
-    depth_m: np.ndarray = array("t h w", "float32", "0 = hole", unit="m", encoding="zstd")
+    depth_m: np.ndarray = array("t h w", "float32", "0 = hole; all 0 where the source has no depth", unit="m", encoding="zstd")

@@ -13,7 +13,7 @@ from schemas.interaction import AFFORDANCES, InteractionSpec
 def specs(split: str, count: int, instances: int, subjects: range, seed: int) -> tuple[InteractionSpec, ...]:
     """`count` sequences of a split, with so many instances of each type of thing, by these people (numbers from 1)."""
     drawn = np.random.default_rng([seed, zlib.crc32(split.encode())])
-    turns = {affordance: 0 for affordance in AFFORDANCES}
+    turns = dict.fromkeys(AFFORDANCES, 0)
     out = []
     for number, affordance in enumerate(_affordances(count)):
         kinds, turn = types_for(affordance), turns[affordance]

@@ -2,7 +2,7 @@
 
 The label of a sequence is the visible pixels, in the last frame, of the part that the affordance is about:
 
-    grasp, lift   the part by which it is held: the handle where there is one, else the body (ball: upper half; flat things: the
+    grasp, lift   the part by which it is held: the handle, or the body (ball: upper half; flat things: the
                   half that the hand takes)
     push          the half of the thing at the side where the hand pushed
     rotate        the part that is turned: neck and cap of a bottle, upper part of a can or cup, a flat thing as a whole
@@ -17,8 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
-
 
 ROUNDING = 1e-3
 
@@ -46,6 +44,7 @@ class Use:
 SIDE = Use(near=True)
 HANDLE = Use(("handle",), ("handle", "rivets"))
 BODY = Use(("body",), ("body", "glass", "label", "steel"))
+CUP = Use(("body",), ("body", "inside"))
 USES: dict[str, dict[str, Use]] = {
     "ball": {"grasp": Use(("top",), above=0.5), "lift": Use(("top",), above=0.5), "push": SIDE, "squeeze": Use(("top",))},
     "book": {"grasp": Use(("edge",), near=True), "lift": Use(("edge",), near=True), "push": SIDE, "rotate": Use(("edge",))},
@@ -53,7 +52,7 @@ USES: dict[str, dict[str, Use]] = {
                "rotate": Use(("neck",), above=0.62)},
     "brush": {"grasp": HANDLE, "lift": HANDLE, "paint": Use(("handle",), ("bristles",))},
     "can": {"grasp": BODY, "lift": BODY, "push": SIDE, "rotate": Use(("rim",), above=0.55), "squeeze": Use(("body",))},
-    "cup": {"grasp": HANDLE, "lift": HANDLE, "push": SIDE, "rotate": Use(("rim",), ("body", "inside"), above=0.5)},
+    "cup": {"grasp": CUP, "lift": CUP, "push": SIDE, "rotate": Use(("rim",), ("body", "inside"), above=0.5)},
     "hammer": {"grasp": HANDLE, "lift": HANDLE, "hammer": Use(("handle",), ("head",))},
     "knife": {"grasp": HANDLE, "lift": HANDLE, "cut": Use(("handle",), ("blade",))},
     "pitcher": {"grasp": HANDLE, "lift": HANDLE, "push": SIDE},

@@ -1,0 +1,24 @@
+"""A picture file as an array, or one sentence that says why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from afford.readers.errors import SourceError
+from schemas.files import FileRef
+
+
+def picture(file: FileRef, flags: int, dtype: Any, dimensions: int) -> np.ndarray:
+    """The picture as OpenCV reads it: BGR, or one channel; SourceError when it is none, or of another kind."""
+    data = np.fromfile(file.path, np.uint8)
+    found = cv2.imdecode(data, flags) if data.size else None
+    if found is None:
+        got = f"{file.size} bytes that OpenCV cannot decode"
+        raise SourceError(file.name, "a picture", got, "was the file cut short? get it again")
+    if found.dtype != dtype or found.ndim != dimensions:
+        want = f"{'one channel' if dimensions == 2 else 'three channels'} of {np.dtype(dtype).name}"
+        raise SourceError(file.name, want, f"{found.dtype} {found.shape}", "convert the picture")
+    return np.asarray(found)

@@ -1,0 +1,137 @@
+"""The files of one sequence -> a clip. SourceError, one sentence, for what cannot be used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from afford.interactions import sampling
+from afford.interactions.colours import unpaint
+from afford.interactions.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
+from afford.interactions.pictures import picture
+from afford.interactions.write import GRID
+from afford.readers import strict_json
+from afford.readers.errors import SourceError
+from schemas.files import FileRef, FileTree
+from schemas.interaction import InteractionClip
+
+SHRUNK, ROWS, COLUMNS = (640, 360), slice(0, 300), slice(200, 500)
+"""The released code shrinks 1920 x 1080 to this (width, height) and cuts these rows and columns out."""
+DOCS = "see docs/interaction-data.md"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How to read: see stages/interaction_read.py."""
+
+    frames: str
+    grid: str
+    rate_hz: float
+    focal_px: float
+
+
+def read(files: FileTree, rules: Rules) -> InteractionClip:
+    """One sequence."""
+    if not files.files:
+        raise SourceError(files.name, "the files of a sequence", "none", DOCS)
+    name = parse(files.files[0].name)
+    base = f"{name.split}/{name.folder}"
+    rgb = files.under(f"{base}/rgb")
+    if len(rgb) <= EXTRAS:
+        raise SourceError(f"{base}/rgb", f"frames and {EXTRAS} files behind them", f"{len(rgb)} files", DOCS)
+    frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
+    chosen = list(range(len(frames))) if rules.frames == "all" else sampling.slots(len(frames))
+    colour = [None if k < 0 else _grid(_colour(frames[k]), rules.grid, cv2.INTER_LINEAR) for k in chosen]
+    size = next(c for c in reversed(colour) if c is not None).shape[:2]
+    mask = _grid(_colour(extras[MASK]), rules.grid, cv2.INTER_NEAREST)
+    if mask.shape[:2] != size:
+        raise SourceError(extras[MASK].name, f"a mask of {size[1]} x {size[0]} px like the frames",
+                          f"{mask.shape[1]} x {mask.shape[0]}", "write masks on the grid of the frames")  # fmt: skip
+    shown = np.stack([_sized(c, size, frames[0].name, base) for c in colour])
+    depth = np.stack([_depth(files, base, frames[k], size, rules.grid) if k >= 0 else np.zeros(size, np.float32) for k in chosen])
+    K, rate = _camera(files, base, size, rules)
+    label, spots = unpaint(mask, name.affordance), _spots(extras[SPOT], size, rules.grid)
+    return InteractionClip(name.folder, name.split, name.object_type, name.affordance, np.ascontiguousarray(shown[..., ::-1]),
+                           depth, K, label, rate, spots)  # fmt: skip
+
+
+def _colour(file: FileRef) -> np.ndarray:
+    """(h, w, 3) uint8 BGR."""
+    return picture(file, cv2.IMREAD_COLOR, np.uint8, 3)
+
+
+def _sized(frame: np.ndarray | None, size: tuple[int, ...], first: str, base: str) -> np.ndarray:
+    if frame is None:
+        return np.zeros((*size, 3), np.uint8)
+    if frame.shape[:2] != size:
+        raise SourceError(f"{base}/rgb", f"frames of one size, {size[1]} x {size[0]} px", f"{frame.shape[1]} x {frame.shape[0]}",
+                          f"compare with {first}")  # fmt: skip
+    return frame
+
+
+def _depth(files: FileTree, base: str, frame: FileRef, size: tuple[int, ...], grid: str) -> np.ndarray:
+    """(h, w) float32 metres; zeros where the sequence has no depth at all."""
+    if not files.under(f"{base}/depth"):
+        return np.zeros(size, np.float32)
+    stem = frame.name.rpartition("/")[2].rpartition(".")[0]
+    file = files.find(f"{base}/depth/{stem}.png")
+    if file is None:
+        raise SourceError(f"{base}/depth", f"{stem}.png, as rgb/ has that frame", "nothing", "give every frame its depth, or none")
+    found = _grid(picture(file, cv2.IMREAD_UNCHANGED, np.uint16, 2), grid, cv2.INTER_NEAREST)
+    if found.shape != size:
+        raise SourceError(file.name, f"{size[1]} x {size[0]} px like the frames", f"{found.shape[1]} x {found.shape[0]}",
+                          "register depth to colour, on one grid")  # fmt: skip
+    return (found / DEPTH_MM).astype(np.float32)
+
+
+def _grid(found: np.ndarray, grid: str, how: int) -> np.ndarray:
+    if grid == "native":
+        return found
+    return np.ascontiguousarray(cv2.resize(found, SHRUNK, interpolation=how)[ROWS, COLUMNS])
+
+
+def _camera(files: FileTree, base: str, size: tuple[int, ...], rules: Rules) -> tuple[np.ndarray, float]:
+    """K (3, 3) of the grid that is shown, and the frame rate: what camera.json says, else the nominal colour camera."""
+    file = files.find(f"{base}/{CAMERA}")
+    scale = rules.focal_px / GRID[0]
+    width, height, left, top = size[1], size[0], 0, 0
+    if rules.grid == "stcae":
+        (width, height), left, top = SHRUNK, COLUMNS.start, ROWS.start
+    given = {"fx": scale * width, "fy": scale * width, "cx": (width - 1) / 2 - left, "cy": (height - 1) / 2 - top,
+             "rate_hz": rules.rate_hz}  # fmt: skip
+    if file is not None:
+        said = strict_json.parse(file.path.read_bytes(), file.name)
+        given = {key: _number(said, key, file.name) for key in given}
+        if rules.grid == "stcae":
+            raise SourceError(file.name, "grid='native', as K is given for the files", "grid='stcae'", "read it as it is")
+    if min(given["fx"], given["fy"], given["rate_hz"]) <= 0:
+        raise SourceError(file.name if file else base, "positive fx, fy and rate_hz", str(given), DOCS)
+    K = np.array([[given["fx"], 0, given["cx"]], [0, given["fy"], given["cy"]], [0, 0, 1.0]])
+    return K, float(given["rate_hz"])
+
+
+def _spots(file: FileRef, size: tuple[int, ...], grid: str) -> np.ndarray:
+    """(k, 3) float32 x, y, radius on the grid that is shown."""
+    said = strict_json.parse(file.path.read_bytes(), file.name)
+    if not isinstance(said, dict) or not isinstance(said.get("center"), list):
+        raise SourceError(f"{file.name}, center", "a list of circles", type(said).__name__, DOCS)
+    found = [[_number(spot, key, file.name) for key in ("x_coord", "y_coord", "radius")] for spot in said["center"]]
+    spots = np.array(found, np.float64).reshape(-1, 3)
+    if grid == "stcae":
+        return np.asarray(spots * (SHRUNK[0] / GRID[0]) - (COLUMNS.start, ROWS.start, 0), np.float32)
+    return np.asarray(spots * (size[1] / GRID[0], size[0] / GRID[1], size[1] / GRID[0]), np.float32)
+
+
+def _number(record: object, key: str, where: str) -> float:
+    """A number, or a text that is one (the released code takes both)."""
+    found = record.get(key) if isinstance(record, dict) else None
+    try:
+        number = float(found) if isinstance(found, (int, float, str)) and not isinstance(found, bool) else math.nan
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise SourceError(f"{where}, {key}", "a number", repr(found), DOCS)
+    return number
