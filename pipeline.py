@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from maps.extraction import dataset, extraction_quality, recordings, scenes
 from maps.grasps import grasp, grasp_full
+from maps.interactions import interactions
 from maps.negatives import negative_affordance
 from maps.settings import Origin, Settings
 from maps.twohands import ablate, benchmark_stills, measure, train, train_set
@@ -16,7 +17,7 @@ from runner import Graph
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
            "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
            "ablation": ablate, "negative-affordance": negative_affordance,
-           "grasp": grasp, "grasp-full": grasp_full}
+           "grasp": grasp, "grasp-full": grasp_full, "interactions": interactions}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

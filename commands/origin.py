@@ -13,7 +13,7 @@ from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
-             "negative-affordance": "procedural-objects"}
+             "negative-affordance": "procedural-objects", "interactions": "interactions"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
 
 
@@ -21,6 +21,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
+    if target == "interactions" and source is not None:
+        return _sequences(source, digest)
     if target in OWN_ROOMS:
         if source is not None:
             raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
@@ -64,6 +66,17 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
         raise UsageError(f"--source {source}: {error}") from error
     refused = tuple(Refused(one.name, one.reason) for one in found.refused)
     return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
+
+
+def _sequences(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, None]:
+    """The sequences of a root in the layout of SOR3D-AFF."""
+    from afford.interactions.folder import discover as find
+
+    try:
+        found = find(source, digest)
+    except ValueError as error:
+        raise UsageError(f"--source {source}: {error}") from error
+    return Origin(source.resolve().name, sequences=found), None
 
 
 def _is_dataset(source: Path) -> bool:

@@ -31,6 +31,9 @@ from stages import (
     hand_model,
     hand_retarget,
     imitation_evaluate,
+    interaction_plan,
+    interaction_read,
+    interaction_render,
     key_thin,
     mask_densify,
     mask_propose,
@@ -123,6 +126,9 @@ class Settings:
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()
+    interaction_plan: interaction_plan.Params = interaction_plan.Params()
+    interaction_render: interaction_render.Params = interaction_render.Params()
+    interaction_read: interaction_read.Params = interaction_read.Params()
 
 
 class Origin(NamedTuple):
@@ -135,3 +141,4 @@ class Origin(NamedTuple):
     predictions: tuple[FileTree, ...] = ()
     dataset: FileTree | None = None
     meshes: tuple[FileTree, ...] = ()
+    sequences: tuple[FileTree, ...] = ()

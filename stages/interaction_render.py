@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from schemas.context import Context
 from schemas.interaction import InteractionSpec, RenderedInteraction
 
-LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
-             "pycocotools", "zstandard", "pybullet", "gymnasium")
+LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "opencv-python-headless", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.0
 

@@ -21,6 +21,7 @@ from afford.dataset.files import tree as files_of
 from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
 from afford.worker import use_kernel_cache
+from maps.interactions import interactions
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Graph, Runner, RunReport
@@ -31,6 +32,7 @@ from runner.traces import Trace, Traces
 from schemas.scene import SceneSpec
 from stages import (
     ablation_report,
+    action_read,
     dataset_pack,
     grasp_candidates,
     grasp_compare,
@@ -49,12 +51,14 @@ from stages import (
     object_plan,
     object_solids,
     positive_affordance_projection,
+    static_read,
     view_render,
 )
 from tests import impure_stages, landlock
 from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_hands import PINCER, shadow, written
+from tests.made_interactions import iit_aff, umd, utkinect
 from tests.made_looks import rod as bar
 from tests.made_meshes import as_object, cup
 from tests.made_motions import recorded, rod
@@ -95,6 +99,8 @@ ELSEWHERE = {"scene_render": "rendered",
                               "negative_affordance_report"),
                              "negatives"),
              "grasp_record": "grasps",
+             **dict.fromkeys(("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),
+                             "interacted"),
              **dict.fromkeys(("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
                              "from_masks"),
              **dict.fromkeys(("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement",
@@ -299,6 +305,25 @@ def from_masks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     graph.target("from_masks", grasps, positive, tried, table)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "from_masks")
     assert report.ok, report.failures
+    return store
+
+
+@pytest.fixture(scope="module")
+def interacted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a sequence was rendered and read back, and pictures and actions were read from tiny roots."""
+    store, folder = tmp_path_factory.mktemp("interacted"), tmp_path_factory.mktemp("roots")
+    use_kernel_cache(ROOT, store)
+    graph = Graph()
+    few = Settings(interaction_plan=replace(Settings.interaction_plan, train=1, val=0),
+                   interaction_render=replace(Settings.interaction_render, height_px=64, frames=3, supersample=1))
+    interactions(graph, Origin("tiny"), few)
+    pictures = [graph.named(f"read_{name}").add(static_read.run, files=graph.leaf(name, made), params=static_read.Params(name, 16))
+                for name, made in (("umd", umd(folder / "umd")), ("iit-aff", iit_aff(folder / "iit")))]  # fmt: skip
+    actions = graph.add(action_read.run, files=graph.leaf("actions", utkinect(folder / "utkinect")), params=action_read.Params(16))
+    graph.target("read", *pictures, actions)
+    for target in ("interactions", "read"):
+        report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, target)
+        assert report.ok, report.failures
     return store
 
 

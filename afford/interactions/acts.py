@@ -184,6 +184,12 @@ ACTS: dict[str, Maker] = {"grasp": grasp, "cut": cut, "lift": lift, "push": push
                           "squeeze": squeeze, "paint": paint, "type": type_}  # fmt: skip
 
 
+def elbow(side: str, palm: Pose) -> np.ndarray:
+    """Where the elbow of an arm is, (3,) world metres: beside the chest, drawn along by the hand."""
+    out = 1.0 if side == "right" else -1.0
+    return np.array([0.30 * out, -0.44, 0.18]) + 0.35 * (palm[:3, 3] - (0.24 * out, -0.21, 0.11)) * (1, 1, 0.6)
+
+
 def aimed(model: ObjectModel, along: np.ndarray, up: np.ndarray, tip_at: np.ndarray, shift: np.ndarray, height_m: float) -> Pose:
     """The tool with its long axis (y) along a direction, its z as near `up` as can be, its tip above `tip_at` + `shift`."""
     y = along / np.linalg.norm(along)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from afford.interactions.acts import LENGTH, Act, act
+from afford.interactions.acts import LENGTH, Act, act, elbow
 from afford.interactions.rules import use
 from afford.interactions.studio import Studio, hand_of, studio
 from afford.interactions.things import build
@@ -16,7 +17,6 @@ from afford.render.draw import render
 from afford.render.model import Instance
 from afford.render.textures import Textures
 from afford.render.view import View, depth
-from afford.scenes.world import elbow
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 
 HAND, THING = 0, 1
@@ -110,7 +110,7 @@ def film(spec: InteractionSpec, frames: int, clutter: int, size_px: int, supersa
     seen = [Seen.of(take, instances) for instances in shown]
     rgb = [render(instances, take.studio.camera, take.studio.light, take.textures, supersample=supersample).rgb
            for instances in shown]  # fmt: skip
-    moves = [a.until(b) for a, b in zip(seen[:-1], seen[1:], strict=True)]
+    moves = [a.until(b) for a, b in pairwise(seen)]
     flow_m, flow_px, valid, visible = (np.stack([move[k] for move in moves]) for k in range(4))
     depths = np.stack([s.depth_m for s in seen])
     return take, Film(np.stack(rgb), depths, flow_m, flow_px, valid, visible, marked, _hotspot(take, marked))

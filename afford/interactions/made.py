@@ -9,9 +9,8 @@ from blake3 import blake3
 
 from afford.interactions.film import film
 from afford.interactions.folder import discover
-from afford.interactions.sensor import sense
+from afford.interactions.sensor import grain, sense
 from afford.interactions.write import write
-from afford.scenes.record import grain
 from schemas.interaction import InteractionClip, InteractionSpec, InteractionTruth, RenderedInteraction
 
 
@@ -22,7 +21,8 @@ def made(spec: InteractionSpec, size_px: int, frames: int, rate_hz: float, clutt
     K, rng = take.studio.camera.K, np.random.default_rng([spec.seed, 7])
     depth = np.stack([sense(exact, K, noise, rng) for exact in shot.depth_m])
     rgb = np.stack([grain(frame, rng) for frame in shot.rgb])
-    clip = InteractionClip(spec.name, spec.split, spec.object_type, spec.affordance, rgb, depth, K, shot.label, rate_hz, shot.hotspot)
+    clip = InteractionClip(spec.name, spec.split, spec.object_type, spec.affordance, rgb, depth, K, shot.label, rate_hz,
+                           shot.hotspot)  # fmt: skip
     write(clip, root)
     truth = InteractionTruth(spec.name, shot.flow_m, shot.flow_px, shot.valid, shot.visible, shot.depth_m)
     (files,) = discover(root, lambda path: blake3(path.read_bytes()).hexdigest())

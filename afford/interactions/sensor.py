@@ -56,3 +56,10 @@ def facing(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
     normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
     length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
     return np.asarray(np.abs((normal * points).sum(-1)) / np.maximum(length, 1e-12))
+
+
+def grain(rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(h, w, 3) uint8 with the noise of a colour sensor, 1.5 grey levels at black and 3 at white, mostly grey."""
+    level = rgb.astype(np.float32)
+    mixed = 0.8 * rng.standard_normal(rgb.shape[:2], np.float32)[..., None] + 0.6 * rng.standard_normal(rgb.shape, np.float32)
+    return np.clip(np.round(level + (1.5 + 1.5 * level / 255) * mixed), 0, 255).astype(np.uint8)

@@ -108,7 +108,7 @@ def loaf(rng: np.random.Generator) -> tuple[Part, ...]:
     r = 0.034 * np.sqrt(np.clip(1 - (y / 0.083) ** 2, 0.05, 1)) * rng.uniform(0.85, 1.1)
     crust = moved(tube(np.stack([y, 0 * y, 0 * y], -1), r, 18, flat=0.8), 0, 0, 0.038)
     board = box((0.19, 0.12, 0.012), 0.003, uv_per_m=4)
-    tint = (rng.uniform(180, 205), rng.uniform(125, 150), rng.uniform(70, 95))
+    tint = (int(rng.uniform(180, 205)), int(rng.uniform(125, 150)), int(rng.uniform(70, 95)))
     return (Part("board", board, materials.wood(rng, size=256)), Part("loaf", crust, materials.plastic(rng, tint, 256)))
 
 
