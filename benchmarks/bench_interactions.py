@@ -66,8 +66,9 @@ def _row(clip: InteractionClip) -> np.ndarray:
     marked[where] = (0.35 * marked[where] + 0.65 * np.array([255, 40, 40])).astype(np.uint8)
     far = np.where(clip.depth_m[-1] > 0, 255 * np.clip(1.2 - clip.depth_m[-1] / 0.9, 0.1, 1), 0).astype(np.uint8)
     row = np.concatenate([*(clip.rgb[k] for k in SHOWN), marked, np.repeat(far[..., None], 3, -1)], axis=1)[..., ::-1].copy()
-    cv2.putText(row, f"{clip.affordance} {clip.object_type}", (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 3, cv2.LINE_AA)
-    cv2.putText(row, f"{clip.affordance} {clip.object_type}", (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (255, 255, 255), 1, cv2.LINE_AA)
+    words = f"{clip.affordance} {clip.object_type}"
+    for colour, thick in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.putText(row, words, (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.36, colour, thick, cv2.LINE_AA)
     return row
 
 

@@ -61,14 +61,16 @@ def studio(act: Act, object_type: str, subject: int, clutter: int, size_px: int,
     shift = ahead_inside(act.hold) @ np.array(beside)
     middle = 0.5 * (act.thing.at(0)[:3, 3] + act.thing.end()[:3, 3] + 0.8 * shift)
     still = [*_table(rng, top), *_torso(subject), *_companion(act, object_type, rng), *_clutter(act, middle, clutter, rng)]
-    return Studio(tuple(still), _light(rng, float(linear(top.image[::4, ::4]).mean())), _camera(middle, subject, size_px, rng))
+    light = _light(rng, float(linear(top.image[::4, ::4]).mean()))
+    return Studio(tuple(still), light, _camera(middle, float(act.hold.model.points[:, 2].max()), subject, size_px, rng))
 
 
-def _camera(middle: np.ndarray, subject: int, size_px: int, rng: np.random.Generator) -> Camera:
+def _camera(middle: np.ndarray, tall_m: float, subject: int, size_px: int, rng: np.random.Generator) -> Camera:
+    """On the middle of what will happen; farther from tall things."""
     azimuth = np.radians(VIEWS_DEG[view_of(subject)]) + rng.uniform(-0.1, 0.1)
-    height, far = rng.uniform(0.88, 1.05), rng.uniform(0.51, 0.58)
+    height, far = rng.uniform(0.88, 1.05), rng.uniform(0.51, 0.58) + 0.8 * max(0.0, tall_m - 0.12)
     out = np.array([np.sin(azimuth) * np.cos(height), np.cos(azimuth) * np.cos(height), np.sin(height)])
-    target = middle + (*rng.uniform(-0.02, 0.02, 2), 0.04)
+    target = middle + (*rng.uniform(-0.02, 0.02, 2), 0.03 + 0.2 * tall_m)
     focal = KINECT_FOCAL_PX * size_px / KINECT_CROP_PX
     K = np.array([[focal, 0, (size_px - 1) / 2], [0, focal, (size_px - 1) / 2], [0, 0, 1.0]])
     return Camera(K, look_at(target + far * out, target, rng.uniform(-0.03, 0.03)), size_px, size_px)
