@@ -20,8 +20,8 @@ from afford.render.view import View, depth
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 
 HAND, THING = 0, 1
-TRIES = 12
-LEAST_SHARE, MOST_HIDDEN, MARGIN = 0.005, 0.12, 0.02
+TRIES = 40
+LEAST_SHARE, MOST_HIDDEN, MARGIN = 0.004, 0.12, 0.02
 """In the last frame the label covers this share of the picture at least, and the hand hides at most so much of it; the thing
 keeps so far from the border, as a share of the picture."""
 SAME_M = 0.004
