@@ -9,7 +9,7 @@ The label of a sequence is the visible pixels, in the last frame, of the part th
     squeeze       the body
     cut, hammer, paint, type    blade, head, bristles, screen
 
-Push, lift, rotate and grasp differ in nothing but what the hand does: the same thing, the same place, the same person.
+Push, lift, rotate and grasp of one instance show the same thing, people and tables; what the hand does tells them apart.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDING = 1e-3
+"""Share of the height by which a point may miss a limit: the top of a thing is its top."""
 
 
 @dataclass(frozen=True)
