@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.interactions.acts import LENGTH, Act, act, elbow
 from afford.interactions.rules import use
+from afford.interactions.skin import exact_skin
 from afford.interactions.studio import Studio, hand_of, studio
 from afford.interactions.things import build
 from afford.render.batch import batch
@@ -57,7 +58,9 @@ class Take:
     def hand(self, time: float) -> list[Instance]:
         """Hand and forearm."""
         side, palm = self.act.hold.side, self.act.palm(time)
-        return hand_of(self.spec.subject, side).instances(palm, self.act.fingers(time), elbow(side, palm), HAND)
+        model, angles, bent = hand_of(self.spec.subject, side), self.act.fingers(time), elbow(side, palm)
+        skin, *worn = model.instances(palm, angles, bent, HAND)
+        return [replace(skin, vertices=exact_skin(model, palm, angles, bent)), *worn]
 
 
 @dataclass(frozen=True, eq=False)
