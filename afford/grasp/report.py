@@ -117,7 +117,7 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
 def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = ()) -> str:
     """All cells, `more` lines, the published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
-             "negative point at the last step. Physics is strict (100 iterations); policies act by their mean.", "",
+             "negative point at the last step. Physics is strict (100 iterations, 480 Hz); policies act by their mean.", "",
              f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} |",
              f"|---|---|---|{'--:|' * len(FIGURES)}"]  # fmt: skip
     for cell in cells(episodes):
