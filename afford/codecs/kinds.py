@@ -30,6 +30,7 @@ from schemas import (
     report,
     sample,
     scene,
+    scene_flow,
     still,
     training,
     truth,
@@ -38,7 +39,8 @@ from schemas import (
 from schemas.spec import Schema
 
 MODULES = (affordance, benchmark, candidates, clip, comparison, episodes, files, grasp, grasp_task, hand, interaction, masks, mesh,
-           motion, negative, object_list, positive, prediction, report, sample, scene, still, training, truth, video)  # fmt: skip
+           motion, negative, object_list, positive, prediction, report, sample, scene, scene_flow, still, training, truth,
+           video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
