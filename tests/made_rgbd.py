@@ -1,4 +1,4 @@
-"""RGB-D frames of textured planes that move as rigid bodies, with the exact motion of every pixel; ray-cast, no renderer of ours."""
+"""RGB-D frames of textured planes that move as rigid bodies, with the exact motion of every pixel; ray-cast here."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def scene_flow(clip: InteractionClip, between: Between, settings: Settings, colo
                range_share: float) -> SceneFlow:
     """Every pair of neighbouring frames; `range_share` is of the width. A clip of one frame has no flow."""
     views = [View(rgb, depth_m, clip.K) for rgb, depth_m in zip(clip.rgb, clip.depth_m, strict=True)]
-    found = [between(a, b, settings) for a, b in zip(views, views[1:], strict=False)]
+    found = [between(a, b, settings) for a, b in pairwise(views)]
     size = clip.label.shape
     flow_m = np.stack([m for m, _ in found]) if found else np.zeros((0, *size, 3))
     flow_px = np.stack([px for _, px in found]) if found else np.zeros((0, *size, 2))

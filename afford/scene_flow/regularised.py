@@ -27,7 +27,7 @@ FLOW_NOISE_PX = 0.5
 
 def between(a: View, b: View, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """Motion from `a` to `b`: in space (h, w, 3) float32 in m, on the image (h, w, 2) float32 in px. Never NaN."""
-    first_m, second_m = filled(a), filled(b)
+    first_m = filled(a)
     near = affinity(np.dstack([a.rgb.astype(np.float32) / (3 * COLOUR_STEP), np.log(first_m) / DEPTH_STEP]))
     flow_px, belief = _seen(a, b)
     flow_px = _spread(flow_px, belief, near, settings.smoothness)

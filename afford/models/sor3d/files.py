@@ -1,0 +1,48 @@
+"""A model as a folder: config.json, model.safetensors. Nothing is ever unpickled, and nothing is loaded that does not fit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from afford.models.sor3d.config import Sor3dConfig
+from afford.models.sor3d.model import Sor3d, build
+
+CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-sor3d-1"
+
+
+def save(model: Sor3d, folder: Path) -> None:
+    """Write a model; the same weights give the same bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    described = {"format": FORMAT, **dataclasses.asdict(model.config)}
+    (folder / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
+
+
+def load(folder: Path) -> Sor3d:
+    """The model that `save` wrote, on the CPU, in evaluation mode. ValueError says which file, field or tensor does not fit."""
+    model = build(read_config(folder), seed=0)
+    try:
+        model.load_state_dict(load_file(folder / WEIGHTS))
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise ValueError(f"{folder / WEIGHTS}: expected the weights that {CONFIG} beside it describes; {error}") from error
+    return model.eval()
+
+
+def read_config(folder: Path) -> Sor3dConfig:
+    """The config of a saved model."""
+    path = folder / CONFIG
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: expected the config of a trained sor3d model; {error}") from error
+    if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
+        raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\"; write the folder with afford.models.sor3d.files.save")
+    try:
+        return Sor3dConfig.from_dict(fields)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from error
