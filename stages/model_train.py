@@ -1,7 +1,8 @@
-"""a data set -> a trained two-hand affordance model, with its card and its curves.
+"""a data set -> a trained affordance model (two hands in pictures, or RGB-D interactions), with its card and its curves.
 
 Reads   FileTree of a data set: what dataset_pack writes, released 2HANDS (h5 + json), or any folder of `datasets` with the
-        columns image, mask_left, mask_right, narration; a Recipe, for a row of the ablation
+        columns image, mask_left, mask_right, narration (backend sor3d: what interaction_pack writes); a Recipe, for a row of
+        the ablation
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
 Method  AdamW, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that
@@ -9,13 +10,14 @@ Method  AdamW, linear warm-up and decay; order, augmentation and random states a
         that was best there; several devices by torch.distributed.run
 Fails   when a part of the data set is empty or lacks a column, when the loss is not finite any more
 Paper   2HandedAfforder, training (LISA's optimiser and schedule; batch and learning rate are ours, for a model without
-        pretrained parts)
+        pretrained parts); SOR3D-AFF, training (`SOR3D_PAPER`: its rate, batch and epochs)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from afford.registry import load
 from schemas.context import Context
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
@@ -25,11 +27,18 @@ LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensor
 THREADS = 2
 MEMORY_GIB = 2.0
 
+BACKENDS = {
+    "twohands": "afford.training.hands_job:job",
+    "sor3d": "afford.training.sor3d_job:job",
+}
+
 
 @dataclass(frozen=True)
 class Params:
+    backend: str = "twohands"
+    """what is trained: twohands, or sor3d (SOR3D-AFF's model, on what interaction_pack writes)"""
     variant: str = "small"
-    """small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
+    """twohands: small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder); sor3d: small or paper"""
     hypotheses: int = 3
     """regions proposed for each hand; 1 is the paper's model"""
     text: bool = True
@@ -38,12 +47,18 @@ class Params:
     """2, or 1: one region for whichever hand, as LISA has it"""
     target: str = "affordance"
     """what is learned: affordance, or object (the complete object of each hand)"""
+    row: str = "rgbd_attention_flow3d"
+    """sor3d: what it has: rgb, rgb_attention, rgb_attention_flow2d, rgbd, rgbd_attention, rgbd_attention_flow3d"""
+    static_share: float = 0.25
+    """sor3d: share of micro-batches that are last frames alone, as pictures; 0 in the paper"""
+    foreground_weight: float = 1.0
+    """sor3d: weight of pixels that afford something, against background; 1 in the paper"""
     seed: int = 0
     """seed of weights, order and augmentation"""
     backbones: str = ""
-    """clip, vlm: folder of pretrained parts; tiny random ones without"""
+    """clip, vlm: folder of pretrained parts, tiny random ones without; sor3d: a VGG16 checkpoint for the stream of motion"""
     height_px: int = 128
-    """height of the model's input"""
+    """height of the model's input; sor3d is square"""
     width_px: int = 160
     """width of the model's input; clip and vlm are square, as high as wide"""
     steps: int = 4500
@@ -107,52 +122,32 @@ class Params:
     """processes that train together, each with a device of its own"""
 
 
+SOR3D = Params(backend="sor3d", height_px=112, steps=1200, batch=4, accumulate=2, lr=2e-3, warmup=50, validate_every=300,
+               balance=0.0, foreground_weight=2.0)  # fmt: skip
+"""the embedded model of SOR3D-AFF, from nothing on two cores"""
+SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
+                     weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, flip_share=0.0,
+                     crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
+"""the paper's: 200 epochs of 962 sequences. Its rate is constant; here it falls linearly to 0"""
+
+
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.dataset import files
     from afford.training import curves, fit, launch, written
     from afford.training.repeatable import repeatable
 
-    job = _job(params if recipe is None else _with(params, recipe))
-    fit.prepare(job, {file.name: file.path for file in dataset.files}, ctx.scratch)
+    job = _job(params, recipe)
+    job.prepare({file.name: file.path for file in dataset.files}, ctx.scratch)
     if params.devices > 1:
         launch.launch(job, ctx.scratch, params.devices, ctx.progress)
     with repeatable(THREADS // job.plan.parallel, params.device):
         fitted = fit.fit(job, ctx.scratch, ctx.progress)
-    name = recipe.name if recipe else params.variant
+    name = recipe.name if recipe else params.variant if params.backend == "twohands" else params.backend
     log = curves.log(name, fitted.state)
     root = written.write(ctx.scratch, name, dataset, job, fitted, log)
     return Trained(files.tree(name, root), log)
 
 
-def _parallel(p: Params) -> int:
-    """Micro-batches computed at the same time: each takes a thread, which serves it better than half of two threads would."""
-    return min(THREADS, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1
-
-
-def _with(params: Params, recipe: Recipe) -> Params:
-    return replace(params, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
-                   target=recipe.target, seed=recipe.seed)
-
-
-def _job(p: Params):  # type: ignore[no-untyped-def]  # Job is a leaf's type, and leafs load inside `run`
-    from afford.models.twohands.config import ModelConfig
-    from afford.models.twohands.losses import LossParams
-    from afford.training.divide import Division
-    from afford.training.job import Job
-    from afford.training.task import Plan
-    from afford.training.views import Views
-
-    return Job(
-        config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
-                           size_px=(p.height_px, p.width_px if p.variant == "small" else p.height_px), frozen=bool(p.backbones)),
-        plan=Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, clip_norm=p.clip_norm,
-                  accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every, patience=p.patience, seed=p.seed,
-                  device=p.device, parallel=_parallel(p)),
-        loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
-                        object_weight=p.object_weight, centre_weight=p.centre_weight),
-        division=Division(p.split_by, p.val_fraction, p.seed),
-        views=Views(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
-                    colour_share=p.colour_share),
-        coarse_share=p.coarse_share if p.variant == "small" else 0.0,
-        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
+def _job(params: Params, recipe: Recipe | None = None):  # type: ignore[no-untyped-def]  # Job is a leaf's type
+    return load(BACKENDS, params.backend)(params, recipe, THREADS)

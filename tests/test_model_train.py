@@ -17,7 +17,7 @@ from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
 from afford.recording.files import opened
 from afford.training import events, launch
-from afford.training.job import Job
+from afford.training.job import read
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
 from stages import dataset_pack, model_train, training_record
@@ -102,13 +102,13 @@ def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_pa
     recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills")
     found = model_train.run(dataset, params, Scratch(tmp_path), recipe)
     assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
-    assert model_train._parallel(PARAMS) == 2 and model_train._parallel(replace(PARAMS, devices=2)) == 1
+    assert model_train._job(PARAMS).plan.parallel == 2 and model_train._job(replace(PARAMS, devices=2)).plan.parallel == 1
 
 
 def test_a_job_travels_as_text() -> None:
     """What a process reads is what was sent."""
     job = model_train._job(PARAMS)
-    assert Job.from_json(job.to_json()) == job
+    assert read(job.to_json()) == job
 
 
 def test_the_recording_plots_and_shows(trained: Trained, tmp_path: Path) -> None:

@@ -6,12 +6,14 @@ import dataclasses
 import json
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from afford.training.job import Job
 from schemas.affordance import TAXONOMY
 from schemas.files import FileTree
 from schemas.training import TrainingLog
+
+if TYPE_CHECKING:
+    from afford.training.hands_job import HandsJob
 
 LIMITS = """- It has learned to find regions in pictures like those it was trained on. Rendered pictures are tidier than kitchens.
 - A region says where hands were seen to act, in the image; it promises neither a stable grasp nor that touching is safe.
@@ -37,7 +39,7 @@ def licence_of(dataset: FileTree) -> str:
     return line[1] if line else "unknown"
 
 
-def text(name: str, source: Source, job: Job, threshold: float, count: int, curves: TrainingLog) -> str:
+def text(name: str, source: Source, job: HandsJob, threshold: float, count: int, curves: TrainingLog) -> str:
     """The whole card, Markdown with the header that model hubs read."""
     scores = {curve.name.removeprefix("val."): float(curve.value[curve.step == curves.best_step][0])
               for curve in curves.curves if curve.name.startswith("val.") and curves.best_step in curve.step}  # fmt: skip

@@ -1,54 +1,75 @@
-"""Everything that decides a training of a two-hand model, as plain data that travels to the processes that do it."""
+"""What a training is, as plain data that travels to the processes that do it. What differs between models is here; steps,
+checkpoints, resuming, curves and files are the same for all (`fit`, `loop`, `written`)."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
 
-from afford.models.twohands.config import ModelConfig
-from afford.models.twohands.losses import LossParams
-from afford.training.divide import Division
-from afford.training.task import Plan
-from afford.training.views import Views
+from torch import nn
+
+from afford.registry import load
+from afford.training.state import State
+from afford.training.task import Plan, Task
+from schemas.training import TrainingLog
+
+BACKENDS = {
+    "twohands": "afford.training.hands_job:HandsJob",
+    "sor3d": "afford.training.sor3d_job:Sor3dJob",
+}
+"""`model_train.backend` -> its job"""
 
 
-@dataclass(frozen=True)
-class Job:
+class Job(Protocol):
     """A model, what it learns from, and how."""
 
-    config: ModelConfig
-    plan: Plan
-    loss: LossParams
-    division: Division
-    views: Views
-    batch: int
-    """samples per micro-batch and process"""
-    coarse_share: float
-    """share of the steps that come first, at half the size"""
-    balance: float
-    """0: samples as they are; 1: every verb with its taxonomy as often as any other"""
-    val_samples: int
-    """samples that judge, spread over all of them; every second one is cropped to its objects"""
-    zoom: float
-    """samples are kept at this many times the size of the model, so that crops stay sharp"""
-    target: str
-    """affordance or object"""
-    seed: int
+    @property
+    def plan(self) -> Plan:
+        """How the loop trains."""
+
+    def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
+        """Make ready in `scratch` what `task` reads, from the files of the data set by name. ValueError when a part is empty."""
+
+    def task(self, scratch: Path, processes: int) -> Task:
+        """A new model and what it learns from."""
+
+    def finish(self, model: nn.Module, state: State) -> None:
+        """Write into the model's config what validation found at the best step."""
+
+    def save(self, model: nn.Module, folder: Path) -> None:
+        """The model as files."""
+
+    def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
+        """The card of the trained model, Markdown."""
 
     def to_json(self) -> str:
-        """The job as text."""
-        return json.dumps(dataclasses.asdict(self))
+        """The job as text, with its backend."""
 
     @classmethod
-    def from_json(cls, text: str) -> Job:
-        """The job again."""
-        parts: dict[str, Any] = json.loads(text)
-        kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Division,
-                                  "views": Views}
-        return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in parts.items()})
+    def from_fields(cls, fields: dict[str, Any]) -> Job:
+        """The job again, of what its JSON says beside the backend."""
 
 
-def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+class Dataset(Protocol):
+    """What a card says of the data set as a whole."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def digest(self) -> str:
+        """Its content digest."""
+
+    @property
+    def licence(self) -> str:
+        """Its licence, 'unknown' where it says none."""
+
+
+def read(text: str) -> Job:
+    """The job that `to_json` wrote."""
+    fields = json.loads(text)
+    found: Job = load(BACKENDS, fields.pop("backend")).from_fields(fields)
+    return found

@@ -9,14 +9,14 @@ import sys
 from pathlib import Path
 
 from afford.training.fit import fit
-from afford.training.job import Job
+from afford.training.job import read
 from afford.training.ranks import launched
 from afford.training.repeatable import repeatable
 
 
 def main(job_file: Path, scratch: Path) -> None:
     """Train with the others until the checkpoint in `scratch` is complete."""
-    job = Job.from_json(job_file.read_text())
+    job = read(job_file.read_text())
     with repeatable(1, job.plan.device), launched(job.plan.device) as ranks:
 
         def progress(done: int, total: int) -> None:

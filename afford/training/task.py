@@ -59,3 +59,10 @@ class Plan:
     def __post_init__(self) -> None:
         if min(self.steps, self.accumulate, self.log_every) < 1 or not 0 < self.warmup <= self.steps:
             raise ValueError(f"training: expected steps, accumulate, log_every >= 1 and 0 < warmup <= steps, got {self}")
+
+
+def plan_of(p: Any, parallel: int) -> Plan:
+    """What the parameters `p` of model_train say of the loop, whatever the model."""
+    return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, clip_norm=p.clip_norm,
+                accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every, patience=p.patience, seed=p.seed,
+                device=p.device, parallel=parallel)  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -11,9 +12,8 @@ import pyarrow.parquet as pq
 
 from afford.codecs.identity import digest
 from afford.dataset.files import empty_folder
-from afford.models.twohands import files
 from afford.training import card
-from afford.training.fit import Fitted, about
+from afford.training.fit import Fitted
 from afford.training.job import Job
 from schemas.files import FileTree
 from schemas.training import TrainingLog
@@ -21,17 +21,24 @@ from schemas.training import TrainingLog
 MODEL, CARD, HISTORY = "model", "card.md", "history.parquet"
 
 
+class Source(NamedTuple):
+    """A data set as a whole (`afford.training.job.Dataset`)."""
+
+    name: str
+    digest: str
+    licence: str
+
+
 def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted, curves: TrainingLog) -> Path:
     """The folder of files; everything in it is a function of the data set, the job and the weights."""
     root = empty_folder(scratch / "out")
-    files.save(fitted.model, root / MODEL)
+    job.save(fitted.model, root / MODEL)
     for folder in ("tensorboard", "previews"):
         if (scratch / folder).exists():
             shutil.copytree(scratch / folder, root / folder)
     _history(curves, root / HISTORY)
-    count = sum(parameter.numel() for parameter in fitted.model.parameters())
-    source = card.Source(dataset.name, digest(dataset), card.licence_of(dataset), about(scratch))
-    text = card.text(name, source, job, fitted.model.config.threshold, count, curves)
+    source = Source(dataset.name, digest(dataset), card.licence_of(dataset))
+    text = job.card(name, source, scratch, fitted.model, curves)
     (root / CARD).write_text(text, encoding="utf-8", newline="\n")
     return root
 
