@@ -2,7 +2,7 @@
 
 Reads   FileTree of a data set: what dataset_pack writes, released 2HANDS (h5 + json), or any folder of `datasets` with the
         columns image, mask_left, mask_right, narration (backend sor3d: what interaction_pack writes); a Recipe, for a row of
-        the ablation
+        the ablation; for sor3d the files of a pre-training, if there was one
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
 Method  AdamW, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that
@@ -30,13 +30,15 @@ MEMORY_GIB = 2.0
 BACKENDS = {
     "twohands": "afford.training.hands_job:job",
     "sor3d": "afford.training.sor3d_job:job",
+    "sor3d_actions": "afford.training.actions_job:job",
 }
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "twohands"
-    """what is trained: twohands, or sor3d (SOR3D-AFF's model, on what interaction_pack writes)"""
+    """what is trained: twohands; sor3d (SOR3D-AFF's model, on what interaction_pack writes); sor3d_actions (its first encoder
+    before, on what action_pack or interaction_pack writes)"""
     variant: str = "small"
     """twohands: small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder); sor3d: small or paper"""
     hypotheses: int = 3
@@ -131,13 +133,18 @@ SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=9620
 """the paper's: 200 epochs of 962 sequences. Its rate is constant; here it falls linearly to 0"""
 
 
-def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None) -> Trained:
-    """Train in the scratch folder, where a killed training goes on."""
+def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
+        encoder: FileTree | None = None) -> Trained:
+    """Train in the scratch folder, where a killed training goes on; sor3d from the `encoder` that sor3d_actions left, if any."""
     from afford.dataset import files
     from afford.training import curves, fit, launch, written
     from afford.training.repeatable import repeatable
 
     job = _job(params, recipe)
+    if encoder is not None:
+        if params.backend != "sor3d":
+            raise ValueError(f"model_train: expected backend sor3d for what starts from an encoder, got {params.backend!r}")
+        job = job.starting_from(encoder)
     job.prepare({file.name: file.path for file in dataset.files}, ctx.scratch)
     if params.devices > 1:
         launch.launch(job, ctx.scratch, params.devices, ctx.progress)

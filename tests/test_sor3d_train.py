@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from afford.dataset import sequences
 from afford.models.sor3d import files
@@ -15,9 +16,9 @@ from afford.training import sequence_batches
 from afford.training.job import read
 from afford.training.sequence_batches import Changes, changed, last, mirrored, stack
 from schemas.files import FileTree
-from schemas.interaction import AFFORDANCES, BACKGROUND
+from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip
 from schemas.training import Recipe, Trained
-from stages import interaction_pack, model_train
+from stages import action_pack, interaction_pack, model_train
 from tests.made_samples import Scratch
 from tests.made_sequences import SIZE, interaction
 
@@ -151,3 +152,30 @@ def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> 
     made = model_train.run(dataset, replace(PARAMS, steps=150, validate_every=150, static_share=0.2, lr=4e-3), Scratch(tmp_path))
     said = {curve.name: float(curve.value[-1]) for curve in made.log.curves}
     assert said["val.iou"] > 0.8 and said["val.action"] == 1.0 and said["val.static.iou"] < 0.7
+
+
+def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None:
+    """On clips of actions of any length; the model starts from exactly that encoder, and nothing else does."""
+    rng = np.random.default_rng(0)
+    actions = tuple(ActionClip(f"a{n}", ("walk", "wave")[n % 2], rng.integers(0, 255, (5 + n, SIZE, SIZE, 3)).astype(np.uint8),
+                               np.zeros((5 + n, SIZE, SIZE), np.float32)) for n in range(8))  # fmt: skip
+    packed = action_pack.run(actions, action_pack.Params(val_share=0.4), scratch(tmp_path, "packed"))
+    assert {file.name.split("/")[0] for file in packed.files} == {"train", "val", "README.md"}
+    few = replace(PARAMS, steps=2, validate_every=2)
+    before = model_train.run(packed, replace(few, backend="sor3d_actions"), scratch(tmp_path, "before"))
+    assert "val.action" in {curve.name for curve in before.log.curves}
+    job = model_train._job(few).starting_from(before.files)
+    job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
+    weights = load_file(before.files.find("model/encoder.safetensors").path)
+    assert all(torch.equal(tensor, weights[name]) for name, tensor in job.task(tmp_path, 1).model.appearance.state_dict().items())
+    after = model_train.run(dataset, few, scratch(tmp_path, "after"), encoder=before.files)
+    assert str(tmp_path) not in after.files.find("card.md").path.read_text()
+    with pytest.raises(ValueError, match="expected backend sor3d"):
+        model_train.run(dataset, replace(few, backend="twohands"), Scratch(tmp_path), encoder=before.files)
+    with pytest.raises(ValueError, match=r"expected model/encoder.safetensors of a pre-training"):
+        model_train.run(dataset, few, Scratch(tmp_path), encoder=after.files)
+
+
+def scratch(folder: Path, name: str) -> Scratch:
+    (folder / name).mkdir()
+    return Scratch(folder / name)

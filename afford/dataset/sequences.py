@@ -11,7 +11,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from schemas.interaction import AFFORDANCES, InteractionClip
+from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip, InteractionClip
 from schemas.scene_flow import SceneFlow
 
 WORDS = "words"
@@ -27,6 +27,7 @@ class Sequence:
     name: str
     object_type: str
     affordance: str
+    """or the action, in a set of actions"""
     rgb: np.ndarray
     """(t, h, w, 3) uint8"""
     depth_m: np.ndarray
@@ -44,12 +45,23 @@ def write(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
     if clip.name != flow.name or len(flow.colour) != len(clip.rgb) - 1:
         raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
                          f"{len(flow.colour)}")
-    folder = root / clip.split
-    folder.mkdir(parents=True, exist_ok=True)
-    depth = np.clip(np.round(clip.depth_m * DEPTH_PER_M), 0, 65535).astype(np.uint16)
     words = {"name": clip.name, "object_type": clip.object_type, "affordance": clip.affordance}
-    save_file({"rgb": clip.rgb, "depth": depth, "flow_3d": flow.colour, "flow_2d": flow.colour_px, "still": flow.still,
-               "label": clip.label}, folder / f"{clip.name}.safetensors", {WORDS: json.dumps(words)})  # fmt: skip
+    _save(root / clip.split, words, clip.rgb, clip.depth_m, flow.colour, flow.colour_px, flow.still, clip.label)
+
+
+def write_action(root: Path, clip: ActionClip, split: str) -> None:
+    """A clip of an action, which has neither flow nor label."""
+    none, label = np.zeros((0, *clip.rgb.shape[1:]), np.uint8), np.full(clip.rgb.shape[1:3], BACKGROUND, np.uint8)
+    words = {"name": clip.name, "object_type": "", "affordance": clip.action}
+    _save(root / split, words, clip.rgb, clip.depth_m, none, none, np.zeros(6, np.uint8), label)
+
+
+def _save(folder: Path, words: dict[str, str], rgb: np.ndarray, depth_m: np.ndarray, flow_3d: np.ndarray, flow_2d: np.ndarray,
+          still: np.ndarray, label: np.ndarray) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    depth = np.clip(np.round(depth_m * DEPTH_PER_M), 0, 65535).astype(np.uint16)
+    save_file({"rgb": rgb, "depth": depth, "flow_3d": flow_3d, "flow_2d": flow_2d, "still": still, "label": label},
+              folder / f"{words['name']}.safetensors", {WORDS: json.dumps(words)})  # fmt: skip
 
 
 def read(path: Path, flow: str) -> Sequence:

@@ -18,6 +18,7 @@ from schemas.training import TrainingLog
 BACKENDS = {
     "twohands": "afford.training.hands_job:HandsJob",
     "sor3d": "afford.training.sor3d_job:Sor3dJob",
+    "sor3d_actions": "afford.training.actions_job:ActionsJob",
 }
 """`model_train.backend` -> its job"""
 

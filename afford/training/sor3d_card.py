@@ -35,8 +35,10 @@ tags:
 
 # {name}
 
-SOR3D-AFF's spatio-temporal autoencoder, {count:,} parameters: an RGB-D sequence (or one picture) goes in; which pixels of its last
-frame afford what, and the action, come out. Depth: {config['depth']}; flow: {config['flow']}; attention: {config['attention']}.
+SOR3D-AFF's spatio-temporal autoencoder, or, before it, its first encoder with an LSTM; {count:,} parameters. An RGB-D sequence (or
+one picture) goes in; which pixels of its last frame afford what, and the action (of the encoder: the action alone), come out.
+
+Depth: {config['depth']}; flow: {config['flow']}; attention: {config['attention']}.
 
 ## Data
 
@@ -53,7 +55,7 @@ frame afford what, and the action, come out. Depth: {config['depth']}; flow: {co
 of step {curves.best_step} were kept. Only the label of the last frame is learned, and the action.
 
 ```json
-{json.dumps({key: value for key, value in job.items() if key != 'vgg'}, indent=1, sort_keys=True)}
+{json.dumps({key: value for key, value in job.items() if key not in ('vgg', 'encoder')}, indent=1, sort_keys=True)}
 ```
 
 ## Validation

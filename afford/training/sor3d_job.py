@@ -13,7 +13,7 @@ from typing import Any
 from torch import nn
 
 from afford.dataset import sequences
-from afford.models.sor3d import files, vgg
+from afford.models.sor3d import files, pretrain, vgg
 from afford.models.sor3d.config import ROWS, WIDTHS, Sor3dConfig, row
 from afford.models.sor3d.losses import LossParams
 from afford.models.sor3d.model import Sor3d, build
@@ -24,6 +24,7 @@ from afford.training.order import Order
 from afford.training.sequence_batches import Changes, SequenceBatches, fitted
 from afford.training.state import State
 from afford.training.task import Plan, plan_of
+from schemas.files import FileTree
 from schemas.training import Recipe, TrainingLog
 
 FILES = "sequences.json"
@@ -50,16 +51,27 @@ class Sor3dJob:
     vgg: str
     """a VGG16 checkpoint for the stream of motion, '' for none"""
     seed: int
+    encoder: str = ""
+    """encoder.safetensors of a pre-training for the first stream, '' for none"""
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """Note where the sequences of both parts are; they are read when they are drawn."""
         found = {split: [str(path.absolute()) for path in sequences.part(data, split)] for split in ("train", "val")}
         (scratch / FILES).write_text(json.dumps(found), encoding="utf-8")
 
+    def starting_from(self, files: FileTree) -> Sor3dJob:
+        """The same with the encoder that a pre-training left. ValueError when it left none."""
+        found = files.find(f"model/{pretrain.FILE}")
+        if found is None:
+            raise ValueError(f"{files.name}: expected model/{pretrain.FILE} of a pre-training (backend sor3d_actions), found none")
+        return replace(self, encoder=str(found.path.absolute()))
+
     def task(self, scratch: Path, processes: int) -> Interactions:
         """A new model, the batches of training and the sequences of validation."""
-        parts = _parts(scratch)
+        parts = parts_of(scratch)
         model = build(self.config, self.seed)
+        if self.encoder:
+            pretrain.load(model.appearance, Path(self.encoder))
         if self.vgg and model.motion is not None:
             vgg.fill(model.motion, Path(self.vgg))
         order = Order([sequences.kind(path) for path in parts["train"]], self.balance, self.seed)
@@ -78,9 +90,8 @@ class Sor3dJob:
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """The card, Markdown."""
-        parts = {split: Counter(" ".join(sequences.kind(path)) for path in paths) for split, paths in _parts(scratch).items()}
         count = sum(parameter.numel() for parameter in model.parameters())
-        return sor3d_card.text(name, dataset, parts, dataclasses.asdict(self), count, curves)
+        return sor3d_card.text(name, dataset, kinds_of(scratch), dataclasses.asdict(self), count, curves)
 
     def to_json(self) -> str:
         """The job as text."""
@@ -119,7 +130,13 @@ def _parallel(p: Any, threads: int) -> int:
     return min(threads, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1
 
 
-def _parts(scratch: Path) -> dict[str, list[Path]]:
+def kinds_of(scratch: Path) -> dict[str, Counter[str]]:
+    """Sequences of both parts by '<object type> <affordance>'."""
+    return {split: Counter(" ".join(sequences.kind(path)).strip() for path in paths) for split, paths in parts_of(scratch).items()}
+
+
+def parts_of(scratch: Path) -> dict[str, list[Path]]:
+    """The files of both parts, as `prepare` found them."""
     found = json.loads((scratch / FILES).read_text(encoding="utf-8"))
     return {split: [Path(path) for path in paths] for split, paths in found.items()}
 

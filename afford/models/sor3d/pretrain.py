@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from afford.models.sor3d.encoder import Encoder
 from afford.models.sor3d.model import Sor3d
 from afford.models.sor3d.parts import xavier
+
+FILE = "encoder.safetensors"
 
 
 class ActionLSTM(nn.Module):
@@ -35,3 +41,17 @@ def head(model: Sor3d, actions: int, seed: int) -> ActionLSTM:
         xavier(made)
         made.encoder = model.appearance
     return made
+
+
+def save(encoder: nn.Module, folder: Path) -> None:
+    """The weights of an encoder alone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in encoder.state_dict().items()}, folder / FILE)
+
+
+def load(encoder: nn.Module, path: Path) -> None:
+    """Put them into an encoder. ValueError when they are those of another."""
+    try:
+        encoder.load_state_dict(load_file(path))
+    except (OSError, SafetensorError, RuntimeError) as error:
+        raise ValueError(f"{path.name}: expected the encoder of a model of this width, depth and norm; {error}") from error
