@@ -2,8 +2,9 @@
 
 Reads   InteractionClip
 Writes  SceneFlow: metres and pixels per frame, and both as colours
-Method  optical flow (DIS) and measured depth, spread within surfaces by a fast global smoother (weighted least squares) from where
-        both directions agree; holes filled; rest where motion explains no more than noise. Deterministic.
+Method  optical flow (DIS, also from a search of large shifts) and measured depth, spread within surfaces by a fast global
+        smoother (weighted least squares) from where both directions agree; holes filled; for every surface the guess that
+        explains the next frame best, rest unless motion does so by a margin. Deterministic.
         backend `difference`: optical flow and the difference of depths alone
 Fails   when the clip is smaller than 32 px, a parameter is not positive, or the colours are not a known kind
 Paper   SOR3D-AFF, 3-D flow (there PD-Flow on pairs of frames, each axis normalised to 0..255); the camera stands, as there

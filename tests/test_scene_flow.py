@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from afford.scene_flow import colours, difference, regularised
-from afford.scene_flow.smooth import affinity, smooth
+from afford.scene_flow.search import search
+from afford.scene_flow.smooth import affinity, smooth, solve
 from afford.scene_flow.view import Settings, View, lift
 from schemas.interaction import BACKGROUND, InteractionClip
 from stages import scene_flow
@@ -92,8 +93,6 @@ def test_smoothing_is_the_minimum_along_a_row() -> None:
     """One row: the solve is that of the normal equations, and what is not believed is filled from both sides."""
     rng = np.random.default_rng(1)
     values, near = rng.normal(size=(1, 6, 1)).astype(np.float32), np.ones((1, 5), np.float32)
-    from afford.scene_flow.smooth import solve
-
     links = np.diag([1.0, 2, 2, 2, 2, 1]) - np.eye(6, k=1) - np.eye(6, k=-1)
     want = np.linalg.solve(np.eye(6) + 3.0 * links, values[0, :, 0])
     got = values.copy()
@@ -101,6 +100,15 @@ def test_smoothing_is_the_minimum_along_a_row() -> None:
     assert np.abs(got[0, :, 0] - want).max() < 1e-5
     flat = smooth(np.float32([[[1], [9], [1]]] * 3), np.float32([[1, 0, 1]] * 3), affinity(np.zeros((3, 3, 1), np.float32)), 5.0)
     assert np.abs(flat - 1).max() < 1e-3
+
+
+def test_large_shifts_are_found() -> None:
+    """A picture moved by a third of its side, of which whole small pixels are what the search can tell."""
+    rng = np.random.default_rng(2)
+    coarse = np.repeat(np.repeat(rng.random((28, 28, 3)).astype(np.float32), 4, 0), 4, 1)
+    moved = np.roll(coarse, (12, -32), (0, 1))
+    found = search(coarse, moved)[4:96, 36:108]
+    assert np.median(np.abs(found - (-32, 12))) < 112 / 36
 
 
 def test_colours_of_no_motion() -> None:

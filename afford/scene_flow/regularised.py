@@ -81,8 +81,9 @@ def _optical(a: np.ndarray, b: np.ndarray, start: np.ndarray | None) -> np.ndarr
     if max(height, width) > SMALL_PX:
         return flow_between(a, b, start=start)
     size = (2 * width, 2 * height)
-    large = [cv2.resize(one, size, interpolation=cv2.INTER_CUBIC) for one in (a, b)]
-    found = flow_between(*large, start=None if start is None else cv2.resize(start, size, interpolation=cv2.INTER_NEAREST) * 2)
+    first, second = (cv2.resize(one, size, interpolation=cv2.INTER_CUBIC) for one in (a, b))
+    begin = None if start is None else 2 * cv2.resize(start, size, interpolation=cv2.INTER_NEAREST)
+    found = flow_between(first, second, start=begin)
     return cv2.resize(found, (width, height), interpolation=cv2.INTER_AREA) / 2
 
 

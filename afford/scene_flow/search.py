@@ -23,9 +23,9 @@ def search(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     height, width = a.shape[:2]
     scale = SIDE_PX / max(height, width)
     size = (max(round(width * scale), 1), max(round(height * scale), 1))
-    small = [np.ascontiguousarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA)) for one in (a, b)]
-    found = shifts(*small, round(REACH * SIDE_PX), HALF, LIMIT, PRICE)
-    back = np.float32([width / size[0], height / size[1]])
+    first, second = (np.ascontiguousarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA)) for one in (a, b))
+    found = shifts(first, second, round(REACH * SIDE_PX), HALF, LIMIT, PRICE)
+    back = np.array([width / size[0], height / size[1]], np.float32)
     return cv2.resize(found, (width, height), interpolation=cv2.INTER_NEAREST) * back
 
 
