@@ -125,7 +125,7 @@ class Params:
 
 
 SOR3D = Params(backend="sor3d", height_px=112, steps=1200, batch=4, accumulate=2, lr=2e-3, warmup=50, validate_every=300,
-               balance=0.0, foreground_weight=2.0)  # fmt: skip
+               balance=0.0, foreground_weight=4.0)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
                      weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, flip_share=0.0,
