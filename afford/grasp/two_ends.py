@@ -39,9 +39,14 @@ def pair(body: GraspObject) -> tuple[GraspTask, GraspTask]:
     if not all(map(len, sides)):
         raise ValueError(f"{body.name}: expected points farther than {APART_M:g} m from the centre of mass at both ends, got "
                          f"{len(sides[0])} and {len(sides[1])}; leave it out")
-    first, other = (GraspTask(f"{body.name}/{end}_end", "", "keep off this end", body, (), "", spread_points(side, NEGATIVE_POINTS))
-                    for end, side in zip(ENDS, sides, strict=True))  # fmt: skip
+    first, other = (_keeping_off(body, end, side) for end, side in zip(ENDS, sides, strict=True))
     return first, other
+
+
+def _keeping_off(body: GraspObject, end: str, points: np.ndarray) -> GraspTask:
+    """A task that names no part: only its N_t, of points (k, 3), says what must not be touched."""
+    return GraspTask(f"{body.name}/{end}_end", "", "keep off this end", body, negative=(), hold="",
+                     N_t=spread_points(points, NEGATIVE_POINTS), told=(), A_t=np.zeros((0, 3)))
 
 
 def grasp_twice(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, name: str, engine: str, physics: Physics,
