@@ -140,7 +140,7 @@ def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: 
     rows = tuple(of_policy(name, value) for name, value in (("teacher", 5.0), ("no_negative", 15.0), ("teacher_naa", 6.0)))
     other = replace(of_policy("no_negative", 30.0), seed=1)
     tasks = ((told(said()),), (), (told(nothing_said()),))
-    files = grasp_report.run((*rows, other), (), grasp_report.Params(), Scratch(tmp_path / "a"), tasks)
+    files = grasp_report.run((*rows, other), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "a"), tasks)
     found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
     assert (found["naa.tasks"], found["naa.tasks_without_points"], found["naa.times_below.mujoco"]) == (2, 1, 2.5)
     assert found["naa.recall_2cm"] == pytest.approx(0.5, abs=0.01) and found["naa.precision_2cm"] > 0.98
@@ -148,10 +148,10 @@ def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: 
     text = files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
     assert "| mujoco | 5.0 | 6.0 | 15.0 | 2.5 |" in text and "1 of 2 tasks have no predicted point" in text
     drawn = (tasks[0], (replace(task(), A_t=np.zeros((0, 3))),))
-    files = grasp_report.run(rows, (), grasp_report.Params(), Scratch(tmp_path / "c"), positives=drawn)
+    files = grasp_report.run(rows, (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "c"), positives=drawn)
     found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
     assert (found["positive.tasks_without_points"], found["positive.on_hold"]) == (1, 1) and "naa.tasks" not in found
-    without = grasp_report.run(rows, (), grasp_report.Params(), Scratch(tmp_path / "b"))
+    without = grasp_report.run(rows, (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "b"))
     assert "as predicted" not in without.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
 
 
