@@ -34,7 +34,7 @@ class Params:
     updates: int = 200
     """of PPO; each follows one episode of every world"""
     worlds: int = 32
-    """computed side by side; tasks are taken in turn"""
+    """computed side by side, at least one for each task; tasks are taken in turn"""
     base: str = "prior"
     """what the teacher adds to: none, script (a grasp where the hand happens to be), or prior (hand_imitation). For script, whose
     actions are finer, std=0.1, std_along=0.35 and steps=44 were found to be good"""
@@ -86,7 +86,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
     config = _config(params, tuple(facts.get("posture", ())))
     with repeatable(THREADS, "cpu"):
         first = residual.Prior(known, params.layout) if known else None
-        model, state = refine.train(hand, mine, first, config, _plan(params), ctx.scratch, ctx.progress)
+        model, state = refine.train(hand, mine, first, config, _plan(params, len(mine)), ctx.scratch, ctx.progress)
     root = refine.write(ctx.scratch, model, first, config, params.seed)
     return Trained(tree(params.name, root), curves.log(params.name, state))
 
@@ -107,9 +107,9 @@ def _weights(p: Params) -> dict[str, float]:
     return {**negative_times(p.reward, p.lambda_n), **({"positive": p.positive} if p.positive else {})}
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
+def _plan(p: Params, tasks: int):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
     from afford.grasp.refine import Plan
     from afford.rl import ppo
 
-    return Plan(p.seed, p.worlds, p.size, p.std, p.std_along,
+    return Plan(p.seed, max(p.worlds, tasks), p.size, p.std, p.std_along,
                 ppo.Config(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))  # fmt: skip

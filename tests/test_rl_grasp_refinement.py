@@ -148,3 +148,7 @@ def test_what_it_leaves(tmp_path: Path) -> None:
 def test_what_cannot_be_is_said(tmp_path: Path, wrong: Callable[[Path], Trained], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         wrong(tmp_path / "run")
+
+
+def test_every_task_has_a_world() -> None:
+    assert stage._plan(stage.Params(worlds=2), 5).worlds == 5 and stage._plan(stage.Params(worlds=6), 5).worlds == 6
