@@ -11,13 +11,15 @@ from maps.grasps import grasp, grasp_full
 from maps.interactions import interactions
 from maps.negatives import negative_affordance
 from maps.settings import Origin, Settings
+from maps.sor3d import sor3d, sor3d_ablation
 from maps.twohands import ablate, benchmark_stills, measure, train, train_set
 from runner import Graph
 
 TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
            "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
            "ablation": ablate, "negative-affordance": negative_affordance,
-           "grasp": grasp, "grasp-full": grasp_full, "interactions": interactions}
+           "grasp": grasp, "grasp-full": grasp_full, "interactions": interactions,
+           "sor3d": sor3d, "sor3d-ablation": sor3d_ablation}
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:

@@ -13,16 +13,19 @@ from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
-             "negative-affordance": "procedural-objects", "interactions": "interactions"}
+             "negative-affordance": "procedural-objects", "interactions": "interactions",
+             "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
+SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
+"""Targets that read RGB-D sequences, or render them."""
 
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> tuple[Origin, Source | None]:
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
-    if target == "interactions" and source is not None:
-        return _sequences(source, digest)
+    if target in SEQUENCES:
+        return _sequences(target, source, settings, digest), None
     if target in OWN_ROOMS:
         if source is not None:
             raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
@@ -68,15 +71,18 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
     return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
 
 
-def _sequences(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, None]:
-    """The sequences of a root in the layout of SOR3D-AFF."""
+def _sequences(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """The sequences of a root in the layout of SOR3D-AFF, none where they are rendered; clips of actions to learn from before."""
+    from afford.benchmark.layout import tree
     from afford.interactions.folder import discover as find
 
     try:
-        found = find(source, digest)
+        found = find(source, digest) if source else ()
+        actions = tree(Path(settings.sor3d_report.actions), digest) if settings.sor3d_report.actions else None
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
-    return Origin(source.resolve().name, sequences=found), None
+        raise UsageError(f"--source {source}: {error}" if source else f"sor3d_report.actions: {error}") from error
+    name = OWN_ROOMS[target] if source is None else source.resolve().name
+    return Origin(name if source is None or target == "interactions" else f"{target}-{name}", sequences=found, actions=actions)
 
 
 def _is_dataset(source: Path) -> bool:

@@ -106,9 +106,10 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage.startswith("record_"):
                 publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
-            elif stage == "model_train.files":
+            elif stage in ("model_train.files", "pretrained_model_train.files"):
                 out["model"] = str(publish(runner, digest, store / "models" / place.name))
-            elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report"):
+            elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
+                           "sor3d_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
             elif stage == "grasp_record":
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))

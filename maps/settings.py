@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
 from stages import (
     ablation_report,
+    action_pack,
+    action_read,
     affordance_intersect,
     baseline_cases,
     benchmark,
@@ -31,6 +33,7 @@ from stages import (
     hand_model,
     hand_retarget,
     imitation_evaluate,
+    interaction_pack,
     interaction_plan,
     interaction_read,
     interaction_render,
@@ -57,15 +60,19 @@ from stages import (
     predict_cases,
     rl_grasp_refinement,
     sample_assemble,
+    scene_flow,
     scene_render,
     score_cases,
     scorer_train,
+    sor3d_evaluate,
+    sor3d_report,
     source_read,
     still_render,
     still_sample,
     train_plan,
     view_render,
 )
+from stages.model_train import SOR3D
 
 
 @dataclass(frozen=True)
@@ -129,6 +136,14 @@ class Settings:
     interaction_plan: interaction_plan.Params = interaction_plan.Params()
     interaction_render: interaction_render.Params = interaction_render.Params()
     interaction_read: interaction_read.Params = interaction_read.Params()
+    interaction_pack: interaction_pack.Params = interaction_pack.Params(licence="apache-2.0")
+    scene_flow: scene_flow.Params = scene_flow.Params()
+    action_read: action_read.Params = action_read.Params()
+    action_pack: action_pack.Params = action_pack.Params()
+    sor3d_pretrain: model_train.Params = replace(SOR3D, backend="sor3d_actions", steps=300, validate_every=150)
+    sor3d_train: model_train.Params = SOR3D
+    sor3d_evaluate: sor3d_evaluate.Params = sor3d_evaluate.Params()
+    sor3d_report: sor3d_report.Params = sor3d_report.Params()
 
 
 class Origin(NamedTuple):
@@ -142,3 +157,4 @@ class Origin(NamedTuple):
     dataset: FileTree | None = None
     meshes: tuple[FileTree, ...] = ()
     sequences: tuple[FileTree, ...] = ()
+    actions: FileTree | None = None

@@ -1,0 +1,72 @@
+"""A trained model on sequences, as videos and as pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence as Listed
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from afford.dataset import sequences
+from afford.dataset.sequences import Sequence
+from afford.metrics.sor3d import counts
+from afford.models.sor3d.model import Sor3d
+from afford.training.sequence_batches import fitted, last, stack
+from schemas.interaction_scores import InteractionScores, ShownAnswer
+
+MODES = ("video", "static")
+
+
+class Answer(NamedTuple):
+    """What a model says of one sequence."""
+
+    label: np.ndarray
+    """(h, w) uint8"""
+    confidence: np.ndarray
+    """(h, w) float16"""
+    action: np.ndarray
+    """(9,) float32 probabilities"""
+    attention: np.ndarray
+    """(a, b) float32 over the latent, (0, 0) for none"""
+
+
+def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: str,
+            progress: Callable[[int, int], None]) -> InteractionScores:  # fmt: skip
+    """Every sequence, one at a time, so that they may have any lengths."""
+    kept = spread(len(paths), shown)
+    rows, pixels, pictures = [], [], []
+    for n, path in enumerate(paths):
+        one = fitted(sequences.read(path, model.config.flow), model.config.size_px)
+        said = ask(model, one, device), ask(model, last(one), device)
+        found = [counts(answer.label, one.label) for answer in said]
+        pixels.append([[of.hit, of.found, of.true] for of in found])
+        pictures += [_shown(one, said)] if n in kept else []
+        rows.append((one.name, one.object_type, one.affordance, [answer.action for answer in said]))
+        progress(n + 1, len(paths))
+    names, types, affordances, actions = zip(*rows, strict=True)
+    return InteractionScores(name, MODES, names, types, affordances, np.array(pixels, np.int64), np.array(actions, np.float32),
+                             tuple(pictures))  # fmt: skip
+
+
+def ask(model: Sor3d, one: Sequence, device: str = "cpu") -> Answer:
+    """About the last frame of a sequence, at the size of the model."""
+    with torch.inference_mode():
+        said = model(stack([one], model.config).frames.to(device))
+        confidence, label = said.logits[0].softmax(0).max(0)
+        attention = torch.zeros(0, 0) if said.attention is None else said.attention[0, 0]
+    return Answer(label.cpu().numpy().astype(np.uint8), confidence.cpu().numpy().astype(np.float16),
+                  said.action[0].softmax(0).cpu().numpy(), attention.cpu().numpy())
+
+
+def spread(of: int, count: int) -> set[int]:
+    """At most `count` positions, spread over `of`."""
+    count = min(of, count)
+    return {round(n * (of - 1) / max(count - 1, 1)) for n in range(count)}
+
+
+def _shown(one: Sequence, said: Listed[Answer]) -> ShownAnswer:
+    parts = (np.stack([getattr(answer, name) for answer in said]) for name in ("label", "confidence", "attention"))
+    return ShownAnswer(one.name, one.rgb[-1].copy(), one.label.copy(), *parts)

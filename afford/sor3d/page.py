@@ -1,0 +1,111 @@
+"""The report of SOR3D-AFF's model as Markdown: ours beside the paper's, category by category, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from afford.sor3d import published
+from afford.sor3d.recipes import ALL, WHOLE
+from afford.training.ablation import spread
+from schemas.interaction import AFFORDANCES
+
+MODES = {"video": "videos", "static": "pictures (the last frame alone)"}
+FIGURES = ("iou", "f", "fw")
+COLUMNS = ("video.iou", "video.f", "video.fw", "static.iou", "static.f", "static.fw", "action.accuracy")
+"""of a row of the ablation"""
+
+Seeds = Sequence[Mapping[str, float]]
+
+
+def model(numbers: Mapping[str, float], clips: int) -> str:
+    """One model: a table of both modes, one of categories."""
+    lines = [_line(MODES[mode], [_with_interval(numbers, f"{mode}.{name}") for name in FIGURES], _paper(published.MODEL[mode]))
+             for mode in MODES if f"{mode}.iou" in numbers]  # fmt: skip
+    boxes = _line("AffordanceNet, pictures", [""] * 3, _paper(published.AFFORDANCENET))
+    action = f"Action named rightly: {_with_interval(numbers, 'action.accuracy')} of videos."
+    return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels are pooled over all of them, then meaned over categories; in "
+            "brackets 95 % intervals over sequences; the paper's figures are of its own data.\n\n"
+            "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+            f"{''.join((*lines, boxes))}\n{action}\n\n{categories(numbers)}")  # fmt: skip
+
+
+def categories(numbers: Mapping[str, float]) -> str:
+    """A line for each that occurs or was found."""
+    keys = [f"{mode}.{name}" for mode in MODES for name in ("iou", "f")] + ["action.accuracy"]
+    some = [name for name in AFFORDANCES if any(f"{key}.{name}" in numbers for key in keys)]
+    lines = [_line(name, [_number(numbers, f"{key}.{name}") for key in keys]) for name in some]
+    return ("| | video: IoU | F | picture: IoU | F | action |\n|---|--:|--:|--:|--:|--:|\n" + "".join(lines) + "\n")
+
+
+def ablation(rows: Mapping[str, Seeds], planned: Mapping[str, int]) -> str:
+    """All rows of the paper beside it, those that are not finished or not asked for marked so; then what each part adds."""
+    head = ("# Ablation of SOR3D-AFF\n\nMean and standard deviation over seeds, validation; the paper's figures (videos) are of "
+            "its own data.\n\n| row | video: IoU | F | weighted F | picture: IoU | F | weighted F | action | seeds | paper: IoU | F |\n"
+            f"|---|{'--:|' * 10}\n")  # fmt: skip
+    return head + "".join(_row(name, rows.get(name, []), planned.get(name, 0)) for name in ALL) + "\n" + steps(rows)
+
+
+def steps(rows: Mapping[str, Seeds]) -> str:
+    """What every part adds to the IoU of videos, and video to pictures, where both sides have a finished seed."""
+    lines = [_line(what, [_gain(rows[without], rows[having], "video.iou", "video.iou")], [_paper_gain(without, having)])
+             for what, without, having in published.STEPS if rows.get(without) and rows.get(having)]  # fmt: skip
+    video, static = (published.MODEL[mode][0] for mode in ("video", "static"))
+    if rows.get(WHOLE):
+        lines.append(_line("video", [_gain(rows[WHOLE], rows[WHOLE], "static.iou", "video.iou")], [f"{video - static:+.2f}"]))
+    return ("What a part adds to IoU:\n\n| | here | paper |\n|---|--:|--:|\n" + "".join(lines) + "\n") if lines else ""
+
+
+def methods(others: Mapping[str, Mapping[str, float]]) -> str:
+    """Other methods on the same pictures; nothing without any."""
+    lines = [_line(name, [_number(numbers, f"static.{figure}") for figure in FIGURES]) for name, numbers in others.items()]
+    return "| other methods, pictures | IoU | F | weighted F |\n|---|--:|--:|--:|\n" + "".join(lines) + "\n" if lines else ""
+
+
+def motion(numbers: Mapping[str, float]) -> str:
+    """The scene flow; nothing where the truth is not known."""
+    if "flow.epe_ratio" not in numbers:
+        return ""
+    text = (f"Scene flow: end-point error {numbers['flow.epe_mm']:.2f} mm a frame over all pixels with a surface, "
+            f"{numbers['flow.epe_ratio']:.2f} of that of optical flow with the difference of depths "
+            f"({numbers['flow.difference_epe_mm']:.2f} mm)")  # fmt: skip
+    moving = (f"; over pixels that move {numbers['flow.epe_moving_mm']:.2f} mm, {numbers['flow.epe_ratio_moving']:.2f} of "
+              f"{numbers['flow.difference_epe_moving_mm']:.2f} mm" if "flow.epe_ratio_moving" in numbers else "")  # fmt: skip
+    return f"{text}{moving}.\n"
+
+
+def _row(name: str, seeds: Seeds, planned: int) -> str:
+    done = "not trained" if not planned else str(planned) if len(seeds) == planned else f"{len(seeds)} of {planned}, not finished"
+    return _line(name, [_cell(seeds, column) for column in COLUMNS], [done], _paper(published.ROWS.get(name, ("", ""))))
+
+
+def _cell(seeds: Seeds, name: str) -> str:
+    if not any(name in seed for seed in seeds):
+        return "-"
+    mean, sd = spread([dict(seed) for seed in seeds], name)
+    return f"{mean:.3f} ± {sd:.3f}" if len(seeds) > 1 else f"{mean:.3f}"
+
+
+def _gain(without: Seeds, having: Seeds, before: str, after: str) -> str:
+    return f"{spread([dict(seed) for seed in having], after)[0] - spread([dict(seed) for seed in without], before)[0]:+.3f}"
+
+
+def _paper_gain(without: str, having: str) -> str:
+    both = without in published.ROWS and having in published.ROWS
+    return f"{published.ROWS[having][0] - published.ROWS[without][0]:+.2f}" if both else ""
+
+
+def _with_interval(numbers: Mapping[str, float], name: str) -> str:
+    ends = [numbers[f"{name}.{end}"] for end in ("low", "high") if f"{name}.{end}" in numbers]
+    return _number(numbers, name) + (f" ({ends[0]:.2f} to {ends[1]:.2f})" if len(ends) == 2 else "")
+
+
+def _number(numbers: Mapping[str, float], name: str) -> str:
+    return f"{numbers[name]:.3f}" if name in numbers else ""
+
+
+def _paper(values: Sequence[float | str]) -> list[str]:
+    return [f"{value:.2f}" if isinstance(value, float) else value for value in values]
+
+
+def _line(name: str, *cells: Sequence[str]) -> str:
+    return f"| {' | '.join((name, *(cell for some in cells for cell in some)))} |\n"

@@ -1,0 +1,99 @@
+"""From RGB-D interactions to SOR3D-AFF's model, what it gets right and what each part of it is worth, one line per stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from afford.sor3d.recipes import PRETRAINED, label, recipes
+from maps.interactions import sequences
+from maps.recording import record_run
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.files import FileTree
+from schemas.interaction_scores import FlowScore, InteractionScores
+from schemas.training import Recipe, Trained
+from stages import (
+    action_pack,
+    action_read,
+    interaction_pack,
+    model_train,
+    scene_flow,
+    scene_flow_score,
+    sor3d_evaluate,
+    sor3d_report,
+    training_record,
+)
+
+
+class Lessons(NamedTuple):
+    """What is learned from, and how right the motion in it is where that is known (otherwise empty)."""
+
+    dataset: FileTree
+    flows: dict[str, tuple[FlowScore, ...]]
+
+
+def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
+    """Sequences -> their motion -> a data set. Recorded ones get ten slots, as in the released code: a training wants one length."""
+    if origin.sequences:
+        p = replace(p, interaction_read=replace(p.interaction_read, frames="slots"),
+                    interaction_pack=replace(p.interaction_pack, name=origin.name, licence="unknown"))
+    found   = sequences(g, origin, p)
+    flow    = g.add(scene_flow.run, clip=found.clip,                                                 params=p.scene_flow)
+    packed  = g.add(interaction_pack.run,   clips=g.collect(found.clip), flows=g.collect(flow),      params=p.interaction_pack,
+                    ctx=g.ctx)
+    if found.truth is None:
+        return Lessons(packed, {})
+    plain   = g.named("difference_flow").add(scene_flow.run, clip=found.clip, params=replace(p.scene_flow, backend="difference"))
+    score   = g.add(scene_flow_score.run,   flow=flow, plain=plain, truth=found.truth,             params=scene_flow_score.Params())
+    return Lessons(packed, {"flows": g.collect(score)})
+
+
+def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> FileTree:
+    """The encoder of appearance, trained on actions: those of UTKinect where it is given, else those of the sequences."""
+    if origin.actions:
+        clips   = g.add(action_read.run,    files=g.leaf("actions", origin.actions),                 params=p.action_read)
+        dataset = g.add(action_pack.run,    clips=clips,                             params=p.action_pack, ctx=g.ctx)
+    trained = g.named("encoder_train").add(model_train.run, dataset=dataset,         params=p.sor3d_pretrain, ctx=g.ctx)
+    return g.pick(trained, lambda t: t.files)
+
+
+def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> tuple[
+        Trained, InteractionScores]:  # fmt: skip
+    """Recipes of one kind, trained and examined, each in a shard of its own."""
+    of      = "pretrained_" if label(planned[0]) == PRETRAINED else ""
+    more: dict[str, Any] = {"encoder": before(g, origin, dataset, p)} if of else {}
+    recipe  = g.each(g.leaf(f"{of}recipes", planned))
+    trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe,       params=p.sor3d_train,
+                                              ctx=g.ctx, **more)
+    scores  = g.named(f"{of}sor3d_evaluate").add(sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files),
+                                                 params=p.sor3d_evaluate, ctx=g.ctx)
+    return trained, scores
+
+
+def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
+    """where things afford what, from RGB-D video of people who use them: flow, training, examination; or from --source"""
+    found   = lessons(g, origin, p)
+    row     = PRETRAINED if p.sor3d_report.pretrained else p.sor3d_train.row
+    planned = recipes((row,), (p.sor3d_train.seed,), p.sor3d_train.variant)
+    trained, scores = teach(g, origin, found.dataset, planned, p)
+    page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=g.collect(scores), params=p.sor3d_report,
+                    ctx=g.ctx, **found.flows)
+    files, log = g.pick(trained, lambda t: t.files), g.pick(trained, lambda t: t.log)
+    shown   = g.named("record_model_train").add(training_record.run, log=log, files=files, params=training_record.Params(),
+                                                ctx=g.ctx)
+    g.target("sor3d", page, files, shown, record_run(g, "sor3d_report", page))
+
+
+def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
+    """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds; go on at will"""
+    mine    = replace(p.sor3d_report, ablation=True)
+    found   = lessons(g, origin, p)
+    planned = recipes(mine.rows, range(mine.seeds), p.sor3d_train.variant)
+    q       = replace(p, sor3d_train=replace(p.sor3d_train, steps=mine.steps or p.sor3d_train.steps))
+    kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is kind) for kind in (False, True)]
+    scores  = [g.collect(teach(g, origin, found.dataset, some, q)[1]) for some in kinds if some]
+    more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
+    page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,
+                    **found.flows)
+    g.target("sor3d-ablation", page, record_run(g, "sor3d_report", page))

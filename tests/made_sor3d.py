@@ -1,0 +1,17 @@
+"""Settings with which the targets of SOR3D-AFF take seconds: a few small sequences, hardly learned from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from maps.settings import Settings
+
+STEPS = {"steps": 2, "warmup": 1, "validate_every": 2, "batch": 2, "accumulate": 1, "height_px": 32, "val_samples": 2}
+FEW = Settings(
+    interaction_plan=replace(Settings.interaction_plan, train=4, val=2),
+    interaction_render=replace(Settings.interaction_render, height_px=48, frames=4, supersample=1),
+    action_read=replace(Settings.action_read, size_px=32),
+    sor3d_pretrain=replace(Settings.sor3d_pretrain, **STEPS),
+    sor3d_train=replace(Settings.sor3d_train, **STEPS),
+    sor3d_evaluate=replace(Settings.sor3d_evaluate, shown=1),
+    sor3d_report=replace(Settings.sor3d_report, rows=("rgb", "rgbd_attention_flow3d", "pretrained"), seeds=1, resamples=20))  # fmt: skip

@@ -1,0 +1,123 @@
+"""A trained model on sequences: pixels add up, a perfect answer scores 1, a picture is a video of one frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.dataset import sequences
+from afford.dataset.files import tree
+from afford.metrics import sor3d as measures
+from afford.models.sor3d import files
+from afford.models.sor3d.config import Sor3dConfig, row
+from afford.models.sor3d.model import Sor3d, build
+from afford.sor3d.examine import ask, spread
+from afford.sor3d.figures import figures, intervals, pooled
+from afford.training.sequence_batches import last
+from schemas.files import FileTree
+from schemas.interaction import AFFORDANCES
+from schemas.interaction_scores import InteractionScores
+from stages import interaction_pack, sor3d_evaluate
+from tests.made_samples import Scratch
+from tests.made_sequences import SIZE, interaction
+
+CONFIG = Sor3dConfig(size_px=SIZE, widths=(4, 4, 8, 8))
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
+    clips, flows = zip(*(interaction(n, split) for split in ("train", "val") for n in range(4)), strict=True)
+    return interaction_pack.run(clips, flows, interaction_pack.Params(), Scratch(tmp_path_factory.mktemp("packed")))
+
+
+def saved(model: Sor3d, folder: Path) -> FileTree:
+    """As model_train leaves it."""
+    files.save(model, folder / "model")
+    return tree("rgb-0", folder)
+
+
+@pytest.fixture(scope="module")
+def scores(dataset: FileTree, tmp_path_factory: pytest.TempPathFactory) -> InteractionScores:
+    model = saved(build(CONFIG, 1), tmp_path_factory.mktemp("model"))
+    return sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(shown=2), Scratch(tmp_path_factory.mktemp("run")))
+
+
+def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset: FileTree) -> None:
+    """Their true pixels are counted alike in both modes; some answers are kept, whole."""
+    assert scores.clip == tuple(f"val_{n:03d}" for n in range(4)) and scores.mode == ("video", "static")
+    for n, name in enumerate(scores.clip):
+        label = sequences.read(dataset.find(f"val/{name}.safetensors").path, "none").label
+        truth = [np.count_nonzero(label == kind) for kind in range(len(AFFORDANCES))]
+        assert (scores.pixels[n, :, 2] == truth).all() and scores.affordance[n] == ("push", "lift")[n % 2]
+    assert [one.clip for one in scores.shown] == ["val_000", "val_003"]
+    for one in scores.shown:
+        at = scores.clip.index(one.clip)
+        found = measures.counts(one.label[0], one.truth)
+        assert (scores.pixels[at, 0] == [found.hit, found.found, found.true]).all()
+        assert one.attention.shape == (2, SIZE // 8, SIZE // 8) and one.confidence.min() >= 0.1
+    assert np.allclose(scores.action.sum(-1), 1, atol=1e-5)
+
+
+def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
+    """Pooled pixels of halves add up to those of all, and figures are of the sums."""
+    half = [replace(scores, **{name: getattr(scores, name)[at] for name in ("clip", "object_type", "affordance", "pixels", "action")},
+                    shown=()) for at in (slice(0, 1), slice(1, None))]  # fmt: skip
+    for mode in scores.mode:
+        whole, parts = pooled(scores, mode), pooled(half[0], mode) + pooled(half[1], mode)
+        assert all((getattr(whole, name) == getattr(parts, name)).all() for name in ("hit", "found", "true"))
+        assert figures(scores)[f"{mode}.iou"] == pytest.approx(measures.mean(measures.iou(parts)))
+
+
+def test_a_perfect_answer_scores_one(scores: InteractionScores) -> None:
+    """In every figure and category that occurs, and its interval is a point."""
+    pixels = scores.pixels.copy()
+    pixels[:, :, :2] = pixels[:, :, 2:]
+    action = np.zeros_like(scores.action)
+    for n, name in enumerate(scores.affordance):
+        action[n, :, AFFORDANCES.index(name)] = 1
+    perfect = replace(scores, pixels=pixels, action=action)
+    found = figures(perfect) | intervals(perfect, 50, 0)
+    assert set(found.values()) == {1.0}
+    assert {"video.iou", "video.f", "static.fw", "video.iou.push", "action.accuracy", "action.accuracy.lift", "static.f.high"} <= found.keys()
+
+
+def test_intervals_hold_the_figure(scores: InteractionScores) -> None:
+    """The same from the same seed; low is not above high."""
+    found, numbers = intervals(scores, 200, 3), figures(scores)
+    assert found == intervals(scores, 200, 3)
+    assert all(found[f"{mode}.{name}.low"] <= numbers[f"{mode}.{name}"] + 0.02 and found[f"{mode}.{name}.low"] <= found[f"{mode}.{name}.high"]
+               for mode in scores.mode for name in ("iou", "f", "fw"))
+
+
+def test_a_picture_is_a_video_of_one_frame(dataset: FileTree) -> None:
+    """What is said of the last frame alone does not know what came before; what is said of the video does."""
+    model = build(CONFIG, 1).eval()
+    one = sequences.read(dataset.find("val/val_000.safetensors").path, "3d")
+    other = replace(one, rgb=np.concatenate([255 - one.rgb[:-1], one.rgb[-1:]]))
+    assert np.array_equal(ask(model, last(one)).action, ask(model, last(other)).action)
+    assert not np.array_equal(ask(model, one).action, ask(model, other).action)
+
+
+def test_rows_without_attention_have_none(dataset: FileTree, tmp_path: Path) -> None:
+    """And are asked without motion; the pictures say so by an empty map."""
+    (tmp_path / "run").mkdir()
+    model = saved(build(row(CONFIG, "rgb"), 1), tmp_path / "model")
+    found = sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(shown=1), Scratch(tmp_path / "run"))
+    assert found.shown[0].attention.shape == (2, 0, 0) and found.name == "rgb-0"
+
+
+def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
+    """No model; no such part."""
+    with pytest.raises(ValueError, match=r"config.json"):
+        sor3d_evaluate.run(dataset, FileTree("none", ()), sor3d_evaluate.Params(), Scratch(tmp_path))
+    model = saved(build(CONFIG, 1), tmp_path / "model")
+    with pytest.raises(ValueError, match=r"expected sequences test/\*.safetensors"):
+        sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(split="test"), Scratch(tmp_path / "run"))
+
+
+def test_what_is_shown_is_spread_over_all() -> None:
+    """First and last among them, never more than there are."""
+    assert spread(60, 3) == {0, 30, 59} and spread(2, 12) == {0, 1} and spread(5, 1) == {0} and spread(4, 0) == set()
