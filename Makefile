@@ -13,10 +13,10 @@ RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train benchmark ablation negative-affordance grasp demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  \033[1m%-20s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  \033[1m%-20s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(READY): pyproject.toml constraints.txt
 	@echo "setting up $(VENV) (first time: a few minutes)"
@@ -51,6 +51,9 @@ negative-affordance: $(READY) ## where a hand must not go on objects, scored (SO
 
 grasp: $(READY) ## a hand that grasps and keeps off what must not be touched: prior, teachers, examinations
 	@$(RUN) run grasp --store $(STORE) $(ARGS)
+
+sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOURCE=DIR: on a root in the layout of SOR3D-AFF)
+	@$(RUN) run sor3d --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store $(STORE) $(ARGS)

@@ -34,7 +34,7 @@ class Lessons(NamedTuple):
 
 
 def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
-    """Sequences -> their motion -> a data set. Recorded ones get ten slots, as in the released code: a training wants one length."""
+    """Sequences -> their motion -> a data set. Recorded ones get ten slots, as in the released code: lengths are one."""
     if origin.sequences:
         p = replace(p, interaction_read=replace(p.interaction_read, frames="slots"),
                     interaction_pack=replace(p.interaction_pack, name=origin.name, licence="unknown"))

@@ -16,7 +16,7 @@ from schemas.context import Context
 from schemas.files import FileTree
 from schemas.interaction_scores import InteractionScores
 
-LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless")
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.0
 

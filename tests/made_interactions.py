@@ -66,14 +66,16 @@ def iit_aff(root: Path) -> FileTree:
     return folder(root, "iit")
 
 
-def utkinect(root: Path) -> FileTree:
-    """One sequence of two actions, one of which is missing; numbers with gaps."""
-    for name in ("RGB", "depth"):
-        (root / name / "s01_e01").mkdir(parents=True)
-    (root / "actionLabel.txt").write_text("s01_e01\nwalk: 10 16\ncarry: NaN NaN\n")
+def utkinect(root: Path, sequences: int = 1) -> FileTree:
+    """Sequences of two actions, one of which is missing; numbers with gaps."""
+    names = [f"s{n + 1:02d}_e01" for n in range(sequences)]
     data = " ".join(str(1000 << 3) for _ in range(8 * 6))
-    for k in (10, 12, 14, 16):
-        cv2.imwrite(str(root / "RGB" / "s01_e01" / f"colorImg{k}.jpg"), np.full((12, 16, 3), 10 * k, np.uint8))
-        text = f"<opencv_storage><d><width>8</width><height>6</height><data>{data}</data></d></opencv_storage>"
-        (root / "depth" / "s01_e01" / f"depthImg{k}.xml").write_text(text)
+    text = f"<opencv_storage><d><width>8</width><height>6</height><data>{data}</data></d></opencv_storage>"
+    for name in names:
+        for kind in ("RGB", "depth"):
+            (root / kind / name).mkdir(parents=True)
+        for k in (10, 12, 14, 16):
+            cv2.imwrite(str(root / "RGB" / name / f"colorImg{k}.jpg"), np.full((12, 16, 3), 10 * k, np.uint8))
+            (root / "depth" / name / f"depthImg{k}.xml").write_text(text)
+    (root / "actionLabel.txt").write_text("".join(f"{name}\nwalk: 10 16\ncarry: NaN NaN\n" for name in names))
     return folder(root, "utkinect")

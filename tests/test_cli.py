@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import pytest
 
+from commands import cli
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
@@ -118,6 +119,14 @@ def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
     assert [(task["stage"], task["clip"].split("/")[-1], task["status"]) for task in tasks] == [("mask_densify", VIDEOS[0], "run")]
     assert tasks[0]["reason"] == "parameter changed: radius 0 -> 3"
     assert "first run" in made.ask("explain", "dataset_pack").words
+
+
+def test_the_help_names_every_target() -> None:
+    """And no other; `--help` reads them from a list, so that it is quick."""
+    assert set(cli.TARGETS) == set(TARGETS) and len(cli.TARGETS) == len(TARGETS)
+    for verb in ("run", "status", "graph"):
+        told = call(verb, "--help").words.replace("│ ", "")
+        assert ", ".join(cli.TARGETS[:-1]) in told and cli.TARGETS[-1] in told
 
 
 @pytest.mark.parametrize("target", TARGETS)

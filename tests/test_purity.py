@@ -65,6 +65,7 @@ from tests.made_motions import recorded, rod
 from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
 from tests.made_school import SCHOOL
+from tests.made_sor3d import FEW
 from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
@@ -101,6 +102,8 @@ ELSEWHERE = {"scene_render": "rendered",
              "grasp_record": "grasps",
              **dict.fromkeys(("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),
                              "interacted"),
+             **dict.fromkeys(("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_evaluate",
+                              "sor3d_report"), "afforded"),
              **dict.fromkeys(("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
                              "from_masks"),
              **dict.fromkeys(("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement",
@@ -325,6 +328,17 @@ def interacted(tmp_path_factory: pytest.TempPathFactory) -> Path:
         report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, target)
         assert report.ok, report.failures
     return store
+
+
+@pytest.fixture(scope="module")
+def afforded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which rows of SOR3D-AFF's ablation have hardly learned anything, one of them on an encoder that saw actions."""
+    store, folder = tmp_path_factory.mktemp("afforded"), tmp_path_factory.mktemp("actions")
+    use_kernel_cache(ROOT, store)
+    graph = build("sor3d-ablation", Origin("tiny", actions=utkinect(folder / "utkinect", 8)), FEW)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "sor3d-ablation")
+    assert report.ok, report.failures
+    return with_fonts(store)
 
 
 @pytest.mark.parametrize("stage", STAGES)

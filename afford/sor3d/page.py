@@ -40,8 +40,8 @@ def categories(numbers: Mapping[str, float]) -> str:
 def ablation(rows: Mapping[str, Seeds], planned: Mapping[str, int]) -> str:
     """All rows of the paper beside it, those that are not finished or not asked for marked so; then what each part adds."""
     head = ("# Ablation of SOR3D-AFF\n\nMean and standard deviation over seeds, validation; the paper's figures (videos) are of "
-            "its own data.\n\n| row | video: IoU | F | weighted F | picture: IoU | F | weighted F | action | seeds | paper: IoU | F |\n"
-            f"|---|{'--:|' * 10}\n")  # fmt: skip
+            "its own data.\n\n| row | video: IoU | F | weighted F | picture: IoU | F | weighted F | action | seeds "
+            f"| paper: IoU | F |\n|---|{'--:|' * 10}\n")  # fmt: skip
     return head + "".join(_row(name, rows.get(name, []), planned.get(name, 0)) for name in ALL) + "\n" + steps(rows)
 
 

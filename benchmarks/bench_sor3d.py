@@ -1,0 +1,72 @@
+"""Train SOR3D-AFF's model, and with --ablation its rows, and write how good they are where people read it.
+
+    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--ablation [--rows ROW,ROW] [--seeds N]]
+
+Writes the results of docs/sor3d.md (the model and, with --ablation, the ablation, which otherwise stays as it was), the table of
+the README and docs/pictures/sor3d.jpg. Nothing in those is typed by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from afford.sor3d import published
+from benchmarks.pages import ROOT, into, make
+from stages import sor3d_report
+
+SELF = Path(__file__).name
+PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
+QUALITY = 88
+FIGURES = ("iou", "f", "fw")
+CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
+
+
+def main() -> None:
+    """Measure, then write."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--store")
+    parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--rows", default=",".join(sor3d_report.Params.rows))
+    parser.add_argument("--seeds", type=int, default=sor3d_report.Params.seeds)
+    parser.add_argument("--set", action="append", default=[])
+    asked = parser.parse_args()
+    sets = tuple(word for one in asked.set for word in ("--set", one))
+    made = make("sor3d", asked.store, *sets)
+    report = Path(made["outputs"]["report"])
+    into(PAGE, "model", SELF, f"{took(made)}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
+    into(README, "sor3d", SELF, short(made["metrics"]))
+    cv2.imwrite(str(PICTURE), cv2.imread(str(report / "sheet.png")), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if asked.ablation:
+        plan = ("--set", f"sor3d_report.rows={asked.rows}", "--set", f"sor3d_report.seeds={asked.seeds}")
+        into(PAGE, "ablation", SELF, body(Path(make("sor3d-ablation", asked.store, *sets, *plan)["outputs"]["report"])))
+
+
+def took(made: dict[str, Any]) -> str:
+    """How long it took, where the model was trained by this very run; nothing where it was made before."""
+    if not made["ran"].get("model_train"):
+        return ""
+    sequences = "its sequences included" if made["ran"].get("interaction_render") else "its sequences made before"
+    return f"`make sor3d` took {made['seconds'] / 60:.1f} minutes on this machine, {sequences}.\n\n"
+
+
+def body(report: Path) -> str:
+    """What stands below the title."""
+    return (report / "report.md").read_text(encoding="utf-8").partition("\n\n")[2]
+
+
+def short(numbers: dict[str, float]) -> str:
+    """Ours beside the paper's."""
+    def line(mode: str, words: str) -> str:
+        ours = [f"{numbers[f'{mode}.{name}']:.3f}" for name in FIGURES]
+        return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in published.MODEL[mode])))} |\n"
+
+    head = "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+    return head + line("video", "videos") + line("static", "pictures")
+
+
+if __name__ == "__main__":
+    main()
