@@ -73,6 +73,7 @@ from stages import (
     view_render,
 )
 from stages.model_train import SOR3D
+from stages.model_train import Params as Training
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,8 @@ class Settings:
     scene_flow: scene_flow.Params = scene_flow.Params()
     action_read: action_read.Params = action_read.Params()
     action_pack: action_pack.Params = action_pack.Params()
-    sor3d_pretrain: model_train.Params = replace(SOR3D, backend="sor3d_actions", steps=300, validate_every=150)
-    sor3d_train: model_train.Params = SOR3D
+    sor3d_pretrain: Training = replace(SOR3D, backend="sor3d_actions", steps=300, validate_every=150)
+    sor3d_train: Training = SOR3D
     sor3d_evaluate: sor3d_evaluate.Params = sor3d_evaluate.Params()
     sor3d_report: sor3d_report.Params = sor3d_report.Params()
 

@@ -11,7 +11,7 @@ from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
-from schemas.interaction_scores import FlowScore, InteractionScores
+from schemas.interaction_scores import InteractionScores
 from schemas.training import Recipe, Trained
 from stages import (
     action_pack,
@@ -27,10 +27,11 @@ from stages import (
 
 
 class Lessons(NamedTuple):
-    """What is learned from, and how right the motion in it is where that is known (otherwise empty)."""
+    """What is learned from."""
 
     dataset: FileTree
-    flows: dict[str, tuple[FlowScore, ...]]
+    flows: dict[str, Any]
+    """how right the motion in it is, FlowScores by the name under which the report wants them; empty where nobody knows"""
 
 
 def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
