@@ -156,10 +156,11 @@ def export(
 
 @app.command()
 def predict(
-    image: Annotated[Path, typer.Argument(help="an image, a video, or a folder of them at any depth")],
-    task: Annotated[str, typer.Argument(help="what is to be done: \"pour tea from kettle\"")],
+    image: Annotated[Path, typer.Argument(help="an image, a video, or a folder of them; sor3d: or of a sequence's frames")],
     out: Annotated[Path, typer.Option("--out", help="where to write; new, empty, or what this verb wrote before")],
-    model: Model = None,
+    task: Annotated[str, typer.Argument(help="what is to be done: \"pour tea from kettle\"; none for sor3d")] = "",
+    model: Annotated[Path | None, typer.Option("--model", help="folder of a trained model, or sor3d: the one that `run sor3d` "
+                                               "trained last; default: the two-hand model trained last")] = None,
     hands: Annotated[str, typer.Option(help="auto (the model chooses), left, right or both")] = "auto",
     threshold: Annotated[float | None, typer.Option(help="probability of a region's pixels; default: the model's")] = None,
     all_hypotheses: Annotated[bool, typer.Option("--all-hypotheses", help="write the mask of every hypothesis too")] = False,
@@ -167,14 +168,20 @@ def predict(
     batch: Annotated[int | None, typer.Option(help="pictures at once; default: 1, on a GPU 8")] = None,
     device: Device = "cpu",
     force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
+    depth: Annotated[Path | None, typer.Option(help="sor3d: depth, PNG of 16 bits in mm, .npy in m, or a folder")] = None,
+    intrinsics: Annotated[Path | None, typer.Option(help="sor3d: camera as JSON: fx, fy, cx, cy, or K")] = None,
+    focal_px: Annotated[float | None, typer.Option(help="sor3d: instead, focal length of the picture; default: a Kinect's")] = None,
+    rate_hz: Annotated[float, typer.Option(help="sor3d: frames a second that are taken from a video")] = 10.0,
+    frames: Annotated[int, typer.Option(help="sor3d: frames at most, the last ones")] = 10,
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """Where the hands go for a task: masks, an overlay and a JSON object for every picture."""
+    """Where the hands go for a task, or (sor3d) what affords what: masks, an overlay and a JSON object for every picture."""
     from commands.predict import Options
     from commands.predict import predict as ask
 
-    options = Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json)
+    options = Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json, depth, intrinsics,
+                      focal_px, rate_hz, frames)  # fmt: skip
     raise typer.Exit(ask(image, task, options))
 
 

@@ -44,6 +44,11 @@ class Options:
     force: bool = False
     store: Path | None = None
     json: bool = False
+    depth: Path | None = None
+    intrinsics: Path | None = None
+    focal_px: float | None = None
+    rate_hz: float = 10.0
+    frames: int = 10
 
 
 @dataclass
@@ -57,7 +62,14 @@ class Done:
 
 
 def predict(image: Path, task: str, options: Options) -> int:
-    """Write masks, overlay and JSON of every picture; 0 when all went well, 1 when one failed. UsageError for a wrong call."""
+    """Write masks, overlay and JSON of every picture; 0 when all went well, 1 when one failed. UsageError for a wrong call.
+
+    A model of sequences (`--model sor3d`, or a folder with one) answers in its own way: `commands.predict_sequence`.
+    """
+    from commands import predict_sequence
+
+    if predict_sequence.wanted(options.model):
+        return predict_sequence.predict(image, task, options)
     _check(task, options)
     from afford.predict.ask import Question
     from afford.predict.batch import answers, count
@@ -93,12 +105,13 @@ def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Sto
         raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
     try:
         found = stored.find(folder)
-        return found, Predictor(found.folder, _device(device))
+        return found, Predictor(found.folder, usable(device))
     except ValueError as error:
         raise UsageError(str(error)) from error
 
 
-def _device(device: str) -> str:
+def usable(device: str) -> str:
+    """The device that was asked for. UsageError when there is none such."""
     if device not in ("cpu", "cuda"):
         raise unknown("--device", device, ("cpu", "cuda"))
     if device == "cuda":
@@ -118,6 +131,9 @@ def _check(task: str, options: Options) -> None:
         raise unknown("--hands", options.hands, HANDS)
     if options.threshold is not None and not 0 <= options.threshold < 1:
         raise UsageError(f"--threshold {options.threshold:g}: expected a probability, 0 or more and less than 1")
+    alone = [name for name in ("depth", "intrinsics", "focal_px") if getattr(options, name) is not None]
+    if alone:
+        raise UsageError(f"--{alone[0].replace('_', '-')}: this model does not look at depth; leave it away, or give --model sor3d")
     for name, value in (("every", options.every), ("batch", options.batch)):
         if value is not None and value < 1:
             raise UsageError(f"--{name} {value}: expected 1 or more")

@@ -133,14 +133,15 @@ def _camera(files: Files, shape: tuple[int, ...]) -> np.ndarray:
         got = "neither" if files.intrinsics is None else "both"
         raise SourceError("camera", "--intrinsics FILE or --focal-px NUMBER", got, "give one of them")
     if files.intrinsics is not None:
-        return _matrix_of(files.intrinsics)
+        return matrix_of(files.intrinsics)
     focal = float(files.focal_px or 0.0)
     if not (np.isfinite(focal) and focal > 0):
         raise SourceError("--focal-px", "a number above 0", f"{focal:g}", "give the focal length in pixels")
     return np.array([[focal, 0.0, (shape[1] - 1) / 2], [0.0, focal, (shape[0] - 1) / 2], [0.0, 0.0, 1.0]])
 
 
-def _matrix_of(path: Path) -> np.ndarray:
+def matrix_of(path: Path) -> np.ndarray:
+    """K (3, 3) of a camera as JSON. SourceError for a file that is none."""
     content = _json(path, "a camera (JSON)")
     expected = 'fx, fy, cx, cy, or "K" with three rows of three numbers'
     if isinstance(content, dict) and {"fx", "fy", "cx", "cy"} <= set(content):

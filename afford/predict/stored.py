@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from blake3 import blake3
 
 from afford.models.twohands import files
-from afford.models.twohands.files import CONFIG, INSIDE, WEIGHTS
+from afford.models.twohands.files import CONFIG, FORMAT, INSIDE, WEIGHTS
 from afford.readers.errors import SourceError
 
 
@@ -33,10 +34,19 @@ def find(folder: Path) -> Stored:
     return Stored(place, named.parent.name if named.name == INSIDE else named.name, _digest(place))
 
 
-def last(models: Path) -> Path | None:
-    """The folder below `models` (models/ of a store) that was published last, None when there is none."""
-    found = [path for path in models.glob("[!.]*") if (path / INSIDE / CONFIG).is_file()]
+def last(models: Path, form: str = FORMAT) -> Path | None:
+    """The folder below `models` (models/ of a store) with a model of this format that was published last, None for none."""
+    found = [path for path in models.glob("[!.]*") if (path / INSIDE / CONFIG).is_file() and form_of(path) == form]
     return max(found, key=lambda path: (path.stat().st_mtime_ns, path.name), default=None)
+
+
+def form_of(folder: Path) -> str | None:
+    """The format that the config of the model in a folder names; None when there is no such config, or it names none."""
+    try:
+        fields = json.loads((files.place(folder) / CONFIG).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return fields.get("format") if isinstance(fields, dict) else None
 
 
 def _digest(place: Path) -> str:

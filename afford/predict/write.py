@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,20 +55,35 @@ def write(answer: Answer, model: Stored, out: Path, all_hypotheses: bool = False
     prediction.json, and every hypothesis as hypotheses/<side>_<n>.png when asked. What was there before is replaced whole.
     SourceError when something else lies there, OSError when a file does not hold what was written."""
     folder = out / answer.picture.name
-    if folder.exists() and not (folder / RECORD).is_file():
-        raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = empty_folder(folder.with_name(f".{folder.name}.partial-{os.getpid()}"))
-    try:
+    with _replacing(folder) as partial:
         for name, mask in _masks(answer, all_hypotheses):
             _save(partial / name, mask)
         drawn = overlay(answer.picture.rgb, answer.prediction)
         _keep(partial / OVERLAY, png(drawn[..., ::-1]).tobytes())
         write_json(partial / RECORD, record(answer, model))
+    return folder
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Write a prediction's files, RECORD among them, into `folder` and return it, as `write` does."""
+    with _replacing(folder) as partial:
+        for name, data in files.items():
+            _keep(partial / name, data)
+    return folder
+
+
+@contextmanager
+def _replacing(folder: Path) -> Iterator[Path]:
+    """A folder aside, which takes the place of an earlier prediction when all is in it."""
+    if folder.exists() and not (folder / RECORD).is_file():
+        raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = empty_folder(folder.with_name(f".{folder.name}.partial-{os.getpid()}"))
+    try:
+        yield partial
         _replace(partial, folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-    return folder
 
 
 def _masks(answer: Answer, all_hypotheses: bool) -> Iterator[tuple[str, np.ndarray]]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from afford.recording.summary import Summary
+from schemas.interaction import AFFORDANCES
 
 FRAME, OUTLINES = "/frame_decode/image", "/source_read/outlines"
 OVERLAID = ("/mask_densify/overlay", "/hand_inpaint/image", "/object_completion/overlay", "/affordance/overlay",
@@ -19,8 +20,9 @@ IMAGE, LOG, ON_PAPER = "foxglove.CompressedImage", "foxglove.Log", "affordance.v
 CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState": "confidence",
           "affordance.v1.AffordanceState": "quality"}  # fmt: skip
 """message -> the number of it that is plotted"""
-OF_GRASPS = {"affordance.v1.GraspState": ("goal_m", "height_m"), "affordance.v1.GraspForce": ("thumb_n", "index_n", "middle_n")}
-"""the same of grasps, a panel for each"""
+IN_PANELS = {"affordance.v1.GraspState": ("goal_m", "height_m"), "affordance.v1.GraspForce": ("thumb_n", "index_n", "middle_n"),
+             "affordance.v1.ActionState": AFFORDANCES}  # fmt: skip
+"""the same of grasps and of interactions, a panel for each"""
 IN_SPACE = ("foxglove.SceneUpdate", "foxglove.PointCloud")
 PICTURES_SHARE = 66.0
 Panels = dict[str, dict[str, Any]]
@@ -30,7 +32,7 @@ Tree = str | dict[str, Any]
 def layout(found: Summary) -> dict[str, Any]:
     """The layout as JSON values; ValueError when the recording holds nothing that a panel shows."""
     topics = {topic.topic: topic.schema for topic in found.topics if topic.messages}
-    pictures, beside = _pictures(topics) | _space(topics), _plot(topics) | _grasp_plots(topics) | _words(topics)
+    pictures, beside = _pictures(topics) | _space(topics), _plot(topics) | _panels(topics) | _words(topics)
     if not pictures and not beside:
         raise ValueError(f"{found.path}: expected pictures, curves or words to lay out, got {', '.join(topics) or 'no topic'}")
     parts = [_grid(list(pictures))] * bool(pictures) + [_stack(list(beside), "column")] * bool(beside)
@@ -57,11 +59,11 @@ def _plot(topics: Mapping[str, str]) -> Panels:
                             "isSynced": True, "showLegend": True}} if paths else {}  # fmt: skip
 
 
-def _grasp_plots(topics: Mapping[str, str]) -> Panels:
+def _panels(topics: Mapping[str, str]) -> Panels:
     return {f"Plot!{_id(topic)}": {
         "foxglovePanelTitle": topic, "isSynced": True, "showLegend": True,
         "paths": [{"value": f"{topic}.{number}", "enabled": True, "timestampMethod": "receiveTime", "label": number}
-                  for number in OF_GRASPS[schema]]} for topic, schema in topics.items() if schema in OF_GRASPS}  # fmt: skip
+                  for number in IN_PANELS[schema]]} for topic, schema in topics.items() if schema in IN_PANELS}  # fmt: skip
 
 
 def _space(topics: Mapping[str, str]) -> Panels:

@@ -8,6 +8,7 @@ from google.protobuf import descriptor_pool, message_factory, timestamp_pb2
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
 
 from schemas.hand import FINGERS
+from schemas.interaction import AFFORDANCES
 
 PACKAGE = "affordance.v1"
 FILE = "affordance/v1/affordance.proto"
@@ -42,6 +43,7 @@ MESSAGES = {
     "GraspState": {"step": "int64", "goal_m": "double", "height_m": "double", "success": "bool", "as_violation_pct": "double",
                    "as_safe_count": "double", "penetration_mm": "double", "reward": "double"},
     "GraspForce": {"step": "int64", **{f"{one}{what}_n": "double" for what in ("", "_negative") for one in PRESSING}},
+    "ActionState": {"step": "int64", "said": "string", **dict.fromkeys(AFFORDANCES, "double")},
 }  # fmt: skip
 """message -> field -> type, after the field `timestamp` that every message begins with"""
 
@@ -70,3 +72,4 @@ CompleteState, AffordanceState = own("CompleteState"), own("AffordanceState")
 Narration, SampleState, Document = own("Narration"), own("SampleState"), own("Document")
 Scalar = own("Scalar")
 GraspState, GraspForce = own("GraspState"), own("GraspForce")
+ActionState = own("ActionState")

@@ -1,5 +1,6 @@
 """A contact sheet of recordings: of clips, frame, masks, hands removed, complete objects, affordance and words, side by side; of
-objects, views, candidates and where a hand must not go (object_sheet.py); of grasps, their moments (grasp_strips.py)."""
+objects, views, candidates and where a hand must not go (object_sheet.py); of grasps, their moments (grasp_strips.py); of
+interactions, frames, motion, what was said and attention (interaction_strips.py)."""
 
 from __future__ import annotations
 
@@ -11,7 +12,16 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.recording import grasp_strips, of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording import (
+    grasp_strips,
+    interaction_strips,
+    of_affordances,
+    of_complete,
+    of_frames,
+    of_inpainted,
+    of_labels,
+    of_tracks,
+)
 from afford.recording.moments import Moment, moments
 from afford.recording.object_sheet import is_object, strips_of
 from afford.recording.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
@@ -37,6 +47,8 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
         return write_page(out, [strip for path in objects for strip in strips_of(path)])
     if grasps := [path for path in paths if grasp_strips.is_grasp(path)]:
         return write_page(out, [strip for path in grasps for strip in grasp_strips.strips_of(path)])
+    if interactions := [path for path in paths if interaction_strips.is_interaction(path)]:
+        return write_page(out, [strip for path in interactions for strip in interaction_strips.strips_of(path)])
     each = max(1, rows // len(paths))
     found = [(path, moment) for path in paths for moment in _chosen(path, each)]
     if not found:

@@ -1,0 +1,90 @@
+"""An RGB-D sequence, its motion and what a model says of it, frame by frame, on the grid that the model sees.
+
+Frame i comes i / rate_hz after the fixed base of all recordings. The motion shown at frame i is the one that led to it, as the
+model sees it; at the first frame nothing has moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Sequence as Listed
+
+import cv2
+import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log
+
+from afford.dataset.sequences import Sequence
+from afford.encode import png
+from afford.interactions.drawn import COLOURS, heat
+from afford.models.sor3d.predictor import Found, likeliest
+from afford.recording.content import EPOCH_NS, Message, Recording
+from afford.recording.own_types import ActionState
+from afford.recording.pictures import PNG, jpeg, overlay_png
+from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
+from schemas.interaction import AFFORDANCES
+
+IMAGE, DEPTH, DEPTH_COLOUR = "/interaction_read/image", "/interaction_read/depth", "/interaction_read/depth_colour"
+FLOW, TRUTH = "/scene_flow/image", "/interaction_label/overlay"
+SAID, SURE, ATTENTION = "/sor3d/overlay", "/sor3d/confident", "/sor3d/attention"
+ACTION, WORDS = "/sor3d/action", "/sor3d/log"
+PALETTE = [COLOURS[name] for name in AFFORDANCES]
+
+
+def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
+    """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
+    fit."""
+    if len(found) != len(shown.rgb) or found[0].label.shape != shown.label.shape or len(shown.flow) != len(shown.rgb) - 1:
+        raise ValueError(f"{shown.name}: expected an answer for each of {len(shown.rgb)} frames of {shown.label.shape} px, and the "
+                         f"motion between them, got {len(found)} of {found[0].label.shape} px and {len(shown.flow)}")
+    named = {name: list(colour) for name, colour in COLOURS.items()}
+    pictures = [IMAGE, FLOW, *([ATTENTION] if found[0].attention.size else [])]
+    channels = [image_channel(topic) for topic in (*pictures, DEPTH_COLOUR)]
+    channels += [image_channel(DEPTH, unit="millimetres, 16 bit, 0 = hole")]
+    channels += [image_channel(topic, palette=named) for topic in (SAID, SURE, TRUTH)]
+    channels += [channel(ACTION, ActionState), channel(WORDS, Log)]
+    return Recording(tuple(channels), _messages(shown, found, rate_hz, threshold))
+
+
+def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
+    height, width = shown.label.shape
+    still = np.broadcast_to(shown.still, (1, height, width, 3))
+    span = _span(shown.depth_m)
+    for n, (rgb, depth_m, moved, said) in enumerate(zip(shown.rgb, shown.depth_m, [*still, *shown.flow], found, strict=True)):
+        time_ns = EPOCH_NS + round(n * SECOND_NS / rate_hz)
+        yield image(IMAGE, time_ns, jpeg(rgb), "jpeg")
+        yield image(DEPTH, time_ns, png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
+        yield image(DEPTH_COLOUR, time_ns, png(_coloured(depth_m, span), PNG).tobytes())
+        yield image(FLOW, time_ns, _png(moved))
+        yield image(SAID, time_ns, _overlay(said.label))
+        yield image(SURE, time_ns, _overlay(said.confident(threshold)))
+        if said.attention.size:
+            yield image(ATTENTION, time_ns, _png(heat(said.attention, height, width)))
+        yield stamped(ACTION, time_ns, ActionState(
+            step=n, said=likeliest(said.action), **{name: float(p) for name, p in zip(AFFORDANCES, said.action, strict=True)}))
+    yield image(TRUTH, time_ns, _overlay(shown.label))
+    yield log(WORDS, time_ns, f"{shown.object_type}: {shown.affordance} is done, {likeliest(found[-1].action)} was said",
+              shown.name)  # fmt: skip
+
+
+def _png(rgb: np.ndarray) -> bytes:
+    return png(np.ascontiguousarray(rgb[..., ::-1]), PNG).tobytes()
+
+
+def _overlay(label: np.ndarray) -> bytes:
+    """Transparent where nothing is afforded."""
+    return overlay_png(np.stack([label == n for n in range(len(AFFORDANCES))]), PALETTE)
+
+
+def _span(depth_m: np.ndarray) -> tuple[float, float]:
+    """Nearest and farthest depth of a sequence, but for one percent each; 0 and 1 where there is none."""
+    known = depth_m[depth_m > 0]
+    return (float(np.quantile(known, 0.01)), float(np.quantile(known, 0.99))) if known.size else (0.0, 1.0)
+
+
+def _coloured(depth_m: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """(h, w, 3) uint8 BGR: near is yellow, far is dark blue, holes are black."""
+    near, far = span
+    grey = (255 * (1 - (depth_m - near) / max(far - near, 1e-6)).clip(0, 1)).round().astype(np.uint8)
+    colour = cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)
+    colour[depth_m == 0] = 0
+    return colour

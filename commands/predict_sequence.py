@@ -1,0 +1,141 @@
+"""The verb `predict` for a model of sequences (SOR3D-AFF): one RGB-D sequence, video or picture in, what affords what out."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from commands.errors import UsageError
+from commands.session import STORE
+
+if TYPE_CHECKING:
+    from afford.models.sor3d.predictor import Predictor
+    from afford.predict.footage import Footage
+    from afford.predict.stored import Stored
+    from commands.predict import Options
+    from schemas.scene_flow import SceneFlow
+
+NAME = "sor3d"
+ALIEN = ("hands", "all_hypotheses", "every", "batch")
+"""options that a model of sequences does not have"""
+
+
+def wanted(model: Path | None) -> bool:
+    """Whether `--model` names a model of sequences: by the word, or a folder by its config."""
+    if model is None:
+        return False
+    from afford.models.sor3d.files import FORMAT
+    from afford.predict.stored import form_of
+
+    return str(model) == NAME or form_of(model) == FORMAT
+
+
+def predict(path: Path, task: str, options: Options) -> int:
+    """Write what is said of one sequence; 0, or 1 when it cannot be read. UsageError for a wrong call."""
+    _check(path, task, options)
+    from afford.predict.affordances import write
+    from afford.predict.footage import Lens, Sampling, read
+    from afford.predict.write import claim, index
+
+    stored, predictor = open_model(options)
+    try:
+        claim(options.out, options.force)
+    except (ValueError, OSError) as error:
+        raise UsageError(str(error)) from error
+    predictions, failures = [], []
+    try:
+        footage = read(path, options.depth, Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames),
+                       predictor.config.size_px)  # fmt: skip
+        folder = write(_asked(path, footage, predictor, options), stored, options.out / path.stem)
+        predictions.append({"source": str(path), "folder": folder.name})
+    except (ValueError, OSError) as error:
+        failures.append({"source": str(path), "message": str(error)})
+    summary: dict[str, Any] = {"model": {"name": stored.name, "digest": stored.digest}, "predictions": predictions,
+                               "failures": failures}  # fmt: skip
+    index(options.out, summary)
+    _tell(summary, options)
+    return int(bool(failures))
+
+
+def open_model(options: Options) -> tuple[Stored, Predictor]:
+    """The model of `--model`, by the word the one that was trained last. UsageError when there is none."""
+    from afford.models.sor3d.files import FORMAT
+    from afford.models.sor3d.predictor import Predictor
+    from afford.predict import stored
+    from commands.predict import usable
+
+    models = (options.store or STORE) / "models"
+    folder = stored.last(models, FORMAT) if str(options.model) == NAME else options.model
+    if folder is None:
+        raise UsageError(f"{models}: expected a model that `run sor3d` trained, got none; run it first or give --model DIR")
+    try:
+        found = stored.find(folder)
+        return found, Predictor(found.folder, usable(options.device))
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _check(path: Path, task: str, options: Options) -> None:
+    usual = {field.name: field.default for field in fields(options)}
+    if task.strip():
+        raise UsageError(f"TASK {task!r}: expected none, since sor3d is told no task; leave it away")
+    for name in ALIEN:
+        if getattr(options, name) != usual[name]:
+            raise UsageError(f"--{name.replace('_', '-')}: sor3d does not have it; leave it away")
+    if options.threshold is not None and not 0 <= options.threshold < 1:
+        raise UsageError(f"--threshold {options.threshold:g}: expected a probability, 0 or more and less than 1")
+    if options.rate_hz <= 0 or options.frames < 1:
+        raise UsageError(f"--rate-hz {options.rate_hz:g} --frames {options.frames}: expected more than 0, and 1 or more")
+    if options.focal_px is not None and options.focal_px <= 0:
+        raise UsageError(f"--focal-px {options.focal_px:g}: expected more than 0; give the focal length in pixels")
+    for given in (path, options.depth, options.intrinsics):
+        if given is not None and not given.exists():
+            raise UsageError(f"{given}: expected a file or a folder, got nothing there; check the path")
+
+
+def _asked(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
+    """What is said, with what it cost, motion included."""
+    from afford.models.sor3d.predictor import CONFIDENT
+    from afford.predict.affordances import Asked
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    flow = _flow(footage, predictor.config.flow)
+    found = predictor.predict(predictor.seen(footage.clip, flow))
+    costs = 1000 * (time.process_time() - cpu), 1000 * (time.perf_counter() - wall)
+    config = predictor.config
+    if not footage.has_depth and (config.depth or config.flow == "3d"):
+        unseen = "depth and motion" if config.flow == "3d" else "depth"
+        Console(stderr=True).print(f"[yellow]no depth[/] colours alone are seen; this model also looks at {unseen}: give --depth")
+    threshold = CONFIDENT if options.threshold is None else options.threshold
+    return Asked(str(path), footage, found, config.flow if flow is not None else "none", threshold, *costs)
+
+
+def _flow(footage: Footage, kind: str) -> SceneFlow | None:
+    """Motion as the stage finds it: in space where there is depth, on the image in any case; None for one picture."""
+    from stages import scene_flow
+
+    if len(footage.clip.rgb) < 2 or kind == "none" or (kind == "3d" and not footage.has_depth):
+        return None
+    return scene_flow.run(footage.clip, scene_flow.Params())
+
+
+def _tell(summary: dict[str, Any], options: Options) -> None:
+    console = Console(stderr=True)
+    for one in summary["predictions"]:
+        said = json.loads((options.out / one["folder"] / "prediction.json").read_text(encoding="utf-8"))
+        action = said["action"]["label"]
+        regions = [f"{name} {part['area_share']:.1%}" for name, part in said["affordances"].items() if part["area_px"]]
+        console.print(f"{escape(one['folder'])}: action {action} ({said['action']['probabilities'][action]:.2f}); affords "
+                      f"{', '.join(regions) or 'nothing'}", highlight=False, soft_wrap=True)  # fmt: skip
+    for failure in summary["failures"]:
+        console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)
+    console.print(f"[bold]predictions[/] {escape(str(options.out))}", highlight=False, soft_wrap=True)
+    if options.json:
+        sys.stdout.write(json.dumps({**summary, "out": str(options.out)}, sort_keys=True) + "\n")
