@@ -31,6 +31,7 @@ BACKENDS = {
     "twohands": "afford.training.hands_job:job",
     "sor3d": "afford.training.sor3d_job:job",
     "sor3d_actions": "afford.training.actions_job:job",
+    "boxes": "afford.training.boxes_job:job",
 }
 
 
@@ -38,7 +39,7 @@ BACKENDS = {
 class Params:
     backend: str = "twohands"
     """what is trained: twohands; sor3d (SOR3D-AFF's model, on what interaction_pack writes); sor3d_actions (its first encoder
-    before, on what action_pack or interaction_pack writes)"""
+    before, on what action_pack or interaction_pack writes); boxes (a detector of single pictures to compare it with)"""
     variant: str = "small"
     """twohands: small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder); sor3d: small or paper"""
     hypotheses: int = 3

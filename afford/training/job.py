@@ -19,6 +19,7 @@ BACKENDS = {
     "twohands": "afford.training.hands_job:HandsJob",
     "sor3d": "afford.training.sor3d_job:Sor3dJob",
     "sor3d_actions": "afford.training.actions_job:ActionsJob",
+    "boxes": "afford.training.boxes_job:BoxesJob",
 }
 """`model_train.backend` -> its job"""
 

@@ -14,11 +14,13 @@ LIMITS = """- It knows things and actions like those it was trained on. Rendered
 - A region says where an action takes hold of a thing; it promises neither a stable grasp nor that touching is safe.
 - The camera must stand: motion is measured against it.
 - The validation figures above chose the step, so they flatter."""
+WHAT = """SOR3D-AFF's spatio-temporal autoencoder, or, before it, its first encoder with an LSTM. An RGB-D sequence (or one picture)
+goes in; which pixels of its last frame afford what, and the action (of the encoder: the action alone), come out."""
 
 
 def text(name: str, dataset: Dataset, parts: Mapping[str, Counter[str]], job: dict[str, Any], count: int,
-         curves: TrainingLog) -> str:
-    """The whole card; `parts` are sequences by '<object type> <affordance>', `job` its fields."""
+         curves: TrainingLog, what: str = WHAT) -> str:
+    """The whole card; `parts` are sequences by '<object type> <affordance>', `job` its fields, `what` the model is."""
     scores = {curve.name.removeprefix("val."): float(curve.value[curve.step == curves.best_step][0])
               for curve in curves.curves if curve.name.startswith("val.") and curves.best_step in curve.step}  # fmt: skip
     config, plan = job["config"], job["plan"]
@@ -35,8 +37,9 @@ tags:
 
 # {name}
 
-SOR3D-AFF's spatio-temporal autoencoder, or, before it, its first encoder with an LSTM; {count:,} parameters. An RGB-D sequence (or
-one picture) goes in; which pixels of its last frame afford what, and the action (of the encoder: the action alone), come out.
+{what}
+
+{count:,} parameters.
 
 Depth: {config['depth']}; flow: {config['flow']}; attention: {config['attention']}.
 
