@@ -102,7 +102,7 @@ def _check(path: Path, task: str, options: Options) -> None:
 
 def _asked(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
     """What is said, with what it cost, motion included."""
-    from afford.models.sor3d.predictor import CONFIDENT
+    from afford.models.sor3d.found import CONFIDENT
     from afford.predict.affordances import Asked
 
     wall, cpu = time.perf_counter(), time.process_time()

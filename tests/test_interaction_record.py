@@ -18,6 +18,7 @@ from afford.recording.moments import moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, TRUTH, WORDS
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
+from commands.cli import main
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages import interaction_record
 from tests.made_samples import Scratch
@@ -80,3 +81,17 @@ def test_the_flow_of_another_sequence_is_refused(model: Path, tmp_path: Path) ->
     """By name."""
     with pytest.raises(ValueError, match="expected its own scene flow"):
         interaction_record.run(CLIP, interaction(1, "val")[1], tree("sor3d", model), interaction_record.Params(), Scratch(tmp_path))
+
+
+def test_rerun_gets_pictures_and_curves(recorded: Path, tmp_path: Path) -> None:
+    """--save: the frame with its overlays, depth in metres, a curve for each action, words."""
+    out = tmp_path / "interaction.rrd"
+    assert main(["inspect", str(recorded), "--save", str(out)]) == 0
+    from rerun.chunk import RrdReader
+
+    found: dict[str, set[str]] = {}
+    for chunk in RrdReader(out).stream():
+        found.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
+    assert {"/frame/image", "/said/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
+            *(f"/action/{name}" for name in AFFORDANCES)} <= set(found)  # fmt: skip
+    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/said/image"]

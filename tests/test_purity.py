@@ -40,6 +40,7 @@ from stages import (
     grasp_record,
     hand_model,
     hand_retarget,
+    interaction_record,
     mask_propose,
     mesh_read,
     mesh_texture,
@@ -51,6 +52,7 @@ from stages import (
     object_plan,
     object_solids,
     positive_affordance_projection,
+    static_evaluate,
     static_read,
     view_render,
 )
@@ -66,12 +68,14 @@ from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
 from tests.made_school import SCHOOL
 from tests.made_sor3d import FEW
+from tests.made_sequences import interaction
 from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
 from tests.test_ablation_report import scores
 from tests.test_grasp_compare import made_up, subject
 from tests.tiny_asked import write_model
+from tests.tiny_sor3d import write_model as write_sor3d
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
@@ -99,7 +103,7 @@ ELSEWHERE = {"scene_render": "rendered",
                               "negative_affordance_files", "object_record", "negative_affordance_score",
                               "negative_affordance_report"),
                              "negatives"),
-             "grasp_record": "grasps",
+             "grasp_record": "grasps", **dict.fromkeys(("interaction_record", "static_evaluate"), "told"),
              **dict.fromkeys(("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),
                              "interacted"),
              **dict.fromkeys(("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_evaluate",
@@ -337,6 +341,25 @@ def afforded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     use_kernel_cache(ROOT, store)
     graph = build("sor3d-ablation", Origin("tiny", actions=utkinect(folder / "utkinect", 8)), FEW)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "sor3d-ablation")
+    assert report.ok, report.failures
+    return with_fonts(store)
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a model of sequences that has learned nothing was asked about every frame of one, and about pictures."""
+    store, folder = tmp_path_factory.mktemp("told"), tmp_path_factory.mktemp("sor3d")
+    use_kernel_cache(ROOT, store)
+    write_sor3d(folder / "model")
+    (clip, flow), other = interaction(0, "val"), interaction(1, "val")[0]
+    graph = Graph()
+    model = graph.leaf("model", files_of("sor3d", folder))
+    recorded = graph.add(interaction_record.run, clip=graph.leaf("clip", clip), flow=graph.leaf("flow", flow), model=model,
+                         params=interaction_record.Params(), ctx=graph.ctx)  # fmt: skip
+    scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
+                       params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
+    graph.target("told", recorded, scored)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "told")
     assert report.ok, report.failures
     return with_fonts(store)
 

@@ -13,7 +13,7 @@ from safetensors.numpy import save
 
 from afford.encode import png
 from afford.interactions import drawn
-from afford.models.sor3d.predictor import Found, likeliest
+from afford.models.sor3d.found import Found, likeliest
 from afford.predict.footage import Footage
 from afford.predict.overlay import MIN_WIDTH_PX
 from afford.predict.sources import RECORD

@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from afford.dataset.sequences import Sequence
 from afford.encode import png
 from afford.interactions.drawn import COLOURS, heat
-from afford.models.sor3d.predictor import Found, likeliest
+from afford.models.sor3d.found import Found, likeliest
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
 from afford.recording.pictures import PNG, jpeg, overlay_png

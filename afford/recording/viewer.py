@@ -12,8 +12,18 @@ import rerun as rr
 import rerun.blueprint as rrb
 from mcap.reader import make_reader
 
-from afford.recording import grasp_viewer, of_affordances, of_complete, of_frames, of_inpainted, of_labels, of_tracks
+from afford.recording import (
+    grasp_viewer,
+    interaction_viewer,
+    of_affordances,
+    of_complete,
+    of_frames,
+    of_inpainted,
+    of_labels,
+    of_tracks,
+)
 from afford.recording.grasp_strips import is_grasp
+from afford.recording.interaction_strips import is_interaction
 from afford.recording.moments import Moment, moments
 
 APPLICATION = "afford"
@@ -45,7 +55,9 @@ def show(path: Path) -> None:
 
 
 def _made_for(path: Path) -> tuple[Callable[[], rrb.Blueprint], Callable[[Path, rr.RecordingStream], None]]:
-    """Layout and contents of a clip, or of grasps."""
+    """Layout and contents of a clip, of grasps, or of an interaction."""
+    if is_interaction(path):
+        return interaction_viewer.layout, interaction_viewer.log
     return (grasp_viewer.layout, grasp_viewer.log) if is_grasp(path) else (_layout, _log)
 
 

@@ -25,8 +25,8 @@ from afford.training.state import State
 from afford.training.task import Plan
 from schemas.training import Recipe, TrainingLog
 
-WHAT = """A detector after AffordanceNet (Do, Nguyen and Reid 2018), to compare SOR3D-AFF's model with: an encoder like its own,
-boxes of things, and inside each box a mask of affordances. One picture goes in. Boxes were learned from the extent of the labels."""
+WHAT = """A detector after AffordanceNet (Do, Nguyen and Reid 2018), for comparison: an encoder like that of SOR3D-AFF's model,
+boxes of things, and inside each box a mask of affordances. One picture goes in. Boxes were learned from the extent of labels."""
 
 
 @dataclass(frozen=True)

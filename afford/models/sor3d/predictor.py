@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Listed
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,35 +10,11 @@ import torch
 
 from afford.dataset import sequences
 from afford.models.sor3d import files
+from afford.models.sor3d.found import Found
 from afford.models.sor3d.inputs import Seen, frames
 from afford.training.sequence_batches import fitted
-from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip
+from schemas.interaction import InteractionClip
 from schemas.scene_flow import SceneFlow
-
-CONFIDENT = 0.75
-"""probability above which the paper shows a region"""
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a model says of the last frame of a sequence, at the size of its input."""
-
-    probability: np.ndarray
-    """(10, h, w) float32 by AFFORDANCES and, last, BACKGROUND; sums to 1 over the first axis"""
-    action: np.ndarray
-    """(9,) float32 by AFFORDANCES, sums to 1"""
-    attention: np.ndarray
-    """(h', w') float32 over the latent, sums to 1; (0, 0) without attention"""
-
-    @property
-    def label(self) -> np.ndarray:
-        """(h, w) uint8: the likeliest class."""
-        return self.probability.argmax(0).astype(np.uint8)
-
-    def confident(self, threshold: float = CONFIDENT) -> np.ndarray:
-        """(h, w) uint8: the affordance whose probability is above `threshold`, BACKGROUND elsewhere."""
-        best = self.probability[:BACKGROUND]
-        return np.where(best.max(0) > threshold, best.argmax(0), BACKGROUND).astype(np.uint8)
 
 
 class Predictor:
@@ -95,8 +70,3 @@ def until(seen: Seen, count: int) -> Seen:
 def last(seen: Seen) -> Seen:
     """The last frame as a picture, in which nothing moves."""
     return Seen(seen.rgb[-1:], seen.depth_m[-1:], seen.flow[:0], seen.still)
-
-
-def likeliest(action: np.ndarray) -> str:
-    """The name of the likeliest action."""
-    return AFFORDANCES[int(action.argmax())]
