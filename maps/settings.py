@@ -36,6 +36,7 @@ from stages import (
     interaction_pack,
     interaction_plan,
     interaction_read,
+    interaction_record,
     interaction_render,
     key_thin,
     mask_densify,
@@ -67,6 +68,8 @@ from stages import (
     sor3d_evaluate,
     sor3d_report,
     source_read,
+    static_evaluate,
+    static_read,
     still_render,
     still_sample,
     train_plan,
@@ -134,6 +137,10 @@ class Settings:
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()
+    static_read: static_read.Params = static_read.Params()
+    static_evaluate: static_evaluate.Params = static_evaluate.Params()
+    boxes_train: model_train.Params = replace(model_train.SOR3D, backend="boxes", row="rgbd", batch=2, steps=1000)
+    interaction_record: interaction_record.Params = interaction_record.Params()
     interaction_plan: interaction_plan.Params = interaction_plan.Params()
     interaction_render: interaction_render.Params = interaction_render.Params()
     interaction_read: interaction_read.Params = interaction_read.Params()

@@ -1,9 +1,11 @@
-"""an RGB-D sequence, its scene flow, a trained model -> what the model says frame by frame, as a recording and a sheet.
+"""a data set of RGB-D interactions, a trained model -> what the model says frame by frame, as recordings and sheets.
 
-Reads   InteractionClip; SceneFlow of it; FileTree of a model: what model_train (backend sor3d) writes
-Writes  FileTree of <name>.mcap (docs/recordings.md) and <name>.png: frames, motion, depth, affordances, attention, truth
+Reads   FileTree that interaction_pack wrote (sequences with their scene flow); FileTree of a model: what model_train (backend
+        sor3d) writes
+Writes  FileTree of <name>.mcap (docs/recordings.md) and <name>.png for each of some sequences: frames, motion, depth, affordances,
+        attention, truth
 Method  frame i is answered as the end of the sequence of frames 1 to i; media time from the rate of the sequence
-Fails   when the flow is that of another sequence, or the model is of another kind
+Fails   when the data set has no such part, or the model is of another kind
 Paper   SOR3D-AFF: attention maps, confidence above 0.75
 """
 
@@ -13,8 +15,6 @@ from dataclasses import dataclass
 
 from schemas.context import Context
 from schemas.files import FileTree
-from schemas.interaction import InteractionClip
-from schemas.scene_flow import SceneFlow
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "mcap", "mcap-protobuf-support",
              "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
@@ -24,29 +24,43 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    split: str = "val"
+    """which part of the data set"""
+    shown: int = 9
+    """sequences that are recorded, spread over the part; 0 for all"""
+    rate_hz: float = 10.0
+    """frames a second, which a packed sequence does not say"""
     threshold: float = 0.75
     """probability above which an affordance counts as confident"""
     device: str = "cpu"
     """cpu, or cuda for a GPU"""
 
 
-def run(clip: InteractionClip, flow: SceneFlow, model: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Ask the model about every frame, and write both files."""
+def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Ask the model about every frame of each sequence, and write both files."""
     from afford.benchmark import folder
+    from afford.dataset import sequences
     from afford.dataset.files import empty_folder, tree
-    from afford.models.sor3d.predictor import Predictor, sequence_of
+    from afford.models.sor3d.predictor import Predictor
     from afford.recording.files import write
     from afford.recording.interaction_strips import strips_of
     from afford.recording.of_interaction import record
-    from afford.recording.provenance import of_interaction
+    from afford.recording.provenance import of_files
     from afford.recording.tiles import write_page
     from afford.training.sequence_batches import fitted
+    from afford.training.sor3d_job import spread
 
+    if params.rate_hz <= 0 or params.shown < 0:
+        raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")
     predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
-    found = predictor.every_frame(predictor.seen(clip, flow))
-    shown = fitted(sequence_of(clip, flow, "3d"), predictor.config.size_px)
-    root = empty_folder(ctx.scratch / "recorded")
-    path = root / f"{clip.name}.mcap"
-    write(path, of_interaction(record(shown, found, clip.rate_hz, params.threshold), clip, flow, model))
-    write_page(root / f"{clip.name}.png", strips_of(path))
-    return tree(clip.name, root)
+    part = sequences.part({file.name: file.path for file in dataset.files}, params.split)
+    chosen, root = spread(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
+    for n, path in enumerate(chosen, 1):
+        shown = fitted(sequences.read(path, "3d"), predictor.config.size_px)
+        found = predictor.every_frame(predictor.sees(sequences.read(path, predictor.config.flow)))
+        out = root / f"{shown.name}.mcap"
+        recording = record(shown, found, params.rate_hz, params.threshold)
+        write(out, of_files(of_files(recording, "interaction_pack", dataset), "model_train", model))
+        write_page(out.with_suffix(".png"), strips_of(out))
+        ctx.progress(n, len(chosen))
+    return tree(model.name, root)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from afford.dataset.files import tree
-from afford.models.sor3d.predictor import Predictor, until
+from afford.models.sor3d.predictor import Predictor, sequence_of, until
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.layout import layout
@@ -19,8 +20,9 @@ from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAG
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
 from commands.cli import main
+from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND
-from stages import interaction_record
+from stages import interaction_pack, interaction_record
 from tests.made_samples import Scratch
 from tests.made_sequences import FRAMES, SIZE, interaction
 from tests.tiny_sor3d import write_model
@@ -36,8 +38,16 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def recorded(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    files = interaction_record.run(CLIP, MOTION, tree("sor3d", model), interaction_record.Params(),
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
+    made = [interaction(n, split) for split, count in (("train", 1), ("val", 3)) for n in range(count)]
+    clips, flows = zip(*made, strict=True)
+    params = interaction_pack.Params(licence="cc0-1.0")
+    return interaction_pack.run(clips, flows, params, Scratch(tmp_path_factory.mktemp("packed")))
+
+
+@pytest.fixture(scope="module")
+def recorded(dataset: FileTree, model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    files = interaction_record.run(dataset, tree("sor3d", model), interaction_record.Params(shown=1),
                                    Scratch(tmp_path_factory.mktemp("recorded")))  # fmt: skip
     assert [file.name for file in files.files] == [f"{CLIP.name}.mcap", f"{CLIP.name}.png"]
     return files.files[0].path
@@ -77,10 +87,23 @@ def test_the_sheet_is_that_of_inspect(recorded: Path, tmp_path: Path) -> None:
     assert np.array_equal(page, cv2.imread(str(recorded.with_suffix(".png")))) and page.shape[0] > 7 * 150 and page.std() > 20
 
 
-def test_the_flow_of_another_sequence_is_refused(model: Path, tmp_path: Path) -> None:
+def test_of_a_part_as_many_as_asked(dataset: FileTree, model: Path, tmp_path: Path) -> None:
+    """All of them for 0; a part that is not there, or a rate of 0, is refused."""
+    usual = interaction_record.Params()
+    flat = tree("sor3d", write_model(tmp_path / "flat", "rgb").parent / "flat")
+    found = interaction_record.run(dataset, flat, replace(usual, shown=0), Scratch(tmp_path / "all"))
+    assert len(found.files) == 6
+    topics = {topic.topic for topic in summarise(found.files[0].path).topics}
+    assert ATTENTION not in topics and check_content(found.files[0].path) == []
+    for params, hint in ((replace(usual, split="test"), "test/"), (replace(usual, rate_hz=0.0), "rate_hz above 0")):
+        with pytest.raises(ValueError, match=hint):
+            interaction_record.run(dataset, tree("sor3d", model), params, Scratch(tmp_path / "none"))
+
+
+def test_the_flow_of_another_sequence_is_refused() -> None:
     """By name."""
     with pytest.raises(ValueError, match="expected its own scene flow"):
-        interaction_record.run(CLIP, interaction(1, "val")[1], tree("sor3d", model), interaction_record.Params(), Scratch(tmp_path))
+        sequence_of(CLIP, interaction(1, "val")[1], "3d")
 
 
 def test_rerun_gets_pictures_and_curves(recorded: Path, tmp_path: Path) -> None:

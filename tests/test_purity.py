@@ -40,6 +40,7 @@ from stages import (
     grasp_record,
     hand_model,
     hand_retarget,
+    interaction_pack,
     interaction_record,
     mask_propose,
     mesh_read,
@@ -354,8 +355,10 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (clip, flow), other = interaction(0, "val"), interaction(1, "val")[0]
     graph = Graph()
     model = graph.leaf("model", files_of("sor3d", folder))
-    recorded = graph.add(interaction_record.run, clip=graph.leaf("clip", clip), flow=graph.leaf("flow", flow), model=model,
-                         params=interaction_record.Params(), ctx=graph.ctx)  # fmt: skip
+    packed = graph.add(interaction_pack.run, clips=graph.leaf("clips", (clip,)), flows=graph.leaf("flows", (flow,)),
+                       params=interaction_pack.Params(licence="cc0-1.0"), ctx=graph.ctx)  # fmt: skip
+    recorded = graph.add(interaction_record.run, dataset=packed, model=model, params=interaction_record.Params(),
+                         ctx=graph.ctx)  # fmt: skip
     scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
                        params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
     graph.target("told", recorded, scored)

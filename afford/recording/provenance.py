@@ -12,10 +12,8 @@ from schemas.clip import Clip
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.hand import HandModel
-from schemas.interaction import InteractionClip
 from schemas.mesh import ObjectViews
 from schemas.negative import NegativeAffordances
-from schemas.scene_flow import SceneFlow
 from schemas.video import Frames
 
 
@@ -59,16 +57,6 @@ def of_grasps(recording: Recording, episodes: GraspEpisodes, hand: HandModel) ->
     """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
     more = {}
     for stage, value in (("grasp_evaluate", episodes), ("hand_model", hand)):
-        kind = kind_of(value)
-        more[f"provenance/{stage}"] = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
-                                       "artifact": digest(value)}  # fmt: skip
-    return replace(recording, metadata={**recording.metadata, **more})
-
-
-def of_interaction(recording: Recording, clip: InteractionClip, flow: SceneFlow, model: FileTree) -> Recording:
-    """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
-    more = {}
-    for stage, value in (("interaction_read", clip), ("scene_flow", flow), ("model_train", model)):
         kind = kind_of(value)
         more[f"provenance/{stage}"] = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
                                        "artifact": digest(value)}  # fmt: skip

@@ -28,7 +28,11 @@ class Predictor:
     def seen(self, clip: InteractionClip, flow: SceneFlow | None) -> Seen:
         """A clip as the model sees it: its middle square, at the model's size. Without `flow` nothing moves. ValueError for the
         flow of another clip."""
-        one = fitted(sequence_of(clip, flow, self.config.flow), self.config.size_px)
+        return self.sees(sequence_of(clip, flow, self.config.flow))
+
+    def sees(self, sequence: sequences.Sequence) -> Seen:
+        """The same of a packed sequence that was read with the kind of motion that the model sees."""
+        one = fitted(sequence, self.config.size_px)
         return Seen(one.rgb, one.depth_m, one.flow, one.still)
 
     def predict(self, seen: Seen) -> Found:
