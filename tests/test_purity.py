@@ -57,7 +57,7 @@ from stages import (
     static_read,
     view_render,
 )
-from tests import impure_stages, landlock
+from tests import impure_stages, landlock, made_sequences
 from tests.command import Made
 from tests.impure_stages import CHEATS
 from tests.made_hands import PINCER, shadow, written
@@ -69,7 +69,6 @@ from tests.made_objects import SMALL
 from tests.made_samples import Scratch, clip
 from tests.made_school import SCHOOL
 from tests.made_sor3d import FEW
-from tests.made_sequences import interaction
 from tests.made_traces import episodes, hammer
 from tests.mesh_files import box, tree
 from tests.purity_probe import blobs
@@ -317,6 +316,27 @@ def from_masks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which a model of sequences that has learned nothing was asked about every frame of one, and about pictures."""
+    store, folder = tmp_path_factory.mktemp("told"), tmp_path_factory.mktemp("sor3d")
+    use_kernel_cache(ROOT, store)
+    write_sor3d(folder / "model")
+    (clip, flow), other = made_sequences.interaction(0, "val"), made_sequences.interaction(1, "val")[0]
+    graph = Graph()
+    model = graph.leaf("model", files_of("sor3d", folder))
+    packed = graph.add(interaction_pack.run, clips=graph.leaf("clips", (clip,)), flows=graph.leaf("flows", (flow,)),
+                       params=interaction_pack.Params(licence="cc0-1.0"), ctx=graph.ctx)  # fmt: skip
+    recorded = graph.add(interaction_record.run, dataset=packed, model=model, params=interaction_record.Params(),
+                         ctx=graph.ctx)  # fmt: skip
+    scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
+                       params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
+    graph.target("told", recorded, scored)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "told")
+    assert report.ok, report.failures
+    return with_fonts(store)
+
+
+@pytest.fixture(scope="module")
 def interacted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store in which a sequence was rendered and read back, and pictures and actions were read from tiny roots."""
     store, folder = tmp_path_factory.mktemp("interacted"), tmp_path_factory.mktemp("roots")
@@ -342,27 +362,6 @@ def afforded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     use_kernel_cache(ROOT, store)
     graph = build("sor3d-ablation", Origin("tiny", actions=utkinect(folder / "utkinect", 8)), FEW)
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "sor3d-ablation")
-    assert report.ok, report.failures
-    return with_fonts(store)
-
-
-@pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store in which a model of sequences that has learned nothing was asked about every frame of one, and about pictures."""
-    store, folder = tmp_path_factory.mktemp("told"), tmp_path_factory.mktemp("sor3d")
-    use_kernel_cache(ROOT, store)
-    write_sor3d(folder / "model")
-    (clip, flow), other = interaction(0, "val"), interaction(1, "val")[0]
-    graph = Graph()
-    model = graph.leaf("model", files_of("sor3d", folder))
-    packed = graph.add(interaction_pack.run, clips=graph.leaf("clips", (clip,)), flows=graph.leaf("flows", (flow,)),
-                       params=interaction_pack.Params(licence="cc0-1.0"), ctx=graph.ctx)  # fmt: skip
-    recorded = graph.add(interaction_record.run, dataset=packed, model=model, params=interaction_record.Params(),
-                         ctx=graph.ctx)  # fmt: skip
-    scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
-                       params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
-    graph.target("told", recorded, scored)
-    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.worker:prepare").run(graph, "told")
     assert report.ok, report.failures
     return with_fonts(store)
 
