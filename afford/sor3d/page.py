@@ -23,8 +23,8 @@ def model(numbers: Mapping[str, float], clips: int) -> str:
              for mode in MODES if f"{mode}.iou" in numbers]  # fmt: skip
     boxes = _line("AffordanceNet, pictures", [""] * 3, _paper(published.AFFORDANCENET))
     action = f"Action named rightly: {_with_interval(numbers, 'action.accuracy')} of videos."
-    return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels are pooled over all of them, then meaned over categories; in "
-            "brackets 95 % intervals over sequences; the paper's figures are of its own data.\n\n"
+    return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels are pooled over all, figures averaged over categories; "
+            "in brackets 95 % intervals over sequences; the paper's figures are of its own data.\n\n"
             "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
             f"{''.join((*lines, boxes))}\n{action}\n\n{categories(numbers)}")  # fmt: skip
 
