@@ -12,6 +12,8 @@ from safetensors.torch import load_file
 
 from afford.dataset import sequences
 from afford.models.sor3d import files
+from afford.models.sor3d.losses import LossParams, losses
+from afford.models.sor3d.model import build
 from afford.training import sequence_batches
 from afford.training.job import read
 from afford.training.sequence_batches import Changes, changed, last, mirrored, stack
@@ -146,13 +148,28 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
         sequences.read(tmp_path / "x.safetensors", "3d")
 
 
+def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
+    """Of twelve squares, pushed or lifted, within 60 steps. A head whose input is nearly the same for all of them would drive
+    the memory into saturation first."""
+    paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
+    model = model_train._job(PARAMS).config
+    learned = stack([sequences.read(path, "3d") for path in paths], model)
+    net = build(model, seed=0)
+    optimiser = torch.optim.Adam(net.parameters(), 2e-3)
+    for _ in range(60):
+        optimiser.zero_grad()
+        losses(net(learned.frames), learned.label, learned.action, LossParams(), 0.0)["total"].backward()
+        optimiser.step()
+    assert (net(learned.frames).action.argmax(1) == learned.action).all()
+
+
 @pytest.mark.slow
 def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> None:
     """The square rests the same way whether it was pushed or lifted: videos are told apart, pictures cannot be."""
     params = replace(PARAMS, steps=150, warmup=20, validate_every=75, batch=3, static_share=0.1, lr=6e-3, foreground_weight=4.0)
     made = model_train.run(dataset, params, Scratch(tmp_path))
     said = {curve.name: float(curve.value[-1]) for curve in made.log.curves}
-    assert said["val.iou"] > 0.8 and said["val.static.iou"] < 0.7
+    assert said["val.iou"] > 0.8 and said["val.action"] == 1.0 and said["val.static.iou"] < 0.7
 
 
 def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None:

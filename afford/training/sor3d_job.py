@@ -14,7 +14,7 @@ from torch import nn
 
 from afford.dataset import sequences
 from afford.models.sor3d import files, pretrain, vgg
-from afford.models.sor3d.config import ROWS, WIDTHS, Sor3dConfig, row
+from afford.models.sor3d.config import DECODER_WIDTHS, ROWS, WIDTHS, Sor3dConfig, row
 from afford.models.sor3d.losses import LossParams
 from afford.models.sor3d.model import Sor3d, build
 from afford.training import sor3d_card
@@ -112,7 +112,8 @@ def job(p: Any, recipe: Recipe | None, threads: int) -> Sor3dJob:
     if p.variant not in WIDTHS or p.row not in ROWS:
         raise ValueError(f"model_train: expected variant of {', '.join(WIDTHS)} and row of {', '.join(ROWS)}, got {p.variant!r}, "
                          f"{p.row!r}")
-    config = Sor3dConfig(widths=WIDTHS[p.variant], size_px=p.height_px, norm="none" if p.variant == "paper" else "group")
+    config = Sor3dConfig(widths=WIDTHS[p.variant], decoder_widths=DECODER_WIDTHS[p.variant], size_px=p.height_px,
+                         norm="none" if p.variant == "paper" else "group")  # fmt: skip
     return Sor3dJob(
         config=row(config, p.row), plan=replace(plan_of(p, _parallel(p, threads)), betas=ADAM),
         loss=LossParams(foreground=p.foreground_weight), changes=Changes(p.flip_share, p.crop_share, p.colour_share),

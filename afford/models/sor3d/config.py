@@ -11,6 +11,8 @@ from schemas.interaction import AFFORDANCES, BACKGROUND
 FLOWS = ("none", "2d", "3d")
 WIDTHS = {"paper": (64, 128, 256, 512), "small": (8, 16, 32, 48)}
 """channels before the first, second and third pooling, and after it; those of the paper are VGG's"""
+DECODER_WIDTHS = {"paper": WIDTHS["paper"], "small": (24, 32, 48, 48)}
+"""the same of the decoder: it sees the last frame alone, so channels cost little there, and eight do not hold ten classes"""
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,8 @@ class Sor3dConfig:
 
     widths: tuple[int, int, int, int] = WIDTHS["small"]
     """channels at full, half, quarter and eighth resolution; the last one is that of the latent"""
+    decoder_widths: tuple[int, int, int, int] = DECODER_WIDTHS["small"]
+    """the same of the decoder"""
     size_px: int = 112
     """shorter side of the frames it is trained on"""
     depth: bool = True
@@ -38,8 +42,9 @@ class Sor3dConfig:
         if self.flow not in FLOWS or self.norm not in ("group", "none"):
             raise ValueError(f"Sor3dConfig: expected flow of {', '.join(FLOWS)} and norm group or none, got {self.flow}, "
                              f"{self.norm}")
-        if len(self.widths) != 4 or min(self.widths) < 1 or self.size_px < 16 or self.depth_span_m <= 0:
-            raise ValueError(f"Sor3dConfig: expected four widths, at least 16 px and a depth span above 0, got {self}")
+        if {len(self.widths), len(self.decoder_widths)} != {4} or min(self.widths + self.decoder_widths) < 1 or self.size_px < 16 \
+                or self.depth_span_m <= 0:
+            raise ValueError(f"Sor3dConfig: expected four widths each, at least 16 px and a depth span above 0, got {self}")
 
     @property
     def labels(self) -> int:
@@ -74,7 +79,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 def paper() -> Sor3dConfig:
     """The model at the width and size of the paper."""
-    return Sor3dConfig(widths=WIDTHS["paper"], size_px=300, norm="none")
+    return Sor3dConfig(widths=WIDTHS["paper"], decoder_widths=DECODER_WIDTHS["paper"], size_px=300, norm="none")
 
 
 def row(config: Sor3dConfig, name: str) -> Sor3dConfig:

@@ -20,10 +20,11 @@ AFTER = (3, 2, 2)
 class Rise(nn.Module):
     """One upsampling: nearest to the size of the skip connection, a convolution, attention, the skip mixed in, convolutions."""
 
-    def __init__(self, below: int, width: int, streams: int, count: int, norm: str) -> None:
+    def __init__(self, below: int, width: int, skips: int, count: int, norm: str) -> None:
+        """`skips` channels of skip connections, of all streams together."""
         super().__init__()
         self.up = convolution(below, width, norm)
-        self.mix = nn.Conv2d((1 + streams) * width, width, 1)
+        self.mix = nn.Conv2d(width + skips, width, 1)
         self.then = chain([width] * (count + 1), norm)
 
     def forward(self, x: Tensor, skips: Sequence[Tensor], attention: Tensor | None) -> Tensor:
@@ -38,13 +39,12 @@ class Rise(nn.Module):
 class Decoder(nn.Module):
     """`streams` encoders give skip connections. Attention, where there is one, multiplies the latent and every upsampling."""
 
-    def __init__(self, widths: Sequence[int], streams: int, labels: int, norm: str) -> None:
+    def __init__(self, encoded: Sequence[int], widths: Sequence[int], streams: int, labels: int, norm: str) -> None:
+        """`encoded` and `widths`: channels of the encoders and of the decoder at full, half, quarter and eighth resolution."""
         super().__init__()
-        self.latent = chain([widths[-1]] * (LATENT + 1), norm)
-        falling = tuple(reversed(widths))
-        self.rises = nn.ModuleList(
-            Rise(below, width, streams, count, norm) for below, width, count in zip(falling, falling[1:], AFTER, strict=False)
-        )
+        self.latent = chain([encoded[-1], *[widths[-1]] * LATENT], norm)
+        rising = zip(reversed(widths), reversed(widths[:-1]), reversed(encoded[:-1]), AFTER, strict=False)
+        self.rises = nn.ModuleList(Rise(below, width, streams * skip, count, norm) for below, width, skip, count in rising)
         self.classes = nn.Conv2d(widths[0], labels, 1)
 
     def forward(self, latent: Tensor, skips: Sequence[Sequence[Tensor]], attention: Tensor | None) -> Tensor:

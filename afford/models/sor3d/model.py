@@ -13,7 +13,7 @@ from afford.models.sor3d.decoder import Decoder
 from afford.models.sor3d.encoder import Encoder
 from afford.models.sor3d.inputs import Frames
 from afford.models.sor3d.lstm import ConvLSTM
-from afford.models.sor3d.parts import Residual, xavier
+from afford.models.sor3d.parts import Action, Residual, xavier
 
 
 class Said(NamedTuple):
@@ -40,9 +40,8 @@ class Sor3d(nn.Module):
         self.residual = Residual(width)
         self.memory = nn.ModuleList(ConvLSTM(width) for _ in range(2))
         self.attention = Attention(width, config.rescale) if config.attention else None
-        self.decoder = Decoder(config.widths, streams, config.labels, config.norm)
-        self.action = nn.Sequential(nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU(),
-                                    nn.Linear(width, config.actions))  # fmt: skip
+        self.decoder = Decoder(config.widths, config.decoder_widths, streams, config.labels, config.norm)
+        self.action = Action(width, config.actions, config.norm)
 
     def forward(self, frames: Frames) -> Said:
         """n sequences of t frames -> what is said of the last one."""
@@ -52,7 +51,7 @@ class Sor3d(nn.Module):
             remembered = layer(remembered)
         last = remembered[:, -1]
         attention = None if self.attention is None else self.attention(seen[:, -1], last)
-        return Said(self.decoder(last, skips, attention), self.action(last.mean((-2, -1))), attention)
+        return Said(self.decoder(last, skips, attention), self.action(last), attention)
 
     def _seen(self, frames: Frames) -> tuple[Tensor, list[list[Tensor]]]:
         """Fused features of every frame (n, t, c, h, w), and the features of the last frame before each pooling, by stream."""
