@@ -163,6 +163,20 @@ def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -
     assert (net(learned.frames).action.argmax(1) == learned.action).all()
 
 
+def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
+    """Before anything is learned, the model says of every pixel and every sequence how common each class is in the data."""
+    job = model_train._job(replace(PARAMS, foreground_weight=3.0))
+    job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
+    task = job.task(tmp_path, 1)
+    labels = np.stack([interaction(n, "train")[0].label for n in range(12)])
+    said = task.model(task.batch(0).frames)
+    colours, action = said.logits.softmax(1), said.action.softmax(1)
+    push, ground = AFFORDANCES.index("push"), BACKGROUND
+    ratio = 3.0 * np.count_nonzero(labels == push) / np.count_nonzero(labels == ground)
+    assert torch.allclose(colours[:, push] / colours[:, ground], torch.tensor(ratio, dtype=torch.float32))
+    assert torch.allclose(action[:, [push, AFFORDANCES.index("lift")]], torch.tensor(6 / (12 + 7 * 0.5)))
+
+
 @pytest.mark.slow
 def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> None:
     """The square rests the same way whether it was pushed or lifted: videos are told apart, pictures cannot be."""

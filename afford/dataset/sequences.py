@@ -85,6 +85,13 @@ def kind(path: Path) -> tuple[str, str]:
     return words["object_type"], words["affordance"]
 
 
+def label(path: Path) -> np.ndarray:
+    """(h, w) uint8 of the last frame of a packed sequence, without the rest."""
+    with safe_open(path, framework="numpy") as file:
+        found: np.ndarray = file.get_tensor("label")
+    return found
+
+
 def part(files: Mapping[str, Path], split: str) -> list[Path]:
     """The sequences of a split, by name. ValueError when there is none."""
     found = [files[name] for name in sorted(files) if name.startswith(f"{split}/") and name.endswith(".safetensors")]

@@ -17,7 +17,7 @@ from afford.models.sor3d import files, pretrain, vgg
 from afford.models.sor3d.config import DECODER_WIDTHS, ROWS, WIDTHS, Sor3dConfig, row
 from afford.models.sor3d.losses import LossParams
 from afford.models.sor3d.model import Sor3d, build
-from afford.training import sor3d_card
+from afford.training import shares, sor3d_card
 from afford.training.interactions import Interactions
 from afford.training.job import Dataset
 from afford.training.order import Order
@@ -70,6 +70,8 @@ class Sor3dJob:
         """A new model, the batches of training and the sequences of validation."""
         parts = parts_of(scratch)
         model = build(self.config, self.seed)
+        if self.config.norm == "group":
+            model.expect(shares.pixels(parts["train"], self.loss.foreground), shares.actions(parts["train"]))
         if self.encoder:
             pretrain.load(model.appearance, Path(self.encoder))
         if self.vgg and model.motion is not None:

@@ -53,6 +53,15 @@ class Sor3d(nn.Module):
         attention = None if self.attention is None else self.attention(seen[:, -1], last)
         return Said(self.decoder(last, skips, attention), self.action(last), attention)
 
+    def expect(self, pixels: Tensor, actions: Tensor) -> None:
+        """Start from these shares of the classes, (10,) and (9,), whatever is seen (Lin et al. 2017): else the first thing that
+        all layers learn together is how rare regions are."""
+        with torch.no_grad():
+            self.decoder.classes.weight.zero_()
+            self.decoder.classes.bias.copy_(pixels.log())  # type: ignore[union-attr]  # it has a bias
+            self.action.layers[-1].weight.zero_()  # type: ignore[operator]  # a linear layer
+            self.action.layers[-1].bias.copy_(actions.log())  # type: ignore[operator,union-attr]
+
     def _seen(self, frames: Frames) -> tuple[Tensor, list[list[Tensor]]]:
         """Fused features of every frame (n, t, c, h, w), and the features of the last frame before each pooling, by stream."""
         count, steps = frames.appearance.shape[:2]
