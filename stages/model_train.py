@@ -125,8 +125,8 @@ class Params:
     """processes that train together, each with a device of its own"""
 
 
-SOR3D = Params(backend="sor3d", height_px=112, steps=1200, batch=4, accumulate=2, lr=2e-3, warmup=50, validate_every=300,
-               balance=0.0, foreground_weight=4.0)  # fmt: skip
+SOR3D = Params(backend="sor3d", height_px=80, steps=650, batch=16, accumulate=1, lr=5e-4, warmup=20, validate_every=130,
+               balance=0.0, foreground_weight=20.0)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
                      weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, flip_share=0.0,

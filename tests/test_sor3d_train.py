@@ -24,7 +24,8 @@ from stages import action_pack, interaction_pack, model_train
 from tests.made_samples import Scratch
 from tests.made_sequences import SIZE, interaction
 
-PARAMS = replace(model_train.SOR3D, steps=6, warmup=2, validate_every=3, batch=2, height_px=SIZE, seed=5, val_samples=4)
+PARAMS = replace(model_train.SOR3D, steps=6, warmup=2, validate_every=3, batch=2, accumulate=2, height_px=SIZE, seed=5,
+                 val_samples=4)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +139,8 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
     lonely = FileTree("d", dataset.under("train"))
     with pytest.raises(ValueError, match=r"expected sequences val/\*.safetensors, found none"):
         model_train.run(lonely, PARAMS, Scratch(tmp_path))
+    with pytest.raises(ValueError, match="batch of 2 or more for small, which normalises over it, got 1"):
+        model_train.run(dataset, replace(PARAMS, batch=1), Scratch(tmp_path))
     with pytest.raises(ValueError, match="row of rgb, rgb_attention"):
         model_train.run(dataset, replace(PARAMS, row="grey"), Scratch(tmp_path))
     (first, flow), (second, _) = interaction(0, "train"), interaction(1, "train")
@@ -149,8 +152,8 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
 
 
 def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
-    """Of twelve squares, pushed or lifted, within 60 steps. A head whose input is nearly the same for all of them would drive
-    the memory into saturation first."""
+    """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
+    first and stays at chance."""
     paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
     model = model_train._job(PARAMS).config
     learned = stack([sequences.read(path, "3d") for path in paths], model)

@@ -114,10 +114,12 @@ def job(p: Any, recipe: Recipe | None, threads: int) -> Sor3dJob:
     if p.variant not in WIDTHS or p.row not in ROWS:
         raise ValueError(f"model_train: expected variant of {', '.join(WIDTHS)} and row of {', '.join(ROWS)}, got {p.variant!r}, "
                          f"{p.row!r}")
+    if p.variant == "small" and p.batch < 2:
+        raise ValueError(f"model_train: expected a batch of 2 or more for small, which normalises over it, got {p.batch}")
     config = Sor3dConfig(widths=WIDTHS[p.variant], decoder_widths=DECODER_WIDTHS[p.variant], size_px=p.height_px,
                          norm="none" if p.variant == "paper" else "group")  # fmt: skip
     return Sor3dJob(
-        config=row(config, p.row), plan=replace(plan_of(p, _parallel(p, threads)), betas=ADAM),
+        config=row(config, p.row), plan=replace(plan_of(p, 1), betas=ADAM),
         loss=LossParams(foreground=p.foreground_weight), changes=Changes(p.flip_share, p.crop_share, p.colour_share),
         batch=p.batch, static_share=p.static_share, balance=p.balance, val_samples=p.val_samples, vgg=p.backbones,
         seed=p.seed)  # fmt: skip
@@ -127,10 +129,6 @@ def spread(paths: list[Path], count: int) -> list[Path]:
     """At most `count` of them, spread over all."""
     count = min(count, len(paths))
     return [paths[round(n * (len(paths) - 1) / max(count - 1, 1))] for n in range(count)]
-
-
-def _parallel(p: Any, threads: int) -> int:
-    return min(threads, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1
 
 
 def kinds_of(scratch: Path) -> dict[str, Counter[str]]:

@@ -51,7 +51,7 @@ class Sor3d(nn.Module):
             remembered = layer(remembered)
         last = remembered[:, -1]
         attention = None if self.attention is None else self.attention(seen[:, -1], last)
-        return Said(self.decoder(last, skips, attention), self.action(last), attention)
+        return Said(self.decoder(last, skips, attention), self.action(last, seen.shape[1]), attention)
 
     def expect(self, pixels: Tensor, actions: Tensor) -> None:
         """Start from these shares of the classes, (10,) and (9,), whatever is seen (Lin et al. 2017): else the first thing that
