@@ -111,6 +111,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "interaction_record":
+                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "interactions"))
             elif stage == "grasp_record":
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
             elif stage == "hand_imitation.files":

@@ -17,6 +17,7 @@ from stages import (
     action_pack,
     action_read,
     interaction_pack,
+    interaction_record,
     model_train,
     scene_flow,
     scene_flow_score,
@@ -83,7 +84,8 @@ def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
     files, log = g.pick(trained, lambda t: t.files), g.pick(trained, lambda t: t.log)
     shown   = g.named("record_model_train").add(training_record.run, log=log, files=files, params=training_record.Params(),
                                                 ctx=g.ctx)
-    g.target("sor3d", page, files, shown, record_run(g, "sor3d_report", page))
+    films   = g.add(interaction_record.run, dataset=found.dataset, model=files,    params=p.interaction_record, ctx=g.ctx)
+    g.target("sor3d", page, files, shown, films, record_run(g, "sor3d_report", page))
 
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
