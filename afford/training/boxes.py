@@ -41,7 +41,7 @@ class Detecting:
 
     def validate(self) -> dict[str, float]:
         """IoU, F, weighted F from own boxes; the same, as true_boxes.*, when the boxes are told; the loss."""
-        own, told, totals = [], [], []
+        own, told, totals = list[np.ndarray](), list[np.ndarray](), list[float]()
         for one in self._judged:
             batch = stack([one], self._net.config)
             label = batch.label.to(self._device)
