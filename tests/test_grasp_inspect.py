@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from afford.recording.grasp_strips import SHOWN, SIDE
-from afford.recording.layout import OF_GRASPS
+from afford.recording.layout import IN_PANELS
 from afford.recording.own_types import MESSAGES
 from afford.recording.summary import summarise
 from afford.recording.tiles import GAP, HEAD
@@ -70,7 +70,7 @@ def test_a_layout_has_a_room_and_curves(recording: Path, tmp_path: Path) -> None
     assert {"Image!grasp_evaluate_image", "3D!space", "Plot!grasp_evaluate_state", "Plot!grasp_evaluate_force"} <= set(panels)
     room = panels["3D!space"]["topics"]
     assert set(room) <= topics and [topic for topic, how in room.items() if how["visible"]] == ["/grasp_evaluate/scene"]
-    assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, numbers in OF_GRASPS.items() for number in numbers)
+    assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, numbers in IN_PANELS.items() for number in numbers)
 
 
 def test_rerun_reads_the_file_itself(recording: Path, tmp_path: Path) -> None:
