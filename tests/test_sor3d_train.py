@@ -183,7 +183,7 @@ def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp
 @pytest.mark.slow
 def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> None:
     """The square rests the same way whether it was pushed or lifted: videos are told apart, pictures cannot be."""
-    params = replace(PARAMS, steps=150, warmup=20, validate_every=75, batch=3, static_share=0.1, lr=6e-3, foreground_weight=4.0)
+    params = replace(PARAMS, steps=150, warmup=20, validate_every=75, batch=6, static_share=0.1, lr=2e-3, foreground_weight=4.0)
     made = model_train.run(dataset, params, Scratch(tmp_path))
     said = {curve.name: float(curve.value[-1]) for curve in made.log.curves}
     assert said["val.iou"] > 0.8 and said["val.action"] == 1.0 and said["val.static.iou"] < 0.7
