@@ -44,7 +44,7 @@ def test_dense_pays_only_what_is_gripped() -> None:
     assert total("dense", **at, force_held=bare) == 0.0
     assert total("dense", **at, force_held=grip) == pytest.approx(2 * 0.14 + 1)
     assert total("dense", **at, force_held=grip, force_told=[[0, 1, 1, 0, 0, 0]]) == pytest.approx(1.28 - 0.25)
-    assert total("dense", **at, force_held=grip, N_m=[[0.01, 1, 1, 1, 1]]) == pytest.approx(1.28 - 0.7 * (2 / 3) / 5)
+    assert total("dense", **at, force_held=grip, N_m=[[0.01, 1, 1, 1, 1]]) == pytest.approx(1.28 - 0.7 * 0.75 / 5)
     detour = {**at, "allowed_m": [[0.06, 0.04, 0.0, 0.0, 0.0]]}
     assert total("dense", **detour, force_held=grip) == pytest.approx(1.28 - 4 * 0.02)
 

@@ -15,7 +15,7 @@ NEGATIVE_M = 0.03
 """a fingertip is too near to a negative point within it"""
 TIPS_GATE_M, PALM_GATE_M = 0.6, 0.12
 LIFTED_M, RAISED_M = 0.03, 0.20
-NEAR_M = 0.03
+NEAR_M = 0.04
 TIPS_CAP_M, PALM_CAP_M = 3.0, 0.5
 GRASP_REACH_M = 0.15
 
@@ -53,7 +53,7 @@ TERMS: Mapping[str, Term] = {
                               lambda m: 0.25 * (m.force_told > TOUCH_N).sum(axis=1)),
     "negative_detour": Term("m, mean of how much farther fingertips are from points that may be touched than from the surface",
                             lambda m: (m.allowed_m - m.tips_m).mean(axis=1)),
-    "negative_near": Term("mean over fingertips of how far they are within 3 cm of a negative point, as a share of it",
+    "negative_near": Term("mean over fingertips of how far they are within 4 cm of a negative point, as a share of it",
                           lambda m: (1 - m.N_m / NEAR_M).clip(min=0).mean(axis=1)),
 }  # fmt: skip
 
