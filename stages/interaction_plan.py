@@ -23,11 +23,11 @@ MEMORY_GIB = 0.2
 class Params:
     seed: int = 20266
     """seed of all sequences; each draws its own from it"""
-    train: int = 240
+    train: int = 400
     """sequences for training (the paper: 962)"""
     val: int = 60
     """sequences for validation (the paper: 239)"""
-    train_instances: int = 8
+    train_instances: int = 16
     """instances of each type of thing that training shows"""
     val_instances: int = 4
     """instances of each type of thing that only validation shows"""

@@ -53,9 +53,11 @@ class Params:
     row: str = "rgbd_attention_flow3d"
     """sor3d: what it has: rgb, rgb_attention, rgb_attention_flow2d, rgbd, rgbd_attention, rgbd_attention_flow3d"""
     static_share: float = 0.25
-    """sor3d: share of micro-batches that are last frames alone, as pictures; 0 in the paper"""
+    """sor3d: the last frames of this share of a batch are learned beside it, as pictures; 0 in the paper"""
     foreground_weight: float = 1.0
     """sor3d: weight of pixels that afford something, against background; 1 in the paper"""
+    turn: float = 0.75
+    """sor3d: share of the steps after which regions count as much as the action (before: a quarter of it); 0.75 in the paper"""
     seed: int = 0
     """seed of weights, order and augmentation"""
     backbones: str = ""
@@ -67,7 +69,7 @@ class Params:
     steps: int = 4500
     """steps of the optimiser, unless validation ends it earlier"""
     coarse_share: float = 0.53
-    """small: share of the steps that come first, with twice as many samples at half the size"""
+    """share of the steps that come first, at half the size: of small (with twice as many samples) and sor3d"""
     batch: int = 8
     """samples per micro-batch and device"""
     accumulate: int = 2
@@ -113,7 +115,7 @@ class Params:
     mask_weight: float = 1.0
     """weight of the mask loss; 2 in the paper"""
     dice_weight: float = 2.0
-    """weight of the Dice loss; 0.5 in the paper"""
+    """weight of the Dice loss; 0.5 in the paper of two hands, 0 in that of SOR3D-AFF"""
     object_weight: float = 1.0
     """weight of telling the complete object of each hand, which small does beside its regions; 0 for the paper's losses"""
     centre_weight: float = 1.0
@@ -125,12 +127,12 @@ class Params:
     """processes that train together, each with a device of its own"""
 
 
-SOR3D = Params(backend="sor3d", height_px=80, steps=650, batch=16, accumulate=1, lr=5e-4, warmup=20, validate_every=130,
-               balance=0.0, foreground_weight=20.0)  # fmt: skip
+SOR3D = Params(backend="sor3d", height_px=72, steps=1600, batch=16, accumulate=1, lr=3e-3, warmup=20, validate_every=400,
+               balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.6)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
-                     weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, flip_share=0.0,
-                     crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
+                     weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, coarse_share=0.0,
+                     dice_weight=0.0, flip_share=0.0, crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
 """the paper's: 200 epochs of 962 sequences. Its rate is constant; here it falls linearly to 0"""
 
 

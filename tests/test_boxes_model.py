@@ -92,7 +92,7 @@ def test_it_learns_boxes_and_masks() -> None:
     optimiser = torch.optim.Adam(model.parameters(), 4e-3)
     for _ in range(120):
         optimiser.zero_grad()
-        losses(model, model(batch.frames), batch.label)["total"].backward()
+        losses(model, model(batch.groups[0]), batch.label)["total"].backward()
         optimiser.step()
     for told in (False, True):
         assert _iou(model.eval(), batch, told) > 0.75
@@ -101,7 +101,7 @@ def test_it_learns_boxes_and_masks() -> None:
 def test_nothing_to_learn_is_no_nan() -> None:
     """A batch without affordances has a finite loss, and no loss of boxes and masks."""
     model, batch = build(CONFIG, 1), _eight()
-    found = losses(model, model(batch.frames), torch.full_like(batch.label, BACKGROUND))
+    found = losses(model, model(batch.groups[0]), torch.full_like(batch.label, BACKGROUND))
     assert torch.isfinite(found["total"]) and found["box"] == found["mask"] == 0
 
 
@@ -144,12 +144,12 @@ def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:
 
 def _eight() -> Learned:
     """Eight last frames of a bright square."""
-    return stack([last(sequence_of(interaction(n, "train")[0], None, "none")) for n in range(8)], CONFIG)
+    return stack([[last(sequence_of(interaction(n, "train")[0], None, "none")) for n in range(8)]], CONFIG)
 
 
 def _iou(model: Boxes, batch: Learned, told: bool) -> float:
     with torch.inference_mode():
-        found = model(batch.frames)
+        found = model(batch.groups[0])
         boxes = [extents(batch.label)[0][n : n + 1] if told else proposals(found, n) for n in range(8)]
         said = torch.stack([painted(model, found.features[n : n + 1], boxes[n], (SIZE, SIZE)).argmax(0) for n in range(8)])
     on, true = said != BACKGROUND, batch.label != BACKGROUND

@@ -158,9 +158,8 @@ def test_paper_width_learns_on_a_cpu() -> None:
 def test_every_row_of_the_ablation_runs(name: str) -> None:
     """Each has what its name says, and all of its weights learn, from videos and from pictures, which are normalised apart."""
     made = build(config.row(TINY, name), 0)
-    for count in (1, 3):
-        said = made(asked(0, 1, count=count))
-        losses(said, torch.randint(0, 10, (2, SIZE, SIZE)), torch.tensor([1, 2]), LossParams(), 0.0)["total"].backward()
+    said = made(asked(0, 1, count=3), asked(2, 3, count=1))
+    losses(said, torch.randint(0, 10, (4, SIZE, SIZE)), torch.tensor([1, 2, 3, 4]), LossParams(), 0.0)["total"].backward()
     assert (said.attention is not None) == ("attention" in name) and (made.motion is not None) == ("flow" in name)
     assert made.appearance.stages[0][0][0].in_channels == (4 if "rgbd" in name else 3)
     assert all(parameter.grad is not None for parameter in made.parameters())
@@ -171,13 +170,50 @@ def test_only_the_label_of_the_last_frame_enters_the_loss(model: Sor3d) -> None:
     frame alone."""
     asking = asked(4)
     with torch.no_grad():
-        _, skips = model._seen(asking)
+        _, skips = model._seen([asking])
         changed = asking.appearance.clone()
         changed[:, :-1] = 0
-        _, others = model._seen(Frames(changed, asking.motion))
+        _, others = model._seen([Frames(changed, asking.motion)])
     assert all(torch.equal(a, b) for one, two in zip(skips, others, strict=True) for a, b in zip(one, two, strict=True))
     with pytest.raises((RuntimeError, ValueError)):
         losses(model(asking), torch.zeros(1, 4, SIZE, SIZE, dtype=torch.int64), torch.tensor([0]), LossParams(), 0.0)
+
+
+def test_groups_of_several_lengths_are_as_each_alone(model: Sor3d) -> None:
+    """What is said of a sequence does not depend on what goes through beside it, and keeps its place."""
+    videos, pictures = asked(0, 1), asked(2, 3, 4, count=1)
+    with torch.no_grad():
+        both, apart = model(videos, pictures), (model(videos), model(pictures))
+    for name in Said._fields:
+        assert torch.allclose(getattr(both, name), torch.cat([getattr(one, name) for one in apart]), atol=1e-5)
+
+
+def test_the_action_decides_between_affordances_of_a_pixel(model: Sor3d) -> None:
+    """An affordance of a pixel is what the decoder says times the probability of the action; the background is not touched."""
+    asking, alone = asked(6), build(replace(TINY, told=False), seed=1).eval()
+    with torch.no_grad():
+        said, decoded = model(asking), alone(asking)
+    more = said.logits - decoded.logits
+    assert torch.allclose(more[:, :9], said.action.log_softmax(-1)[..., None, None].expand_as(more[:, :9]), atol=1e-5)
+    assert torch.equal(more[:, BACKGROUND], torch.zeros_like(more[:, BACKGROUND]))
+
+
+def test_memory_begins_with_spans_of_its_frames() -> None:
+    """Forget gates keep 1/2 to 10/11 of a frame, input gates let in what is not kept."""
+    width = TINY.widths[-1]
+    gates = build(replace(TINY, memory_frames=10), seed=0).memory[1].gates.bias
+    enter, keep = gates[:width].sigmoid(), gates[width : 2 * width].sigmoid()
+    assert torch.allclose(enter + keep, torch.ones(width)) and keep.min() >= 0.5 and 0.7 < keep.max() <= 10 / 11
+
+
+def test_small_motion_is_raised_by_its_power() -> None:
+    """The sign stays, full motion stays full, nothing stays nothing."""
+    clip = seen(0, 2)
+    clip.flow[:] = 128
+    clip.flow[0, 0, 0] = (255, 1, 128 + 13)
+    motion = frames([clip], TINY).motion[0, 1, :, 0, 0]
+    assert motion.tolist() == pytest.approx([1.0, -1.0, (13 / 127) ** 0.5])
+    assert frames([clip], config.paper()).motion[0, 1, 2, 0, 0].item() == pytest.approx(13 / 127)
 
 
 def test_loss_by_hand() -> None:
@@ -192,6 +228,10 @@ def test_loss_by_hand() -> None:
         assert found["total"].item() == pytest.approx(first * (right + wrong) / 2 + second * told, abs=1e-6)
     heavy = losses(said, label, action, LossParams(foreground=3.0), 0.0)
     assert heavy["pixels"].item() == pytest.approx((3 * right + wrong) / 4, abs=1e-6)
+    overlap = 1 - (2 * 0.5 + 1) / (0.5 + 8 / 18 + 0.9 + 1 + 1)
+    diced = losses(said, label, action, LossParams(dice=2.0), 0.0)
+    assert diced["dice"].item() == pytest.approx(overlap, abs=1e-6)
+    assert diced["total"].item() == pytest.approx(0.2 * (right + wrong) / 2 + 0.8 * told + 0.2 * 2.0 * overlap, abs=1e-6)
 
 
 def test_files_come_back(model: Sor3d, tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from afford.dataset import sequences
 from afford.models.sor3d import files
 from afford.models.sor3d.losses import LossParams, losses
 from afford.models.sor3d.model import build
-from afford.training import sequence_batches
 from afford.training.job import read
 from afford.training.sequence_batches import Changes, changed, last, mirrored, stack
 from schemas.files import FileTree
@@ -96,17 +95,28 @@ def test_a_job_travels_as_text() -> None:
 
 
 def test_batches_are_a_function_of_their_number(dataset: FileTree, tmp_path: Path) -> None:
-    """In any order; some are pictures, of which there are more."""
-    job = replace(model_train._job(PARAMS), static_share=0.5)
+    """In any order; the last frames of some are learned beside them as pictures."""
+    job = replace(model_train._job(PARAMS), static_share=0.5, batch=4, coarse_share=0.0)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     batches = job.task(tmp_path, 1).batch
     first = {n: batches(n) for n in range(8)}
     for n in reversed(range(8)):
         again = batches(n)
-        assert torch.equal(again.frames.motion, first[n].frames.motion) and torch.equal(again.label, first[n].label)
-    lengths = {(batch.frames.appearance.shape[1], len(batch.label)) for batch in first.values()}
-    assert lengths == {(4, 2), (1, 2 * sequence_batches.STATIC_TIMES)}
+        assert torch.equal(again.groups[0].motion, first[n].groups[0].motion) and torch.equal(again.label, first[n].label)
+        videos, pictures = again.groups
+        assert videos.appearance.shape[:2] == (4, 4) and pictures.appearance.shape[:2] == (2, 1) and len(again.label) == 6
+        assert torch.equal(pictures.appearance[:, 0, :3], videos.appearance[:2, -1, :3])
+        assert torch.equal(again.label[4:], again.label[:2])
     assert first[6].done == 6 / (PARAMS.steps * PARAMS.accumulate)
+
+
+def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path) -> None:
+    """A share of them; their labels too."""
+    job = replace(model_train._job(PARAMS), coarse_share=0.5)
+    job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
+    batches, half = job.task(tmp_path, 1).batch, PARAMS.steps * PARAMS.accumulate // 2
+    sides = [(batch.label.shape[-1], batch.groups[0].appearance.shape[-1]) for batch in (batches(half - 1), batches(half))]
+    assert sides == [(SIZE // 2, SIZE // 2), (SIZE, SIZE)]
 
 
 def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
@@ -129,8 +139,8 @@ def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
 def test_a_picture_has_no_past(dataset: FileTree) -> None:
     """The last frame alone, without motion, with the label."""
     one = sequences.read(dataset.find("train/train_000.safetensors").path, "3d")
-    learned = stack([last(one)], model_train._job(PARAMS).config)
-    assert learned.frames.appearance.shape[1] == 1 and (learned.frames.motion == 0).all()
+    learned = stack([[last(one)]], model_train._job(PARAMS).config)
+    assert learned.groups[0].appearance.shape[1] == 1 and (learned.groups[0].motion == 0).all()
     assert learned.action.item() == AFFORDANCES.index("push")
 
 
@@ -156,14 +166,14 @@ def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -
     first and stays at chance."""
     paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
     model = model_train._job(PARAMS).config
-    learned = stack([sequences.read(path, "3d") for path in paths], model)
+    learned = stack([[sequences.read(path, "3d") for path in paths]], model)
     net = build(model, seed=0)
     optimiser = torch.optim.Adam(net.parameters(), 2e-3)
     for _ in range(60):
         optimiser.zero_grad()
-        losses(net(learned.frames), learned.label, learned.action, LossParams(), 0.0)["total"].backward()
+        losses(net(*learned.groups), learned.label, learned.action, LossParams(), 0.0)["total"].backward()
         optimiser.step()
-    assert (net(learned.frames).action.argmax(1) == learned.action).all()
+    assert (net(*learned.groups).action.argmax(1) == learned.action).all()
 
 
 def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
@@ -172,7 +182,7 @@ def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     task = job.task(tmp_path, 1)
     labels = np.stack([interaction(n, "train")[0].label for n in range(12)])
-    said = task.model(task.batch(0).frames)
+    said = task.model(*task.batch(0).groups)
     colours, action = said.logits.softmax(1), said.action.softmax(1)
     push, ground = AFFORDANCES.index("push"), BACKGROUND
     ratio = 3.0 * np.count_nonzero(labels == push) / np.count_nonzero(labels == ground)

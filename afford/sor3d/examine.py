@@ -54,7 +54,7 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
 def ask(model: Sor3d, one: Sequence, device: str = "cpu") -> Answer:
     """About the last frame of a sequence, at the size of the model."""
     with torch.inference_mode():
-        said = model(stack([one], model.config).frames.to(device))
+        said = model(stack([[one]], model.config).groups[0].to(device))
         confidence, label = said.logits[0].softmax(0).max(0)
         attention = torch.zeros(0, 0) if said.attention is None else said.attention[0, 0]
     return Answer(label.cpu().numpy().astype(np.uint8), confidence.cpu().numpy().astype(np.float16),

@@ -32,20 +32,20 @@ class Detecting:
         self._said: list[np.ndarray] = []
 
     def batch(self, number: int) -> Learned:
-        """Micro-batch `number`."""
-        return self._batches(number)
+        """Micro-batch `number`: last frames."""
+        return stack([[last(one) for one in self._batches.drawn(number)]], self._net.config)
 
     def loss(self, model: nn.Module, batch: Learned) -> dict[str, Tensor]:
         """The losses by name. `model` may be wrapped: masks are asked of what is inside."""
-        return losses(self._net, model(batch.frames.to(self._device)), batch.label.to(self._device))
+        return losses(self._net, model(batch.groups[0].to(self._device)), batch.label.to(self._device))
 
     def validate(self) -> dict[str, float]:
         """IoU, F, weighted F from own boxes; the same, as true_boxes.*, when the boxes are told; the loss."""
         own, told, totals = list[np.ndarray](), list[np.ndarray](), list[float]()
         for one in self._judged:
-            batch = stack([one], self._net.config)
+            batch = stack([[one]], self._net.config)
             label = batch.label.to(self._device)
-            seen = self._net(batch.frames.to(self._device))
+            seen = self._net(batch.groups[0].to(self._device))
             totals.append(float(losses(self._net, seen, label)["total"]))
             for boxes, said in ((proposals(seen, 0), own), (extents(label)[0], told)):
                 size = (label.shape[1], label.shape[2])

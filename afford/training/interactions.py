@@ -40,7 +40,7 @@ class Interactions:
 
     def loss(self, model: nn.Module, batch: Learned) -> dict[str, Tensor]:
         """The losses by name."""
-        said = model(batch.frames.to(self._device))
+        said = model(*(frames.to(self._device) for frames in batch.groups))
         return losses(said, batch.label.to(self._device), batch.action.to(self._device), self._loss, batch.done)
 
     def validate(self) -> dict[str, float]:
@@ -63,8 +63,8 @@ class Interactions:
         found: list[np.ndarray] = []
         right, totals = [], []
         for n in range(0, len(judged), self._size):
-            batch = stack(judged[n : n + self._size], self._net.config)
-            said: Said = self._net(batch.frames.to(self._device))
+            batch = stack([judged[n : n + self._size]], self._net.config)
+            said: Said = self._net(batch.groups[0].to(self._device))
             truth = batch.label.to(self._device), batch.action.to(self._device)
             totals.append(float(losses(said, *truth, self._loss, 1.0)["total"]))
             found += list(said.logits.argmax(1).cpu().numpy().astype(np.uint8))

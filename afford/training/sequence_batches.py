@@ -18,16 +18,14 @@ from afford.models.sor3d.config import Sor3dConfig
 from afford.models.sor3d.inputs import Frames, Seen, frames
 from afford.training.order import Order
 
-STATIC_TIMES = 4
-"""a batch of single pictures has so many times as many: it is still far cheaper"""
 SMALLEST_CROP = 0.8
 """share of the side that a crop keeps"""
 
 
 class Learned(NamedTuple):
-    """b sequences with what is true of their last frames."""
+    """b sequences, in groups of one length each, with what is true of their last frames."""
 
-    frames: Frames
+    groups: tuple[Frames, ...]
     label: Tensor
     """(b, h, w) int64"""
     action: Tensor
@@ -56,19 +54,30 @@ class SequenceBatches:
     size: int
     """sequences per batch"""
     static_share: float
-    """share of batches that are the last frames alone, as pictures in which nothing moves"""
+    """the last frames of this share of a batch are learned beside it, as pictures in which nothing moves"""
     total: int
     seed: int
+    coarse: int = 0
+    """batches that come first, at half the size"""
 
     def __call__(self, number: int) -> Learned:
-        static = np.random.default_rng((self.seed, number, 1)).random() < self.static_share
-        count = self.size * (STATIC_TIMES if static else 1)
-        chosen = [self._sample(number * self.size * STATIC_TIMES + n if static else number * self.size + n) for n in range(count)]
-        return stack([last(one) for one in chosen] if static else chosen, self.config, number / self.total)
+        chosen = self.drawn(number)
+        pictures = [last(one) for one in chosen[: self.pictures]]
+        return stack([chosen, pictures] if pictures else [chosen], self.config, number / self.total)
 
-    def _sample(self, position: int) -> Sequence:
+    @property
+    def pictures(self) -> int:
+        """Pictures beside a batch: none or at least two, for they are normalised over."""
+        return max(2, round(self.size * self.static_share)) if self.static_share else 0
+
+    def drawn(self, number: int) -> list[Sequence]:
+        """The sequences of a batch."""
+        side = self.config.size_px // 2 if number < self.coarse else self.config.size_px
+        return [self._sample(number * self.size + n, side) for n in range(self.size)]
+
+    def _sample(self, position: int, side: int) -> Sequence:
         _, index = self.order.sample(position)
-        found = fitted(sequences.read(self.paths[index], self.config.flow), self.config.size_px)
+        found = fitted(sequences.read(self.paths[index], self.config.flow), side)
         return changed(found, self.changes, np.random.default_rng((self.seed, position, 2)))
 
 
@@ -77,11 +86,12 @@ def last(one: Sequence) -> Sequence:
     return replace(one, rgb=one.rgb[-1:], depth_m=one.depth_m[-1:], flow=one.flow[:0])
 
 
-def stack(chosen: Listed[Sequence], config: Sor3dConfig, done: float = 1.0) -> Learned:
-    """Sequences of one size and length -> tensors."""
-    seen = [Seen(one.rgb, one.depth_m, one.flow, one.still) for one in chosen]
+def stack(groups: Listed[Listed[Sequence]], config: Sor3dConfig, done: float = 1.0) -> Learned:
+    """Groups of sequences of one size, each of one length -> tensors."""
+    seen = tuple(frames([Seen(one.rgb, one.depth_m, one.flow, one.still) for one in group], config) for group in groups)
+    chosen = [one for group in groups for one in group]
     label = torch.from_numpy(np.stack([one.label for one in chosen]).astype(np.int64))
-    return Learned(frames(seen, config), label, torch.tensor([sequences.action(one.affordance) for one in chosen]), done)
+    return Learned(seen, label, torch.tensor([sequences.action(one.affordance) for one in chosen]), done)
 
 
 def fitted(one: Sequence, size_px: int) -> Sequence:

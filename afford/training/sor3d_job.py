@@ -14,7 +14,7 @@ from torch import nn
 
 from afford.dataset import sequences
 from afford.models.sor3d import files, pretrain, vgg
-from afford.models.sor3d.config import DECODER_WIDTHS, ROWS, WIDTHS, Sor3dConfig, row
+from afford.models.sor3d.config import ROWS, VARIANTS, Sor3dConfig, row
 from afford.models.sor3d.losses import LossParams
 from afford.models.sor3d.model import Sor3d, build
 from afford.training import shares, sor3d_card
@@ -43,7 +43,9 @@ class Sor3dJob:
     batch: int
     """sequences per micro-batch and process"""
     static_share: float
-    """share of micro-batches that are pictures"""
+    """the last frames of this share of a micro-batch are learned beside it, as pictures"""
+    coarse_share: float
+    """share of the micro-batches that come first, at half the size: actions are learned there for a third of the price"""
     balance: float
     """0: sequences as they are; 1: every affordance of every object type as often as any other"""
     val_samples: int
@@ -70,7 +72,7 @@ class Sor3dJob:
         """A new model, the batches of training and the sequences of validation."""
         parts = parts_of(scratch)
         model = build(self.config, self.seed)
-        if self.config.norm == "group":
+        if self.config.norm == "batch":
             model.expect(shares.pixels(parts["train"], self.loss.foreground), shares.actions(parts["train"]))
         if self.encoder:
             pretrain.load(model.appearance, Path(self.encoder))
@@ -78,7 +80,8 @@ class Sor3dJob:
             vgg.fill(model.motion, Path(self.vgg))
         order = Order([sequences.kind(path) for path in parts["train"]], self.balance, self.seed)
         total = self.plan.steps * self.plan.accumulate * processes
-        batches = SequenceBatches(parts["train"], self.config, self.changes, order, self.batch, self.static_share, total, self.seed)
+        batches = SequenceBatches(parts["train"], self.config, self.changes, order, self.batch, self.static_share, total, self.seed,
+                                  round(self.coarse_share * total))  # fmt: skip
         chosen = spread(parts["val"], self.val_samples)
         judged = [fitted(sequences.read(path, self.config.flow), self.config.size_px) for path in chosen]
         return Interactions(model, batches, judged, self.loss, self.batch, self.plan.device)
@@ -111,17 +114,18 @@ def job(p: Any, recipe: Recipe | None, threads: int) -> Sor3dJob:
     row that is not known."""
     if recipe is not None:
         p = replace(p, row=recipe.row, seed=recipe.seed)
-    if p.variant not in WIDTHS or p.row not in ROWS:
-        raise ValueError(f"model_train: expected variant of {', '.join(WIDTHS)} and row of {', '.join(ROWS)}, got {p.variant!r}, "
+    if p.variant not in VARIANTS or p.row not in ROWS:
+        raise ValueError(f"model_train: expected variant of {', '.join(VARIANTS)} and row of {', '.join(ROWS)}, got {p.variant!r}, "
                          f"{p.row!r}")
     if p.variant == "small" and p.batch < 2:
         raise ValueError(f"model_train: expected a batch of 2 or more for small, which normalises over it, got {p.batch}")
-    config = Sor3dConfig(widths=WIDTHS[p.variant], decoder_widths=DECODER_WIDTHS[p.variant], size_px=p.height_px,
-                         norm="none" if p.variant == "paper" else "group")  # fmt: skip
+    config = replace(VARIANTS[p.variant](), size_px=p.height_px)
     return Sor3dJob(
         config=row(config, p.row), plan=replace(plan_of(p, 1), betas=ADAM),
-        loss=LossParams(foreground=p.foreground_weight), changes=Changes(p.flip_share, p.crop_share, p.colour_share),
-        batch=p.batch, static_share=p.static_share, balance=p.balance, val_samples=p.val_samples, vgg=p.backbones,
+        loss=LossParams(turn=p.turn, dice=p.dice_weight, foreground=p.foreground_weight),
+        changes=Changes(p.flip_share, p.crop_share, p.colour_share),
+        batch=p.batch, static_share=p.static_share, coarse_share=p.coarse_share, balance=p.balance,
+        val_samples=p.val_samples, vgg=p.backbones,
         seed=p.seed)  # fmt: skip
 
 

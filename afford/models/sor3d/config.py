@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,18 +34,30 @@ class Sor3dConfig:
     """soft attention at the latent and after every upsampling of the decoder"""
     rescale: bool = True
     """attention is multiplied by the number of positions: a mean of 1 keeps the scale of features; False is the bare softmax"""
-    norm: str = "group"
-    """group: group normalisation after every convolution of encoders and decoder, for training from nothing; none, as the paper"""
+    norm: str = "batch"
+    """batch: normalisation over the batch after every convolution of encoders and decoder, and of what the memory is told, for
+    training from nothing; none, as the paper"""
+    told: bool = True
+    """an affordance of a pixel is what the decoder says times what the action head says of the whole sequence; False, as the
+    paper: the decoder alone"""
+    motion_power: float = 0.5
+    """sizes of motion are raised to it, so that those of fingers are seen beside those of an arm; 1, as the paper"""
+    here: bool = True
+    """decoder and action head are told the last frame itself too, since a single picture hardly passes a memory that has learned
+    to wait for motion; False, as the paper: they are told what is remembered"""
+    memory_frames: int = 10
+    """frames that the memory spans at first"""
     depth_span_m: float = 0.3
     """depth, less the median of the first frame, is divided by this and cut at -1 and 1"""
 
     def __post_init__(self) -> None:
-        if self.flow not in FLOWS or self.norm not in ("group", "none"):
-            raise ValueError(f"Sor3dConfig: expected flow of {', '.join(FLOWS)} and norm group or none, got {self.flow}, "
+        if self.flow not in FLOWS or self.norm not in ("batch", "none"):
+            raise ValueError(f"Sor3dConfig: expected flow of {', '.join(FLOWS)} and norm batch or none, got {self.flow}, "
                              f"{self.norm}")
         if {len(self.widths), len(self.decoder_widths)} != {4} or min(self.widths + self.decoder_widths) < 1 or self.size_px < 16 \
-                or self.depth_span_m <= 0:
-            raise ValueError(f"Sor3dConfig: expected four widths each, at least 16 px and a depth span above 0, got {self}")
+                or min(self.depth_span_m, self.motion_power) <= 0 or self.memory_frames < 2:
+            raise ValueError("Sor3dConfig: expected four widths each, at least 16 px, a depth span and a motion power above 0, and "
+                             f"a memory of 2 frames or more, got {self}")
 
     @property
     def labels(self) -> int:
@@ -79,7 +92,11 @@ ROWS: dict[str, dict[str, Any]] = {
 
 def paper() -> Sor3dConfig:
     """The model at the width and size of the paper."""
-    return Sor3dConfig(widths=WIDTHS["paper"], decoder_widths=DECODER_WIDTHS["paper"], size_px=300, norm="none")
+    return Sor3dConfig(widths=WIDTHS["paper"], decoder_widths=DECODER_WIDTHS["paper"], size_px=300, norm="none",
+                       told=False, here=False, motion_power=1.0)  # fmt: skip
+
+
+VARIANTS: dict[str, Callable[[], Sor3dConfig]] = {"small": Sor3dConfig, "paper": paper}
 
 
 def row(config: Sor3dConfig, name: str) -> Sor3dConfig:

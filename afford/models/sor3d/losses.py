@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn.functional import cross_entropy
+from torch.nn.functional import cross_entropy, one_hot
 
 from afford.models.sor3d.model import Said
 from schemas.interaction import BACKGROUND
@@ -22,6 +22,8 @@ class LossParams:
     """l1, l2 from then on"""
     turn: float = 0.75
     """share of the steps (150 of 200 epochs in the paper)"""
+    dice: float = 0.0
+    """weight of the Dice loss of the affordances beside l1's mean (Milletari et al. 2016); 0 in the paper"""
     foreground: float = 1.0
     """weight of pixels that are not background; 1 in the paper. The mean is a weighted one"""
 
@@ -36,5 +38,14 @@ def losses(said: Said, label: Tensor, action: Tensor, params: LossParams, done: 
     classes[BACKGROUND] = 1.0
     pixels = cross_entropy(said.logits.float(), label, weight=classes)
     told = cross_entropy(said.action.float(), action)
+    overlap = missed(said.logits.float(), label)
     first, second = params.weights(done)
-    return {"total": first * pixels + second * told, "pixels": pixels, "action": told}
+    total = first * (pixels + params.dice * overlap) + second * told
+    return {"total": total, "pixels": pixels, "dice": overlap, "action": told}
+
+
+def missed(logits: Tensor, label: Tensor) -> Tensor:
+    """1 - Dice of the affordances of each sequence, all classes of its pixels together, on average over sequences."""
+    found, true = logits.softmax(1)[:, :BACKGROUND], one_hot(label, logits.shape[1]).movedim(-1, 1)[:, :BACKGROUND]
+    both, all_ = (found * true).sum((1, 2, 3)), found.sum((1, 2, 3)) + true.sum((1, 2, 3))
+    return (1 - (2 * both + 1) / (all_ + 1)).mean()

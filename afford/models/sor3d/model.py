@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -38,51 +39,73 @@ class Sor3d(nn.Module):
         streams = 1 if self.motion is None else 2
         self.fuse = nn.Conv2d(streams * width, width, 1)
         self.residual = Residual(width)
+        self.level = nn.BatchNorm2d(width) if config.norm == "batch" else nn.Identity()
         self.memory = nn.ModuleList(ConvLSTM(width) for _ in range(2))
         self.attention = Attention(width, config.rescale) if config.attention else None
         self.decoder = Decoder(config.widths, config.decoder_widths, streams, config.labels, config.norm)
-        self.action = Action(width, config.actions, config.norm)
+        self.action = Action(width, config)
 
-    def forward(self, frames: Frames) -> Said:
-        """n sequences of t frames -> what is said of the last one."""
-        seen, skips = self._seen(frames)
-        remembered = seen
-        for layer in self.memory:
-            remembered = layer(remembered)
-        last = remembered[:, -1]
-        attention = None if self.attention is None else self.attention(seen[:, -1], last)
-        return Said(self.decoder(last, skips, attention), self.action(last, seen.shape[1]), attention)
+    def forward(self, *groups: Frames) -> Said:
+        """Groups of sequences, one length each -> what is said of the last frame of every sequence, in this order.
+
+        All groups of a training step go through at once, so that what is normalised over them is the same for all lengths."""
+        seen, skips = self._seen(groups)
+        lasts = [self._remembered(frames)[:, -1] for frames in seen]
+        action = torch.cat([self.action(last, frames) for last, frames in zip(lasts, seen, strict=True)])
+        last, here = torch.cat(lasts), torch.cat([frames[:, -1] for frames in seen])
+        attention = None if self.attention is None else self.attention(here, last)
+        logits = self.decoder(last + here if self.config.here else last, skips, attention)
+        return Said(logits + prior(action) if self.config.told else logits, action, attention)
 
     def expect(self, pixels: Tensor, actions: Tensor) -> None:
         """Start from these shares of the classes, (10,) and (9,), whatever is seen (Lin et al. 2017): else the first thing that
         all layers learn together is how rare regions are."""
+        pixels = pixels.log() - (prior(actions.log()[None])[0, :, 0, 0] if self.config.told else 0)
         with torch.no_grad():
-            self.decoder.classes.weight.zero_()
-            self.decoder.classes.bias.copy_(pixels.log())  # type: ignore[union-attr]  # it has a bias
-            self.action.layers[-1].weight.zero_()  # type: ignore[operator]  # a linear layer
-            self.action.layers[-1].bias.copy_(actions.log())  # type: ignore[operator,union-attr]
+            for layer, start in ((self.decoder.classes, pixels), (self.action.layers[-1], actions.log())):
+                layer.weight.zero_()  # type: ignore[operator,union-attr]  # they have weights and biases
+                layer.bias.copy_(start)  # type: ignore[operator,union-attr]
 
-    def _seen(self, frames: Frames) -> tuple[Tensor, list[list[Tensor]]]:
-        """Fused features of every frame (n, t, c, h, w), and the features of the last frame before each pooling, by stream."""
-        count, steps = frames.appearance.shape[:2]
-        streams = [self.appearance(_laid(self._channels(frames.appearance)))]
+    def _remembered(self, frames: Tensor) -> Tensor:
+        for layer in self.memory:
+            frames = layer(frames)
+        return frames
+
+    def _seen(self, groups: Sequence[Frames]) -> tuple[list[Tensor], list[list[Tensor]]]:
+        """Fused features of every frame, (n, t, c, h, w) by group, and the features of last frames before each pooling, by
+        stream."""
+        streams = [self.appearance(_laid([self._channels(frames.appearance) for frames in groups]))]
         if self.motion is not None:
-            streams.append(self.motion(_laid(frames.motion)))
-        fused = self.residual(self.fuse(torch.cat([stream[-1] for stream in streams], 1)))
-        skips = [[level.unflatten(0, (count, steps))[:, -1] for level in levels] for levels in zip(*streams, strict=True)]
-        return fused.unflatten(0, (count, steps)), skips[:-1]
+            streams.append(self.motion(_laid([frames.motion for frames in groups])))
+        fused = self.level(self.residual(self.fuse(torch.cat([stream[-1] for stream in streams], 1))))
+        shapes = [frames.appearance.shape[:2] for frames in groups]
+        skips = [[torch.cat([part[:, -1] for part in _parted(level, shapes)]) for level in levels]
+                 for levels in zip(*streams, strict=True)]  # fmt: skip
+        return _parted(fused, shapes), skips[:-1]
 
     def _channels(self, appearance: Tensor) -> Tensor:
         return appearance if self.config.depth else appearance[:, :, :3]
 
 
-def _laid(frames: Tensor) -> Tensor:
-    """(n, t, c, h, w) -> (n * t, c, h, w) with the channels of a pixel beside each other: convolutions on a CPU are quicker."""
-    return frames.flatten(0, 1).contiguous(memory_format=torch.channels_last)
+def prior(action: Tensor) -> Tensor:
+    """(n, 9) logits of the action -> (n, 10, 1, 1) what they add to the logits of pixels: log p, and 0 for the background."""
+    return nn.functional.pad(action.log_softmax(-1), (0, 1))[..., None, None]
+
+
+def _laid(groups: Sequence[Tensor]) -> Tensor:
+    """(n, t, c, h, w) of each group -> all frames, (sum of n * t, c, h, w), with the channels of a pixel beside each other:
+    convolutions on a CPU are quicker."""
+    return torch.cat([frames.flatten(0, 1) for frames in groups]).contiguous(memory_format=torch.channels_last)
+
+
+def _parted(frames: Tensor, shapes: Sequence[tuple[int, ...]]) -> list[Tensor]:
+    """All frames -> (n, t, c, h, w) by group."""
+    parts = frames.split([count * steps for count, steps in shapes])
+    return [part.unflatten(0, shape) for part, shape in zip(parts, shapes, strict=True)]
 
 
 def build(config: Sor3dConfig, seed: int) -> Sor3d:
-    """A new model with Xavier's weights from `seed` alone, its memory's forget gates open; the caller's random state is left.
+    """A new model with Xavier's weights from `seed` alone, its memory spanning some frames; the caller's random state is left.
 
     Under `torch.device("meta")` it has shapes and no weights.
     """
@@ -91,5 +114,5 @@ def build(config: Sor3dConfig, seed: int) -> Sor3d:
         model = Sor3d(config)
         xavier(model)
         for layer in model.memory:
-            layer.remember()  # type: ignore[operator]  # a ConvLSTM
+            layer.remember(config.memory_frames)  # type: ignore[operator]  # a ConvLSTM
     return model

@@ -8,15 +8,13 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-GROUP = 8
-"""channels of a group of group normalisation, where they divide evenly"""
+from afford.models.sor3d.config import Sor3dConfig
 
 
 def convolution(inside: int, outside: int, norm: str) -> nn.Sequential:
-    """3 x 3 convolution and ReLU, with group normalisation between where the config says so. Size stays."""
-    conv = nn.Conv2d(inside, outside, 3, padding=1)
-    between = [nn.GroupNorm(max(outside // GROUP, 1) if outside % GROUP == 0 else 1, outside)] if norm == "group" else []
-    return nn.Sequential(conv, *between, nn.ReLU())
+    """3 x 3 convolution and ReLU, with batch normalisation between where the config says so. Size stays."""
+    between = [nn.BatchNorm2d(outside)] if norm == "batch" else []
+    return nn.Sequential(nn.Conv2d(inside, outside, 3, padding=1), *between, nn.ReLU())
 
 
 def chain(widths: Sequence[int], norm: str) -> nn.Sequential:
@@ -43,16 +41,19 @@ class Action(nn.Module):
     Videos and pictures have statistics of their own.
     """
 
-    def __init__(self, width: int, actions: int, norm: str) -> None:
+    def __init__(self, width: int, config: Sor3dConfig) -> None:
         super().__init__()
-        self.video, self.picture = (nn.BatchNorm1d(2 * width) if norm == "group" else nn.Identity() for _ in range(2))
-        self.layers = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU(),
-                                    nn.Linear(width, actions))  # fmt: skip
+        inside, self.here = (4 if config.here else 2) * width, config.here
+        self.video, self.picture = (nn.BatchNorm1d(inside) if config.norm == "batch" else nn.Identity() for _ in range(2))
+        self.layers = nn.Sequential(nn.Linear(inside, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU(),
+                                    nn.Linear(width, config.actions))  # fmt: skip
 
-    def forward(self, remembered: Tensor, steps: int) -> Tensor:
-        """(n, c, h, w) after so many frames -> logits (n, actions). n of 2 or more while it is trained with a norm."""
-        pooled = torch.cat([remembered.mean((-2, -1)), remembered.amax((-2, -1))], 1)
-        found: Tensor = self.layers((self.video if steps > 1 else self.picture)(pooled))
+    def forward(self, remembered: Tensor, seen: Tensor) -> Tensor:
+        """Memory (n, c, h, w) after frames of features (n, t, c, h, w) -> logits (n, actions). n of 2 or more while it is trained
+        with a norm."""
+        told = [remembered, seen[:, -1]] if self.here else [remembered]
+        pooled = torch.cat([value for one in told for value in (one.mean((-2, -1)), one.amax((-2, -1)))], 1)
+        found: Tensor = self.layers((self.video if seen.shape[1] > 1 else self.picture)(pooled))
         return found
 
 
