@@ -4,7 +4,7 @@ interactions, frames, motion, what was said and attention (interaction_strips.py
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from afford.recording import (
     grasp_strips,
     interaction_strips,
+    object_sheet,
     of_affordances,
     of_complete,
     of_frames,
@@ -23,7 +24,6 @@ from afford.recording import (
     of_tracks,
 )
 from afford.recording.moments import Moment, moments
-from afford.recording.object_sheet import is_object, strips_of
 from afford.recording.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
 
 TEXT_W = 250
@@ -39,16 +39,20 @@ COLUMNS = (
 )
 """title, picture, overlay"""
 STATE = f"{of_affordances.ROOM}/state"
+Strips = Callable[[Path], list[np.ndarray]]
+OWN_STRIPS: tuple[tuple[Callable[[Path], bool], Strips], ...] = (
+    (object_sheet.is_object, object_sheet.strips_of),
+    (grasp_strips.is_grasp, grasp_strips.strips_of),
+    (interaction_strips.is_interaction, interaction_strips.strips_of),
+)
+"""what tells a recording that is no clip, and its strips; sheets of what stands first hold nothing of the others"""
 
 
 def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
     """Write a PNG with about `rows` rows spread over the recordings; ValueError when there is no picture in any."""
-    if objects := [path for path in paths if is_object(path)]:
-        return write_page(out, [strip for path in objects for strip in strips_of(path)])
-    if grasps := [path for path in paths if grasp_strips.is_grasp(path)]:
-        return write_page(out, [strip for path in grasps for strip in grasp_strips.strips_of(path)])
-    if interactions := [path for path in paths if interaction_strips.is_interaction(path)]:
-        return write_page(out, [strip for path in interactions for strip in interaction_strips.strips_of(path)])
+    for is_one, strips_of in OWN_STRIPS:
+        if own := [path for path in paths if is_one(path)]:
+            return write_page(out, [strip for path in own for strip in strips_of(path)])
     each = max(1, rows // len(paths))
     found = [(path, moment) for path in paths for moment in _chosen(path, each)]
     if not found:
