@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from http.client import HTTPException
 from typing import Any, NamedTuple
 from urllib.error import HTTPError
@@ -43,6 +43,12 @@ class Endpoint:
     """before the first retry; twice as long before each further one"""
     seed: int
     new_tokens: int
+
+
+def endpoint(params: Any) -> Endpoint:
+    """The server that a stage's parameters name: `url`, `model`, `key_variable`, `timeout_s`, `retries`, `pause_s`, `seed` and
+    `new_tokens`."""
+    return Endpoint(**{field.name: getattr(params, field.name) for field in fields(Endpoint)})
 
 
 class Reply(NamedTuple):

@@ -46,8 +46,6 @@ def read(text: str, name: str, backend: str) -> float:
 
 
 def _line(width: int, words: str) -> np.ndarray:
-
-
     page = Image.new("RGB", (width, LINE_PX), PAPER)
     ImageDraw.Draw(page).text((4, 2), words, fill=INK, font=font(LINE_PX - 7))
     return np.asarray(page)
