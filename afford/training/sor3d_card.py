@@ -14,8 +14,8 @@ LIMITS = """- It knows things and actions like those it was trained on. Rendered
 - A region says where an action takes hold of a thing; it promises neither a stable grasp nor that touching is safe.
 - The camera must stand: motion is measured against it.
 - The validation figures above chose the step, so they flatter."""
-WHAT = """SOR3D-AFF's spatio-temporal autoencoder, or, before it, its first encoder with an LSTM. An RGB-D sequence (or one picture)
-goes in; which pixels of its last frame afford what, and the action (of the encoder: the action alone), come out."""
+WHAT = """SOR3D-AFF's spatio-temporal autoencoder. An RGB-D sequence (or one picture) goes in; which pixels of its last frame afford
+what, and the action, come out."""
 
 
 def text(name: str, dataset: Dataset, parts: Mapping[str, Counter[str]], job: dict[str, Any], count: int,
