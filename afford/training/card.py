@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from afford.training.curves import at_best, table
 from schemas.affordance import TAXONOMY
 from schemas.files import FileTree
 from schemas.training import TrainingLog
@@ -41,8 +42,6 @@ def licence_of(dataset: FileTree) -> str:
 
 def text(name: str, source: Source, job: HandsJob, threshold: float, count: int, curves: TrainingLog) -> str:
     """The whole card, Markdown with the header that model hubs read."""
-    scores = {curve.name.removeprefix("val."): float(curve.value[curve.step == curves.best_step][0])
-              for curve in curves.curves if curve.name.startswith("val.") and curves.best_step in curve.step}  # fmt: skip
     return f"""---
 license: {source.licence}
 library_name: afford
@@ -82,7 +81,7 @@ step {curves.best_step} were kept. Learns the {job.target} of each hand.
 
 ## Validation
 
-{_scores(scores)}
+{table(at_best(curves))}
 
 On {min(job.val_samples, source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {job.config.size_px[1]} x {job.config.size_px[0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
@@ -101,9 +100,3 @@ def _rows(parts: dict[str, dict[str, Any]]) -> str:
     hands = [(label.replace("_", " "), [str(part["taxonomy"].get(number, 0)) for part in parts.values()])
              for number, label in enumerate(TAXONOMY)]  # fmt: skip
     return "\n".join(f"| {label} | {' | '.join(cells)} |" for label, cells in [*plain, *hands])
-
-
-def _scores(scores: dict[str, float]) -> str:
-    if not scores:
-        return "None: the last weights were kept."
-    return "\n".join(["| measure | value |", "|---|--:|", *(f"| {name} | {value:.3f} |" for name, value in sorted(scores.items()))])

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from afford.training.curves import at_best, table
 from afford.training.job import Dataset
 from schemas.training import TrainingLog
 
@@ -21,8 +22,6 @@ what, and the action, come out."""
 def text(name: str, dataset: Dataset, parts: Mapping[str, Counter[str]], job: dict[str, Any], count: int,
          curves: TrainingLog, what: str = WHAT) -> str:
     """The whole card; `parts` are sequences by '<object type> <affordance>', `job` its fields, `what` the model is."""
-    scores = {curve.name.removeprefix("val."): float(curve.value[curve.step == curves.best_step][0])
-              for curve in curves.curves if curve.name.startswith("val.") and curves.best_step in curve.step}  # fmt: skip
     config, plan = job["config"], job["plan"]
     kinds = sorted(set().union(*parts.values()))
     return f"""---
@@ -63,7 +62,7 @@ of step {curves.best_step} were kept. Only the label of the last frame is learne
 
 ## Validation
 
-{_scores(scores)}
+{table(at_best(curves))}
 
 ## Limits
 
@@ -75,9 +74,3 @@ The licence is that of the data set.
 
 def _lines(kinds: list[str], parts: Mapping[str, Counter[str]]) -> str:
     return "\n".join(f"| {kind} | {' | '.join(str(part[kind]) for part in parts.values())} |" for kind in kinds)
-
-
-def _scores(scores: dict[str, float]) -> str:
-    if not scores:
-        return "None: the last weights were kept."
-    return "\n".join(["| measure | value |", "|---|--:|", *(f"| {name} | {value:.3f} |" for name, value in sorted(scores.items()))])
