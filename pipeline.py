@@ -6,26 +6,38 @@ under the digest of its code, its parameters and the content of its inputs.
 
 from __future__ import annotations
 
-from maps.extraction import dataset, extraction_quality, recordings, scenes
-from maps.grasps import grasp, grasp_full
-from maps.interactions import interactions
-from maps.negatives import negative_affordance
-from maps.settings import Origin, Settings
-from maps.sor3d import sor3d, sor3d_ablation
-from maps.twohands import ablate, benchmark_stills, measure, train, train_set
-from runner import Graph
+from typing import TYPE_CHECKING
 
-TARGETS = {"dataset": dataset, "recordings": recordings, "scenes": scenes, "extraction-report": extraction_quality,
-           "train-set": train_set, "benchmark-set": benchmark_stills, "train": train, "benchmark": measure,
-           "ablation": ablate, "negative-affordance": negative_affordance,
-           "grasp": grasp, "grasp-full": grasp_full, "interactions": interactions,
-           "sor3d": sor3d, "sor3d-ablation": sor3d_ablation}
+from afford.registry import load
+
+if TYPE_CHECKING:
+    from maps.settings import Origin, Settings
+    from runner import Graph
+
+TARGETS = {"dataset": "maps.extraction:dataset",
+           "train": "maps.twohands:train",
+           "benchmark": "maps.twohands:measure",
+           "ablation": "maps.twohands:ablate",
+           "negative-affordance": "maps.negatives:negative_affordance",
+           "grasp": "maps.grasps:grasp",
+           "grasp-full": "maps.grasps:grasp_full",
+           "interactions": "maps.interactions:interactions",
+           "sor3d": "maps.sor3d:sor3d",
+           "sor3d-ablation": "maps.sor3d:sor3d_ablation",
+           "extraction-report": "maps.extraction:extraction_quality",
+           "recordings": "maps.extraction:recordings",
+           "scenes": "maps.extraction:scenes",
+           "train-set": "maps.twohands:train_set",
+           "benchmark-set": "maps.twohands:benchmark_stills"}  # fmt: skip
+"""target -> the lines of its graph, in the order of the help; a map, and with it its stages, is loaded when it is built"""
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:
     """The graph of one target of `TARGETS`."""
+    from runner import Graph
+
     g = Graph()
-    TARGETS[target](g, origin, p)
+    load(TARGETS, target)(g, origin, p)
     return g
 
 

@@ -9,14 +9,12 @@ from typing import Annotated, Any
 import typer
 
 from commands.errors import UsageError
+from pipeline import TARGETS
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
                   help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
 
-TARGETS = ("dataset", "train", "benchmark", "ablation", "negative-affordance", "grasp", "grasp-full", "interactions", "sor3d",
-           "sor3d-ablation", "extraction-report", "recordings", "scenes", "train-set", "benchmark-set")  # fmt: skip
-"""those of `pipeline`, in the order of the help, which is shown without waiting for them"""
-Target = Annotated[str, typer.Argument(help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}")]
+Target = Annotated[str, typer.Argument(help=" or ".join(", ".join(TARGETS).rsplit(", ", 1)))]
 SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes or RGB-D sequences; default: rendered")]
 Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]

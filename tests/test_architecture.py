@@ -18,7 +18,7 @@ MAY_IMPORT = {
     "runner": {"runner"},
     "maps": {"schemas", "afford", "stages", "runner", "maps"},
     "commands": {"schemas", "afford", "stages", "runner", "maps", "pipeline", "commands"},
-    "pipeline": {"runner", "maps", "commands"},
+    "pipeline": {"afford", "runner", "maps", "commands"},
 }
 HEAVY = ("torch", "cv2", "trimesh", "pybullet", "mujoco", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
 
@@ -100,11 +100,20 @@ def test_torchvision_is_nowhere() -> None:
     assert "torch==2.13.0\n" in pinned
 
 
+def loaded_by(statements: str) -> set[str]:
+    """What is loaded after them."""
+    code = f"import sys\n{statements}\nprint(*sys.modules)"
+    return set(subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
+
+
 def test_importing_the_map_loads_nothing_heavy() -> None:
-    """`import pipeline` loads none of the heavy packages, so that --help is quick."""
-    code = f"import sys, pipeline; print([name for name in {HEAVY!r} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    """`import pipeline` and the command line load none of the heavy packages, no stage and no map, so that --help is quick; nor do
+    all the maps load what is heavy."""
+    found = loaded_by("import pipeline, commands.cli")
+    assert not found & set(HEAVY) and not [name for name in found if name.startswith(("stages", "maps"))]
+    every = ", ".join(f"maps.{path.stem}" for path in sources("maps") if path.stem != "__init__")
+    found = loaded_by(f"import {every}")
+    assert not found & set(HEAVY) and "stages.model_train" in found
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import h5py
 import pytest
 
-from commands import cli
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
@@ -122,11 +121,10 @@ def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
 
 
 def test_the_help_names_every_target() -> None:
-    """And no other; `--help` reads them from a list, so that it is quick."""
-    assert set(cli.TARGETS) == set(TARGETS) and len(cli.TARGETS) == len(TARGETS)
+    """In the order of the table, for every verb that takes one."""
+    *first, last = TARGETS
     for verb in ("run", "status", "graph"):
-        told = call(verb, "--help").words.replace("│ ", "")
-        assert ", ".join(cli.TARGETS[:-1]) in told and cli.TARGETS[-1] in told
+        assert f"{', '.join(first)} or {last}" in call(verb, "--help").words.replace("│ ", "")
 
 
 @pytest.mark.parametrize("target", TARGETS)
