@@ -15,7 +15,7 @@ app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_
                   help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
 
 Target = Annotated[str, typer.Argument(help=" or ".join(", ".join(TARGETS).rsplit(", ", 1)))]
-SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes or RGB-D sequences; default: rendered")]
+SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes, RGB-D, pictures; default: rendered")]
 Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
 ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]

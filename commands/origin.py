@@ -14,7 +14,7 @@ from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
              "negative-affordance": "procedural-objects", "interactions": "interactions",
-             "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation"}
+             "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
@@ -24,6 +24,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
+    if target == "static-sets":
+        return _pictures(target, source, settings, digest), None
     if target in SEQUENCES:
         return _sequences(target, source, settings, digest), None
     if target in OWN_ROOMS:
@@ -83,6 +85,20 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
         raise UsageError(f"--source {source}: {error}" if source else f"sor3d_report.actions: {error}") from error
     name = OWN_ROOMS[target] if source is None else source.resolve().name
     return Origin(name if source is None or target == "interactions" else f"{target}-{name}", sequences=found, actions=actions)
+
+
+def _pictures(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """Pictures to ask models about, none where they are the last frames of rendered sequences; what is learned from is rendered."""
+    from afford.interactions.static_root import pictures
+
+    learned = _sequences(target, None, settings, digest)
+    if source is None:
+        return learned
+    try:
+        found = pictures(source, settings.static_read.backend, digest)
+    except ValueError as error:
+        raise UsageError(f"--source {source}: {error}") from error
+    return learned._replace(name=f"{target}-{found.name}", pictures=found)
 
 
 def _is_dataset(source: Path) -> bool:

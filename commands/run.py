@@ -21,6 +21,7 @@ from commands.publish import publish, publish_file
 from commands.session import open_runner
 from commands.settings import settings
 from maps.settings import Origin
+from maps.static_sets import REPORTS
 from pipeline import TARGETS, build
 from runner import Failure, LostError, Runner, RunReport
 
@@ -111,6 +112,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage in REPORTS:
+                out[stage] = str(publish(runner, digest, store / "reports" / place.name / stage))
             elif stage == "interaction_record":
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "interactions"))
             elif stage == "grasp_record":
@@ -139,7 +142,8 @@ def _refused(report: RunReport, source: Source | None) -> None:
 def _metrics(report: RunReport, outputs: dict[str, str]) -> dict[str, float]:
     """What the report measured, and the CPU time that was spent on a frame or an image."""
     if "report" not in outputs:
-        return {}
+        found = {stage: json.loads((Path(outputs[stage]) / "metrics.json").read_text()) for stage in REPORTS if stage in outputs}
+        return {f"{stage}.{name}": value for stage, metrics in found.items() for name, value in metrics.items()}
     metrics: dict[str, float] = json.loads((Path(outputs["report"]) / "metrics.json").read_text())
     more = {"benchmark": _per_image, "extraction_report": _per_frame, "negative_affordance_report": _per_object,
             "grasp_report": _per_step}

@@ -166,3 +166,4 @@ class Origin(NamedTuple):
     meshes: tuple[FileTree, ...] = ()
     sequences: tuple[FileTree, ...] = ()
     actions: FileTree | None = None
+    pictures: FileTree | None = None

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from afford.sor3d.recipes import PRETRAINED, label, recipes
-from maps.interactions import sequences
+from maps.interactions import Interactions, sequences
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
 from schemas.interaction_scores import InteractionScores
+from schemas.scene_flow import SceneFlow
 from schemas.training import Recipe, Trained
 from stages import (
     action_pack,
@@ -30,9 +31,10 @@ from stages import (
 class Lessons(NamedTuple):
     """What is learned from."""
 
+    found: Interactions
+    flow: SceneFlow
+    """of each sequence"""
     dataset: FileTree
-    flows: dict[str, Any]
-    """how right the motion in it is, FlowScores by the name under which the report wants them; empty where nobody knows"""
 
 
 def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
@@ -44,11 +46,16 @@ def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
     flow    = g.add(scene_flow.run, clip=found.clip,                                                 params=p.scene_flow)
     packed  = g.add(interaction_pack.run,   clips=g.collect(found.clip), flows=g.collect(flow),      params=p.interaction_pack,
                     ctx=g.ctx)
-    if found.truth is None:
-        return Lessons(packed, {})
-    plain   = g.named("difference_flow").add(scene_flow.run, clip=found.clip, params=replace(p.scene_flow, backend="difference"))
-    score   = g.add(scene_flow_score.run,   flow=flow, plain=plain, truth=found.truth,             params=scene_flow_score.Params())
-    return Lessons(packed, {"flows": g.collect(score)})
+    return Lessons(found, flow, packed)
+
+
+def moved(g: Graph, x: Lessons, p: Settings) -> dict[str, Any]:
+    """How right the motion is, FlowScores by the name under which the report wants them; empty where nobody knows."""
+    if x.found.truth is None:
+        return {}
+    plain   = g.named("difference_flow").add(scene_flow.run, clip=x.found.clip, params=replace(p.scene_flow, backend="difference"))
+    score   = g.add(scene_flow_score.run,   flow=x.flow, plain=plain, truth=x.found.truth,         params=scene_flow_score.Params())
+    return {"flows": g.collect(score)}
 
 
 def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> FileTree:
@@ -60,43 +67,56 @@ def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> FileTree
     return g.pick(trained, lambda t: t.files)
 
 
-def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> tuple[
-        Trained, InteractionScores]:  # fmt: skip
-    """Recipes of one kind, trained and examined, each in a shard of its own."""
-    of      = "pretrained_" if label(planned[0]) == PRETRAINED else ""
+def usual(p: Settings) -> tuple[Recipe, ...]:
+    """The one model that is trained where no row is asked for."""
+    row     = PRETRAINED if p.sor3d_report.pretrained else p.sor3d_train.row
+    return recipes((row,), (p.sor3d_train.seed,), p.sor3d_train.variant)
+
+
+def kind(planned: tuple[Recipe, ...]) -> str:
+    """What stands before the names of stages of recipes of one kind."""
+    return "pretrained_" if label(planned[0]) == PRETRAINED else ""
+
+
+def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> Trained:
+    """Recipes of one kind, trained, each in a shard of its own."""
+    of      = kind(planned)
     more: dict[str, Any] = {"encoder": before(g, origin, dataset, p)} if of else {}
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
-    trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe,       params=p.sor3d_train,
-                                              ctx=g.ctx, **more)
-    scores  = g.named(f"{of}sor3d_evaluate").add(sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files),
-                                                 params=p.sor3d_evaluate, ctx=g.ctx)
-    return trained, scores
+    return g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe,          params=p.sor3d_train,
+                                           ctx=g.ctx, **more)
+
+
+def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings) -> tuple[
+        InteractionScores, ...]:  # fmt: skip
+    """What each of them gets right."""
+    return g.collect(g.named(f"{kind(planned)}sor3d_evaluate").add(
+        sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files), params=p.sor3d_evaluate, ctx=g.ctx))
 
 
 def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
     """where things afford what, from RGB-D video of people who use them: flow, training, examination; or from --source"""
-    found   = lessons(g, origin, p)
-    row     = PRETRAINED if p.sor3d_report.pretrained else p.sor3d_train.row
-    planned = recipes((row,), (p.sor3d_train.seed,), p.sor3d_train.variant)
-    trained, scores = teach(g, origin, found.dataset, planned, p)
-    page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=g.collect(scores), params=p.sor3d_report,
-                    ctx=g.ctx, **found.flows)
+    x, planned = lessons(g, origin, p), usual(p)
+    trained = teach(g, origin, x.dataset, planned, p)
+    scores  = examine(g, x.dataset, trained, planned, p)
+    page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores,             params=p.sor3d_report,
+                    ctx=g.ctx, **moved(g, x, p))
     files, log = g.pick(trained, lambda t: t.files), g.pick(trained, lambda t: t.log)
     shown   = g.named("record_model_train").add(training_record.run, log=log, files=files, params=training_record.Params(),
                                                 ctx=g.ctx)
-    films   = g.add(interaction_record.run, dataset=found.dataset, model=files,    params=p.interaction_record, ctx=g.ctx)
+    films   = g.add(interaction_record.run, dataset=x.dataset, model=files,        params=p.interaction_record, ctx=g.ctx)
     g.target("sor3d", page, files, shown, films, record_run(g, "sor3d_report", page))
 
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds; go on at will"""
     mine    = replace(p.sor3d_report, ablation=True)
-    found   = lessons(g, origin, p)
+    x       = lessons(g, origin, p)
     planned = recipes(mine.rows, range(mine.seeds), p.sor3d_train.variant)
     q       = replace(p, sor3d_train=replace(p.sor3d_train, steps=mine.steps or p.sor3d_train.steps))
-    kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is kind) for kind in (False, True)]
-    scores  = [g.collect(teach(g, origin, found.dataset, some, q)[1]) for some in kinds if some]
+    kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is late) for late in (False, True)]
+    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q), some, q) for some in kinds if some]
     more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,
-                    **found.flows)
+                    **moved(g, x, p))
     g.target("sor3d-ablation", page, record_run(g, "sor3d_report", page))

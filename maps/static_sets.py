@@ -5,11 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from maps.settings import Settings
+from maps.recording import record_run
+from maps.settings import Origin, Settings
+from maps.sor3d import lessons, teach, usual
 from runner import Graph
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSample
 from stages import model_train, static_evaluate, static_read
+
+REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
+"""stages that report, in the order of Told: which model, whether it is told the box"""
+HELD = "val"
+"""of rendered sequences, those that nothing was learned from"""
 
 
 class Told(NamedTuple):
@@ -36,9 +43,19 @@ def detector(g: Graph, dataset: FileTree, p: Settings) -> FileTree:
 def told(g: Graph, samples: tuple[StaticSample, ...] | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
          p: Settings) -> Told:  # fmt: skip
     """Both models on the same pictures: `pictures`, or collected clips, of which the last frames of one split are taken."""
-    usual, found = p.static_evaluate, []
-    for name, of, backend, true in (("static_sor3d", model, "sor3d", False), ("static_boxes", boxes, "boxes", False),
-                                    ("static_true_boxes", boxes, "boxes", True)):  # fmt: skip
-        params = replace(usual, name=name, backend=backend, true_boxes=true)
-        found.append(g.named(name).add(static_evaluate.run, samples=samples, model=of, params=params, ctx=g.ctx))
-    return Told(*found)
+    models  = {"sor3d": model, "boxes": boxes}
+    return Told(*(g.named(name).add(
+        static_evaluate.run, samples=samples, model=models[backend],
+        params=replace(p.static_evaluate, name=name, backend=backend, true_boxes=true), ctx=g.ctx)
+        for name, (backend, true) in REPORTS.items()))  # fmt: skip
+
+
+def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
+    """affordances of single pictures, by the model of `sor3d` and by a detector: of rendered interactions, UMD or IIT-AFF"""
+    x       = lessons(g, origin, p)
+    model   = g.pick(teach(g, origin, x.dataset, usual(p), p), lambda t: t.files)
+    boxes   = detector(g, x.dataset, p)
+    held    = replace(p, static_evaluate=replace(p.static_evaluate, split=p.static_evaluate.split or HELD))
+    found   = (told(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else
+               told(g, g.collect(x.found.clip), model, boxes, held))  # fmt: skip
+    g.target("static-sets", *found, *(record_run(g, name, files) for name, files in zip(REPORTS, found, strict=True)))
