@@ -12,7 +12,7 @@ from maps import negatives, twohands
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
-from schemas.episodes import ClipsFollowed, GraspEpisodes, TwoTasksShown
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.grasp_task import LEVELS, GraspTask
@@ -274,15 +274,22 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     report(g, "grasp-full", s, played, p, **predicted)
 
 
+def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[GraspJudgement, ...]:
+    """What a vision-language model thinks of them, where one is named."""
+    if not (p.grasp_judge.model or p.grasp_judge.url):
+        return g.leaf("nobody_asked", ())
+    return (g.add(grasp_judge.run,          hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes, params=p.grasp_judge),)
+
+
 def report(g: Graph, target: str, s: School, played: Played, p: Settings,
            **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
     """Tables and curves; a recording, a film and a sheet of the first policy."""
     pairs   = tuple(g.pick(one, lambda t: t.pairs) for one in played.twice)
     sheets  = tuple(g.pick(one, lambda t: t.sheet) for one in played.twice[:1])
     first   = played.episodes[0]
-    judged  = g.add(grasp_judge.run,        hand=s.hand, tasks=s.shop.tasks["train"], episodes=first, params=p.grasp_judge)
+    judged  = asked(g, s, first, p)
     page    = g.add(grasp_report.run,       episodes=tuple(played.episodes), logs=(g.pick(s.prior, lambda t: t.log), *played.logs),
-                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, judged=(judged,), params=p.grasp_report, ctx=g.ctx,
+                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, judged=judged, params=p.grasp_report, ctx=g.ctx,
                     **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)

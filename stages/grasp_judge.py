@@ -1,9 +1,9 @@
-"""episodes of one policy, step by step -> how much a vision-language model thinks that they look like a person's. Off by default.
+"""episodes of one policy, step by step -> how much a vision-language model thinks that they look like a person's.
 
 Reads   HandModel; GraspTasks; GraspEpisodes, of which only those with a trace are shown
-Writes  GraspJudgement: a score of 1 to 10 of each trace, NaN where nobody is asked
+Writes  GraspJudgement: a score of 1 to 10 of each trace
 Method  frames of an episode, evenly in time, on one sheet; the model marks trajectory, smoothness and coordination together.
-        `none` asks nobody and draws nothing; `vlm` a local model, `endpoint` one behind an OpenAI-compatible server
+        `vlm` asks a local model, `endpoint` one behind an OpenAI-compatible server. Only where one is named is the stage in a graph
 Fails   when there is no model or server, no key where one is asked for, or the answer has no number from 1 to 10
 Paper   AffordDex, HLS: Gemini 2.5 Pro on the video, 1 to 10, the same three criteria; our words, and frames instead of a video
 """
@@ -20,14 +20,13 @@ LIBRARIES = ("numpy", "numba", "scipy", "torch", "transformers", "pillow", "open
 THREADS = 1
 MEMORY_GIB = 1.5
 
-BACKENDS = {"none": "afford.backends.judge.nobody:judge", "vlm": "afford.backends.judge.vlm:judge",
-            "endpoint": "afford.backends.judge.endpoint:judge"}  # fmt: skip
+BACKENDS = {"vlm": "afford.backends.judge.vlm:judge", "endpoint": "afford.backends.judge.endpoint:judge"}
 
 
 @dataclass(frozen=True)
 class Params:
-    backend: str = "none"
-    """none, vlm or endpoint"""
+    backend: str = "vlm"
+    """vlm or endpoint"""
     frames: int = 12
     """moments of an episode that are shown, on one sheet"""
     width: int = 240
@@ -35,7 +34,7 @@ class Params:
     height: int = 180
     """px"""
     model: str = ""
-    """vlm: local folder or hub id; endpoint: what the server calls its model"""
+    """vlm: local folder or hub id; endpoint: what the server calls its model; '' and no `url`: nobody is asked"""
     new_tokens: int = 256
     """longest answer"""
     url: str = ""
@@ -69,14 +68,12 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
 
     judge, known, scores = load(BACKENDS, params.backend), {one.name: one for some in tasks for one in some}, list[float]()
     for trace in episodes.traces:
+        if trace.task not in known:
+            raise ValueError(f"grasp_judge, {episodes.name}: expected the tasks of its traces, got none named {trace.task}; "
+                             "give it the tasks that the policy was examined on")
         rows = np.linspace(0, len(trace.q) - 1, params.frames).round().astype(int)
-        frames = np.zeros((len(rows), 0, 0, 3), np.uint8)
-        if params.backend != "none":
-            if trace.task not in known:
-                raise ValueError(f"grasp_judge, {episodes.name}: expected the tasks of its traces, got none named {trace.task}; "
-                                 "give it the tasks that the policy was examined on")
-            studio = Studio(hand, known[trace.task], params.width, params.height)
-            frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
+        studio = Studio(hand, known[trace.task], params.width, params.height)
+        frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
         scores.append(judge(trace.name, frames, rows / trace.rate_hz, params))
     return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, params.model,
                           tuple(trace.name for trace in episodes.traces), np.array(scores, np.float64))  # fmt: skip

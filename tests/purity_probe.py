@@ -112,7 +112,7 @@ def main(job: dict[str, Any]) -> list[dict[str, Any]]:
 def _guard(job: dict[str, Any], files: list[str]) -> Watch:
     """From here on, only what is declared."""
     python = [sys.prefix, sys.base_prefix + "/lib", os.path.dirname(os.__file__), os.path.dirname(sys.executable)]
-    readable = [*python, *SYSTEM, *MACHINE, *files, "matplotlibrc"]
+    readable = [*python, *SYSTEM, *MACHINE, *files, *job["models"], "matplotlibrc"]
     writable = [job["work"], os.environ["NUMBA_CACHE_DIR"], os.environ["MPLCONFIGDIR"]]
     watch = Watch(readable, job["sources"], writable)
     sys.addaudithook(watch)

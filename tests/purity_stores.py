@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from afford.backends.judge.question import question
 from afford.dataset.files import tree as files_of
 from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
@@ -24,6 +25,7 @@ from stages import (
     grasp_candidates,
     grasp_compare,
     grasp_compare_report,
+    grasp_judge,
     grasp_record,
     hand_model,
     hand_retarget,
@@ -59,6 +61,7 @@ from tests.mesh_files import box, tree
 from tests.test_ablation_report import scores
 from tests.test_grasp_compare import made_up, subject
 from tests.tiny_asked import write_model
+from tests.tiny_models import save_parrot
 from tests.tiny_sor3d import write_model as write_sor3d
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -186,6 +189,15 @@ def grasps(store: Path, folder: Path) -> None:
     run(store, "record", graph)
 
 
+def judged(store: Path, folder: Path) -> None:
+    """Two grasps were shown to a tiny model."""
+    graph, model = Graph(), save_parrot(folder / "parrot", question(2), '{"score": 7}')
+    params = grasp_judge.Params(frames=2, width=64, height=48, model=str(model), new_tokens=16)
+    hand, tasks, found = graph.leaf("hand", shadow()), graph.leaf("tasks", (hammer(),)), graph.leaf("found", episodes())
+    graph.target("judged", graph.add(grasp_judge.run, hand=hand, tasks=(tasks,), episodes=found, params=params))
+    run(store, "judged", graph)
+
+
 def from_masks(store: Path, folder: Path) -> None:
     """A rod was grasped in a look, a hammer in MuJoCo, and a tiny model was asked where."""
     graph = Graph()
@@ -257,7 +269,8 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
-               "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "grasp_judge"),
+               "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks"),
+    judged: ("grasp_judge",),
     grasps: ("grasp_record",),
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
     interacted: ("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),

@@ -1,8 +1,9 @@
-"""A model that is shown a grasp: what it is asked, what its answers become; by default nobody is."""
+"""A model that is shown a grasp: what it is asked, what its answers become."""
 
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,14 @@ import pytest
 
 from afford.backends.judge.question import COLUMNS, LINE_PX, question, read, sheet
 from afford.models.chat_model import load_model
+from maps.settings import Origin, Settings
+from pipeline import build
 from schemas.episodes import GraspJudgement
 from stages import grasp_judge
 from tests.chat_server import KEY, VARIABLE, plant, says, serving
 from tests.made_hands import shadow
 from tests.made_traces import episodes, hammer
-from tests.tiny_models import save_chat
+from tests.tiny_models import save_chat, save_parrot
 
 SMALL: dict[str, Any] = {"frames": 5, "width": 64, "height": 48}
 
@@ -26,10 +29,13 @@ def judged(**params: Any) -> GraspJudgement:
     return grasp_judge.run(shadow(), ((hammer(),),), episodes(), grasp_judge.Params(**params))
 
 
-def test_by_default_nobody_is_asked() -> None:
-    """A NaN for every trace."""
-    found = judged()
-    assert found.backend == "none" and len(found.trace) == len(found.score) == 2 and np.isnan(found.score).all()
+@pytest.mark.parametrize("named", [{"model": "some-vlm"}, {"backend": "endpoint", "url": "http://127.0.0.1:8000/v1"}])
+def test_only_where_somebody_is_named_is_anybody_asked(named: dict[str, str]) -> None:
+    """Otherwise the stage is in no graph, and the report is told of no judgement."""
+    asked = replace(Settings(), grasp_judge=replace(Settings.grasp_judge, **named))
+    for p, there in ((Settings(), False), (asked, True)):
+        nodes = {node.name: node for node in build("grasp", Origin("x"), p).stages()}
+        assert ("grasp_judge" in nodes) is there and "judged" in dict(nodes["grasp_report"].inputs)
 
 
 def test_a_server_is_shown_each_episode_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,8 +60,17 @@ def test_what_is_no_mark_is_refused_in_a_sentence(text: str) -> None:
         read(text, "a/00", "vlm")
 
 
-def test_a_local_model_is_asked_and_must_answer(tmp_path: Path) -> None:
-    """A tiny random one says nothing that is a mark."""
+def test_a_local_model_is_shown_each_episode(tmp_path: Path) -> None:
+    """One that says the same of every sheet."""
+    folder = save_parrot(tmp_path / "parrot", question(5), '{"score": 7}')
+    assert judged(model=str(folder), new_tokens=16, **SMALL).score.tolist() == [7.0, 7.0]
+    load_model.cache_clear()
+
+
+def test_a_local_model_must_answer(tmp_path: Path) -> None:
+    """A tiny random one says nothing that is a mark; none is named."""
+    with pytest.raises(ValueError, match="needs a model: set `model`"):
+        judged(**SMALL)
     folder = save_chat(tmp_path / "random")
     with pytest.raises(ValueError, match="answer of backend 'vlm': expected one JSON object"):
         judged(backend="vlm", model=str(folder), new_tokens=4, **SMALL)

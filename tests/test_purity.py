@@ -118,6 +118,7 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     elsewhere.mkdir()
     (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
     job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
+           "models": [task["params"]["model"] for task in tasks if task["params"].get("model")],
            "first": [name for word, names in EARLY.items() if any(task[word] for task in tasks) for name in names]}
     (folder / "job.json").write_text(json.dumps(job))
     command = [sys.executable, str(ROOT / "tests" / "purity_probe.py"), str(folder / "job.json")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from diffusers import DDIMScheduler, UNet2DModel
 from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
@@ -23,6 +24,8 @@ from transformers import (
     SamConfig,
     SamModel,
 )
+
+from afford.models.chat_model import inputs, load_model
 
 TURNS = ("{% for turn in messages %}{{ turn['role'] }}: {% for one in turn['content'] %}"
          "{% if one['type'] == 'image' %}<image>\n{% else %}{{ one['text'] }}{% endif %}{% endfor %}\n{% endfor %}"
@@ -121,4 +124,25 @@ def save_chat(folder: Path, texts: Sequence[str] = (), seed: int = 0) -> Path:
     pictures = CLIPImageProcessorPil(size={"shortest_edge": 64}, crop_size={"height": 64, "width": 64})
     LlavaProcessor(pictures, words, patch_size=16, vision_feature_select_strategy="default", num_additional_image_tokens=1,
                    chat_template=TURNS).save_pretrained(folder)  # fmt: skip
+    return folder
+
+
+def save_parrot(folder: Path, asked: str, answer: str) -> Path:
+    """Such a LLaVA that says `answer` to whatever ends as `asked` in its template, and stops. Nothing is learned: each word of the
+    answer calls for the next one, since layers add nothing and the last one holds pairs of words."""
+    chat = load_model(str(save_chat(folder, (asked, answer))))
+    model, tokenizer = chat.model, chat.processor.tokenizer
+    words = tokenizer.encode(answer + "</s>", add_special_tokens=False)
+    before = [int(inputs(chat, asked, np.zeros((64, 64, 3), np.uint8))["input_ids"][0, -1]), *words[:-1]]
+    if len({*before}) != len(before):
+        raise ValueError(f"{answer!r}: expected an answer in which no word comes twice, got {before}")
+    with torch.no_grad():
+        for layer in model.model.language_model.layers:
+            layer.self_attn.o_proj.weight.zero_()
+            layer.mlp.down_proj.weight.zero_()
+        embedded = model.get_input_embeddings().weight
+        model.lm_head.weight.zero_()
+        model.lm_head.weight[words] = embedded[before] / embedded[before].norm(dim=1, keepdim=True)
+    model.save_pretrained(folder)
+    load_model.cache_clear()
     return folder

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from PIL import Image
 from transformers import AutoModelForImageTextToText, AutoProcessor
+from transformers.utils import logging
 
 UNUSED = dict.fromkeys(("temperature", "top_p", "top_k"))
 """settings of sampling that a model may come with: nothing is sampled"""
@@ -31,6 +32,7 @@ def load_model(name: str) -> ChatModel:
     last one is kept, since a process asks about many objects."""
     if not name:
         raise ValueError("backend 'vlm' needs a model: set `model` to a local folder or a hub id of a vision-language model")
+    logging.disable_progress_bar()  # a stage prints nothing; the runner shows what goes on
     try:
         processor = AutoProcessor.from_pretrained(name)
         model, report = AutoModelForImageTextToText.from_pretrained(
