@@ -3,9 +3,9 @@
 Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame
 Writes  Inpainted: images, the mask that was replaced (hands, dilated), per-pixel source and confidence
 Method  `layered` looks behind the hands in other frames, background and objects by their own motion; `median` background
-        only; `telea` each frame alone; `vidm` is learned (weights needed, GPU advised). All deterministic; all work on a
-        few far-apart frames as well
-Fails   when frames and tracks are not of the same frames and size
+        only; `telea` each frame alone; `vidm` (diffusion, GPU advised) and `lama` (one pass) are learned and need weights. All
+        deterministic on one kind of machine; all work on a few far-apart frames as well
+Fails   when frames and tracks are not of the same frames and size; when a learned backend has no weights that fit
 Paper   2HandedAfforder, hand inpainting (VIDM over four frames); masks dilated 7 px at 256 there
 """
 
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted, PixelSource
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "diffusers")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "diffusers", "safetensors")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -25,19 +25,30 @@ BACKENDS = {
     "median": "afford.backends.inpaint.median:inpaint",
     "telea": "afford.backends.inpaint.telea:inpaint",
     "vidm": "afford.backends.inpaint.vidm:inpaint",
+    "lama": "afford.backends.inpaint.lama:inpaint",
 }
 
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "layered"
-    """layered, median, telea or vidm"""
+    """layered, median, telea, vidm or lama"""
     dilate_px: int = 3
     """growth of the hand masks before they are replaced, in pixels of the working size"""
     model: str = ""
-    """vidm: folder or hub id of the weights"""
+    """vidm, lama: file or folder of the weights"""
+    device: str = "auto"
+    """vidm, lama: cpu, cuda, cuda:N, or auto for the GPU if there is one"""
+    dtype: str = "float32"
+    """vidm, lama: float32, bfloat16 or float16"""
+    batch: int = 4
+    """vidm, lama: holes that are filled at once, as many as memory has room for"""
+    window_px: int = 0
+    """vidm, lama: side of the square that is cut out around a hole; 0: the frame's shorter side (vidm), the whole frame (lama)"""
+    window_frames: int = 0
+    """vidm: frames around the target among which the three others are, evenly spread; 0: the whole clip"""
     ddim_steps: int = 200
-    """vidm: denoising steps"""
+    """vidm: denoising steps, 1 to 500"""
     ddim_eta: float = 1.0
     """vidm: share of fresh noise in every step, 0..1"""
     seed: int = 0

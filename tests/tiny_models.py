@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from diffusers import DDIMScheduler, UNet2DModel
 from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 from transformers import (
     CLIPConfig,
@@ -55,18 +54,6 @@ def save_sam2_video(folder: Path) -> Path:
         memory_fuser_intermediate_dim=64, memory_fuser_num_layers=1,
     )  # fmt: skip
     Sam2VideoModel(config).save_pretrained(folder)
-    return folder
-
-
-def save_vidm(folder: Path) -> Path:
-    """A four-frame inpainting U-Net of about half a million parameters with its DDIM scheduler, random from a fixed seed."""
-    torch.manual_seed(0)
-    unet = UNet2DModel(
-        sample_size=64, in_channels=19, out_channels=3, block_out_channels=(16, 32), layers_per_block=1, norm_num_groups=8,
-        down_block_types=("DownBlock2D", "DownBlock2D"), up_block_types=("UpBlock2D", "UpBlock2D"), add_attention=False,
-    )  # fmt: skip
-    unet.save_pretrained(folder / "unet")
-    DDIMScheduler(num_train_timesteps=1000).save_pretrained(folder / "scheduler")
     return folder
 
 
