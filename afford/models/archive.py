@@ -50,7 +50,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     """Name -> tensor; those under `state_dict` when there is one. Memory of a zip is mapped, not read. ValueError says why not."""
     try:
         found = load_file(path) if path.suffix == ".safetensors" else dict(named(_read_zip(path)))
-    except (OSError, SafetensorError, zipfile.BadZipFile, ForeignError, RuntimeError, KeyError, IndexError, TypeError) as error:
+    except (OSError, SafetensorError, zipfile.BadZipFile, ForeignError, RuntimeError) as error:
         got = str(error).strip().splitlines() or [type(error).__name__]
         raise ValueError(f"{path}: expected {WHAT}; {got[0]}") from error
     if not found:
@@ -127,8 +127,8 @@ class Machine:
                 if opcode.name == "STOP":
                     return self.stack.pop()
                 self._step(opcode.name, argument)
-        except (ValueError, struct.error) as error:
-            raise ForeignError(f"the pickle inside: {error}") from error
+        except (ValueError, LookupError, TypeError, struct.error) as error:
+            raise ForeignError(f"the pickle inside is damaged or of another kind ({error})") from error
         raise ForeignError("the pickle inside has no end")
 
     def _step(self, name: str, argument: Any) -> None:
