@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,8 @@ LDM_UNET = 387_245_827
 """parameters of the U-Net of LDM's `inpainting_big`, which logs "DiffusionWrapper has 387.25 M params" """
 JOIN = 256 * 256 * 4 + 256
 """the convolution over four frames, all that VIDM has more"""
-VQ_F4, ITS_ATTENTION = 55_320_862, 2 * (4 * (512 * 512 + 512) + 2 * 512)
-"""LDM's vq-f4 has attention in the middle of both halves, that of the inpainting model has none"""
+VQ_F4 = 53_219_486
+"""parameters of the first stage, which has no attention here"""
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +34,14 @@ def count(module: nn.Module) -> int:
 
 
 def test_vidm_has_the_published_size() -> None:
-    """Without memory: 387.25 million parameters and the join in the U-Net, the VQ autoencoder without attention."""
+    """Without memory: 387.25 million parameters and the join in the U-Net, and as many as the published shapes add up to."""
     with torch.device("meta"):
         model = Vidm(VidmConfig())
     assert count(model.unet) == LDM_UNET + JOIN
-    assert count(model.first_stage) == VQ_F4 - ITS_ATTENTION
+    assert count(model.first_stage) == VQ_F4 and round(LDM_UNET / 1e6, 2) == 387.25
+    shapes = vidm_checkpoint(VidmConfig())
+    for part, prefix in ((model.unet, "model.diffusion_model."), (model.first_stage, "first_stage_model.")):
+        assert count(part) == sum(math.prod(shape) for name, shape in shapes.items() if name.startswith(prefix))
 
 
 def test_every_published_name_and_shape_is_ours() -> None:

@@ -7,6 +7,7 @@ Modules are called as in the published code, so that published tensors keep thei
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -42,7 +43,7 @@ class Generator(nn.Module):
         self.config = config
         widths = [config.channels * 2**level for level in range(config.halvings + 1)]
         shares = [0.0] * config.halvings + [config.share]
-        down = [Layer(*widths[i : i + 2], (0.0, shares[i + 1]), stride=2) for i in range(config.halvings)]
+        down = [Layer(widths[i], widths[i + 1], (0.0, shares[i + 1]), stride=2) for i in range(config.halvings)]
         deep = [Residual(widths[-1], config.share) for _ in range(config.blocks)]
         up = [part for wide, narrow in zip(widths[:0:-1], widths[-2::-1], strict=True) for part in _doubled(wide, narrow)]
         first = [nn.ReflectionPad2d(3), Layer(GIVEN, widths[0], (0.0, 0.0), kernel=7, padding=0)]
@@ -76,7 +77,8 @@ class FourierConvolution(nn.Module):
     def __init__(self, given: int, wanted: int, shares: tuple[float, float], kernel: int, stride: int, padding: int) -> None:
         super().__init__()
         (given_l, given_g), (wanted_l, wanted_g) = _parts(given, shares[0]), _parts(wanted, shares[1])
-        shape = {"kernel_size": kernel, "stride": stride, "padding": padding, "bias": False, "padding_mode": "reflect"}
+        shape: dict[str, Any] = {"kernel_size": kernel, "stride": stride, "padding": padding, "bias": False,
+                                 "padding_mode": "reflect"}  # fmt: skip
         self.convl2l = nn.Conv2d(given_l, wanted_l, **shape)
         self.convl2g = nn.Conv2d(given_l, wanted_g, **shape) if wanted_g else None
         self.convg2l = nn.Conv2d(given_g, wanted_l, **shape) if given_g else None

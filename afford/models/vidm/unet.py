@@ -6,7 +6,6 @@ Modules are called as in the latent diffusion code base (Rombach et al. 2022), s
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import torch
 from torch import Tensor, nn
@@ -79,11 +78,8 @@ class Unet(nn.Module):
         return Residual(given, wanted, self.emb, resample)
 
 
-class Block(nn.Sequential):
+class Block(nn.ModuleList):
     """Layers one after the other; residual ones are told the step."""
-
-    def __init__(self, layers: Iterable[nn.Module]) -> None:
-        super().__init__(*layers)
 
     def forward(self, x: Tensor, emb: Tensor) -> Tensor:
         """(b, c, t, h, w) -> (b, c', t, h', w')."""
