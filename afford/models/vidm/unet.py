@@ -9,7 +9,7 @@ import math
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool3d, interpolate, scaled_dot_product_attention
+from torch.nn.functional import avg_pool2d, interpolate, scaled_dot_product_attention
 
 from afford.models.vidm.config import VidmConfig
 
@@ -139,7 +139,7 @@ class Halve(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, c, t, h, w) -> (b, c, t, h / 2, w / 2)."""
-        return avg_pool3d(x, (1, 2, 2))
+        return avg_pool2d(x.flatten(1, 2), 2).unflatten(1, x.shape[1:3])
 
 
 class Twice(nn.Module):
