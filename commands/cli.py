@@ -140,6 +140,20 @@ def params(stage: Annotated[str | None, typer.Argument(help="a stage; default: a
 
 
 @app.command()
+def backends(
+    stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None,
+    set_: Sets = None,
+    params: ParamsFile = None,
+    out: Annotated[Path | None, typer.Option("--out", help="write the table between the marks of this page")] = None,
+    json: Json = False,
+) -> None:
+    """Every backend: what it does, what it needs, whether it can be used here, and why not."""
+    from commands.backends import show
+
+    raise typer.Exit(show(stage, set_ or (), params, json, out))
+
+
+@app.command()
 def export(
     format: Annotated[str, typer.Argument(help="2hands, coco, webdataset (from a data set) or epic (from rendered clips)")],
     folder: Annotated[Path, typer.Argument(help="where to write; must be empty or new")],

@@ -20,6 +20,7 @@ from commands.progress import observer
 from commands.publish import publish, publish_file
 from commands.session import open_runner
 from commands.settings import settings
+from commands.weights import weighed
 from maps.settings import Origin
 from maps.static_sets import REPORTS
 from pipeline import TARGETS, build
@@ -71,6 +72,7 @@ def run(request: Request) -> int:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
     chosen = settings(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
+    chosen = weighed(chosen, lambda path: runner.hash_file(path)[0])
     place, source = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
     graph = build(target, place, chosen)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]

@@ -19,6 +19,7 @@ from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, open_runner
 from commands.settings import settings
+from commands.weights import weighed
 from pipeline import TARGETS, build
 from runner import Graph, Runner, TaskPlan
 
@@ -200,6 +201,7 @@ def _prepared(request: Request) -> tuple[Runner, Graph, str]:
     target = _target(request)
     chosen = settings(request.sets, request.params)
     runner = open_runner(request.store)
+    chosen = weighed(chosen, lambda path: runner.hash_file(path)[0])
     place, _ = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
     return runner, build(target, place, chosen), target
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from maps.recording import record_run
 from maps.settings import Origin, Settings
+from maps.weights import weights
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels
 from schemas.clip import Clip
@@ -62,9 +63,12 @@ def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
     clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
     footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
     frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
-    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify)
-    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint)
-    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion)
+    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify,
+                        **weights(g, p, "mask_densify"))
+    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint,
+                        **weights(g, p, "hand_inpaint"))
+    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion,
+                        **weights(g, p, "object_completion"))
     affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=p.affordance_intersect)
     labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=p.narration_labelling)
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
@@ -96,7 +100,8 @@ def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
     x = extract(g, video, p)
     truth = g.pick(video, lambda v: v.truth)
     thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
-    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify)
+    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify,
+                                                    **weights(g, p, "mask_densify"))
     scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
                    inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction_score)
     return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report, ctx=g.ctx)

@@ -11,6 +11,7 @@ from afford.hands.assets import shadow_files
 from maps import negatives, twohands
 from maps.recording import record_run
 from maps.settings import Origin, Settings
+from maps.weights import weights
 from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
@@ -127,7 +128,8 @@ def positive(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...
     """Tasks to learn on, told where hands belong as the two-hand model of `run train` predicts it."""
     model   = g.pick(twohands.learn(g, twohands.stills_to_train(g, p), p), lambda t: t.files)
     x       = negatives.look_at(g, "positive", s.spec[LESSONS], p.view_render, p)
-    told    = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views,        params=p.part_describe)
+    told    = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views,        params=p.part_describe,
+                                                **weights(g, p, "part_describe"))
     found   = g.add(positive_affordance_projection.run, mesh=x.mesh, views=x.views, descriptions=told, model=model,
                     params=p.positive_affordance_projection, ctx=g.ctx)
     return g.collect(g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
@@ -278,7 +280,8 @@ def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[Gr
     """What a vision-language model thinks of them, where one is named."""
     if not (p.grasp_judge.model or p.grasp_judge.url):
         return g.leaf("nobody_asked", ())
-    return (g.add(grasp_judge.run,          hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes, params=p.grasp_judge),)
+    return (g.add(grasp_judge.run,          hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes, params=p.grasp_judge,
+                  **weights(g, p, "grasp_judge")),)  # fmt: skip
 
 
 def report(g: Graph, target: str, s: School, played: Played, p: Settings,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from afford.backends.describe.looks import PARTS
 from maps.recording import record_run
 from maps.settings import Origin, Settings
+from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
@@ -51,7 +52,8 @@ def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Se
     built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
     views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
-    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose)
+    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose,
+                                            **weights(g, p, "mask_propose"))
     return Looked(mesh, parts, views, masks)
 
 
@@ -61,7 +63,8 @@ def given(g: Graph, origin: Origin, p: Settings) -> Looked:
     read    = g.add(mesh_read.run,          files=files,                   params=replace(p.mesh_read, categories=tuple(PARTS)))
     mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.mesh_texture)
     views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.view_render)
-    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.mask_propose)
+    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.mask_propose,
+                                            **weights(g, p, "mask_propose"))
     return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks)
 
 
@@ -85,9 +88,10 @@ class Judged(NamedTuple):
 
 def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
     """An object that was looked at -> where a hand must not go on it; `of` begins the names of the stages."""
-    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.part_describe)
+    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.part_describe,
+                    **weights(g, p, "part_describe"))
     fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
-                    descriptions=told, scorer=scorer, params=p.mask_score)
+                    descriptions=told, scorer=scorer, params=p.mask_score, **weights(g, p, "mask_score"))
     found   = g.named(f"{of}negative_affordance_projection").add(negative_affordance_projection.run, mesh=x.mesh, views=x.views,
                     candidates=x.candidates, descriptions=told, scores=fit, params=p.negative_affordance_projection)
     return Judged(told, fit, found)
@@ -105,7 +109,7 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
                                             params=replace(p.mask_propose, backend="grid"))
     fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
-                                          scorer=scorer, params=p.mask_score)
+                                          scorer=scorer, params=p.mask_score, **weights(g, p, "mask_score"))
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
                     params=replace(p.negative_affordance_score, threshold=p.negative_affordance_projection.threshold))

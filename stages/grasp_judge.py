@@ -1,6 +1,6 @@
 """episodes of one policy, step by step -> how much a vision-language model thinks that they look like a person's.
 
-Reads   HandModel; GraspTasks; GraspEpisodes, of which only those with a trace are shown
+Reads   HandModel; GraspTasks; GraspEpisodes, of which only those with a trace are shown; files of a model (vlm)
 Writes  GraspJudgement: a score of 1 to 10 of each trace
 Method  frames of an episode, evenly in time, on one sheet; the model marks trajectory, smoothness and coordination together.
         `vlm` asks a local model, `endpoint` one behind an OpenAI-compatible server. Only where one is named is the stage in a graph
@@ -13,10 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.episodes import GraspEpisodes, GraspJudgement
+from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.hand import HandModel
 
-LIBRARIES = ("numpy", "numba", "scipy", "torch", "transformers", "pillow", "opencv-python-headless", "trimesh", "matplotlib")
+LIBRARIES = ("numpy", "numba", "scipy", "torch", "transformers", "safetensors", "pillow",
+             "opencv-python-headless", "trimesh", "matplotlib")
 THREADS = 1
 MEMORY_GIB = 1.5
 
@@ -49,6 +51,10 @@ class Params:
     """endpoint: before the first of them; twice as long before each further one"""
     seed: int = 0
     """endpoint: sent to the server, which may heed it"""
+    device: str = "cpu"
+    """vlm: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """vlm: float32, bfloat16 or float16"""
 
     def __post_init__(self) -> None:
         """What might be a key is not shown, and is refused before anything is written."""
@@ -59,13 +65,16 @@ class Params:
             raise ValueError(f"expected frames of 1 or more, got {self.frames}")
 
 
-def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: GraspEpisodes, params: Params) -> GraspJudgement:
+def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: GraspEpisodes, params: Params,
+        weights: FileTree | None = None) -> GraspJudgement:  # fmt: skip
     """Ask about every trace."""
     import numpy as np
 
     from afford.grasp.studio import Studio
+    from afford.models.weights import placed
     from afford.registry import load
 
+    given = placed(params, weights)
     judge, known, scores = load(BACKENDS, params.backend), {one.name: one for some in tasks for one in some}, list[float]()
     for trace in episodes.traces:
         if trace.task not in known:
@@ -74,6 +83,6 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         rows = np.linspace(0, len(trace.q) - 1, params.frames).round().astype(int)
         studio = Studio(hand, known[trace.task], params.width, params.height)
         frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
-        scores.append(judge(trace.name, frames, rows / trace.rate_hz, params))
+        scores.append(judge(trace.name, frames, rows / trace.rate_hz, given))
     return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, params.model,
                           tuple(trace.name for trace in episodes.traces), np.array(scores, np.float64))  # fmt: skip

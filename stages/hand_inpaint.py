@@ -1,6 +1,6 @@
 """frames + hand masks -> the same frames without hands.
 
-Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame
+Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame; files of a model (vidm)
 Writes  Inpainted: images, the mask that was replaced (hands, dilated), per-pixel source and confidence
 Method  `layered` looks behind the hands in other frames, background and objects by their own motion; `median` background
         only; `telea` each frame alone; `vidm` (diffusion, GPU advised) and `lama` (one pass) are learned and need weights. All
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted, PixelSource
 
@@ -55,17 +56,18 @@ class Params:
     """vidm: seed of the noise"""
 
 
-def run(frames: Frames, tracks: Tracks, params: Params) -> Inpainted:
+def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None = None) -> Inpainted:
     """Replace the hands. Outside `mask` no pixel changes."""
     import numpy as np
 
     from afford.layers import regions
+    from afford.models.weights import placed
     from afford.morphology import dilate
     from afford.registry import load
 
     _check(frames, tracks)
     hole = dilate(regions.hands(tracks), params.dilate_px)
-    filled = load(BACKENDS, params.backend)(frames, tracks, hole, params)
+    filled = load(BACKENDS, params.backend)(frames, tracks, hole, placed(params, weights))
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)
     confidence = np.where(hole, filled.confidence, 255).astype(np.uint8)

@@ -1,6 +1,6 @@
 """an object and its views -> masks in every view that may be one part.
 
-Reads   ObjectMesh; ObjectViews of the same mesh
+Reads   ObjectMesh; ObjectViews of the same mesh; files of a model (sam)
 Writes  PartCandidates: masks by view, the most striking first
 Method  `regions` cuts the surface where it bends inwards, changes colour or thickness, merges regions of all scales and shows them
         in every view; `sam` asks a Segment Anything model at a grid of points (weights needed). No two masks of a view overlap by
@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates
 
-LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex", "torch", "transformers")
+LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex", "torch", "transformers", "safetensors")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -50,14 +51,23 @@ class Params:
     """grid: windows along each side of the square around the silhouette; they overlap by half"""
     least_window: float = 0.02
     """grid: of what a view shows of the object, in a window"""
+    offset: float = 0.7
+    """sam: how far above and below the threshold a mask is cut to see whether it is stable, logits"""
+    batch: int = 64
+    """sam: points in one pass; 0.3 GB at the published sizes"""
+    device: str = "cpu"
+    """sam: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """sam: float32, bfloat16 or float16"""
 
 
-def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartCandidates:
+def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartCandidates:
     """Propose parts."""
+    from afford.models.weights import placed
     from afford.registry import load
 
     if views.visible_area.shape != mesh.faces.shape[:1]:
         wanted, got = len(mesh.faces), len(views.visible_area)
         raise ValueError(f"views of {views.name}: expected {wanted} faces as {mesh.name} has, got {got}; render the views again")
-    found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, params)
+    found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, placed(params, weights))
     return found

@@ -1,6 +1,6 @@
 """candidates and descriptions -> how well each candidate fits each part that is spoken of.
 
-Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer
+Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer; of a model (clip)
 Writes  PartScores: which share of each candidate shows the part, and how well they overlap
 Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all; `clip` is the paper's
         recipe, with a local model
@@ -28,15 +28,22 @@ class Params:
     backend: str = "parts"
     """parts or clip"""
     model: str = ""
-    """clip: folder that holds clip/, as save_pretrained writes it, with its tokenizer.json"""
+    """clip: folder of save_pretrained with its tokenizer.json, or one that holds it as clip/; or a hub id"""
     least_cosine: float = -1.0
     """clip: a candidate that fits no part better fits nothing; -1 for none"""
+    batch: int = 32
+    """clip: candidates in one pass; 0.6 GB at the published size"""
+    device: str = "cpu"
+    """clip: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """clip: float32, bfloat16 or float16"""
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
-        params: Params) -> PartScores:  # fmt: skip
+        params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
     """Score every candidate."""
+    from afford.models.weights import placed
     from afford.registry import load
 
-    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, params)
+    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, placed(params, weights))
     return found

@@ -1,6 +1,7 @@
 """visible object masks + frames with and without hands -> complete (amodal) object masks.
 
-Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands)
+Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands);
+        files of a model (sam2)
 Writes  CompleteObjects: every object that a hand ever touches, complete in every frame, with confidence
 Method  `template` follows each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the
         baselines; `sam2` is learned (weights needed, GPU advised). Deterministic. A complete mask holds the visible one;
@@ -14,13 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
 
 if TYPE_CHECKING:
     import numpy as np
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "transformers")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "transformers", "safetensors")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -37,18 +39,23 @@ class Params:
     backend: str = "template"
     """template, hull, visible or sam2"""
     model: str = ""
-    """sam2: folder or hub id of a Sam2VideoModel"""
+    """sam2: local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
+    device: str = "cpu"
+    """sam2: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """sam2: float32, bfloat16 or float16"""
 
 
-def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params) -> CompleteObjects:
+def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, weights: FileTree | None = None) -> CompleteObjects:
     """Complete every touched object. Only pixels that another entity covers are ever added to the visible mask."""
     import numpy as np
 
     from afford.layers import regions
+    from afford.models.weights import placed
     from afford.registry import load
 
     _check(frames, tracks, inpainted)
-    complete, indices = load(BACKENDS, params.backend), regions.touched_indices(tracks)
+    complete, indices, params = load(BACKENDS, params.backend), regions.touched_indices(tracks), placed(params, weights)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)
     for row, index in enumerate(indices):

@@ -1,6 +1,6 @@
 """an object, its pictures and tasks -> which parts a hand must not touch, and where it belongs, in words.
 
-Reads   ObjectMesh: its name and what it is; ObjectViews: how it looks
+Reads   ObjectMesh: its name and what it is; ObjectViews: how it looks; files of a model (vlm)
 Writes  PartDescriptions: for each task the negative and positive parts, why, how sure, and whether the task decides it
 Method  `rules` looks them up in a table of things, tasks and states (afford/backends/describe/lexicon.py) and looks at no picture;
         a thing that is not in it is `unknown`, and nothing is said of it. `vlm` shows the pictures to a local vision-language
@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescriptions
 
-LIBRARIES = ("numpy", "torch", "transformers", "pillow", "opencv-python-headless")
+LIBRARIES = ("numpy", "torch", "transformers", "safetensors", "pillow", "opencv-python-headless")
 THREADS = 1
 MEMORY_GIB = 1.0
 
@@ -49,6 +50,10 @@ class Params:
     """endpoint: before the first of them; twice as long before each further one"""
     seed: int = 0
     """endpoint: sent to the server, which may heed it"""
+    device: str = "cpu"
+    """vlm: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """vlm: float32, bfloat16 or float16"""
 
     def __post_init__(self) -> None:
         """What might be a key is not shown, and is refused before anything is written."""
@@ -59,12 +64,13 @@ class Params:
             raise ValueError(f"expected views of 1 or more, got {self.views}")
 
 
-def run(mesh: ObjectMesh, views: ObjectViews, params: Params) -> PartDescriptions:
+def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartDescriptions:
     """Describe an object for its tasks."""
     from afford.backends.describe.lexicon import TASKS
     from afford.backends.describe.rules import known
+    from afford.models.weights import placed
     from afford.registry import load
 
-    describe = load(BACKENDS, params.backend)
+    describe, params = load(BACKENDS, params.backend), placed(params, weights)
     tasks = params.tasks or TASKS.get(known(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, params) for task in tasks))

@@ -26,6 +26,7 @@ def test_an_object_out_of_sight_stays_empty(tmp_path: Path) -> None:
                     one.astype(np.int64), one.astype(np.int32), -np.ones((2, t), np.int16), -np.ones((2, t), np.int32))  # fmt: skip
     empty = np.zeros((t, h, w))
     inpainted = Inpainted("c", frame, rgb, empty > 0, empty.astype(np.uint8), empty.astype(np.uint8))
-    found = complete(Frames("c", frame, time, rgb), tracks, inpainted, 0, SimpleNamespace(model=str(folder)))
+    params = SimpleNamespace(model=str(folder), device="cpu", dtype="float32")
+    found = complete(Frames("c", frame, time, rgb), tracks, inpainted, 0, params)
     assert not found.masks[2].any() and found.confidence[2] == 0
     assert ((found.confidence >= 0) & (found.confidence <= 1)).all()

@@ -36,7 +36,6 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     chat = load_model(str(folder))
     teach(chat, asked, sheet, GOOD + "</s>")
     chat.model.save_pretrained(folder)
-    load_model.cache_clear()
     return folder
 
 

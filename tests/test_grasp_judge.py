@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from afford.backends.judge.question import COLUMNS, LINE_PX, question, read, sheet
-from afford.models.chat_model import load_model
+from afford.models import chat_model
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.episodes import GraspJudgement
@@ -64,7 +64,7 @@ def test_a_local_model_is_shown_each_episode(tmp_path: Path) -> None:
     """One that says the same of every sheet."""
     folder = save_parrot(tmp_path / "parrot", question(5), '{"score": 7}')
     assert judged(model=str(folder), new_tokens=16, **SMALL).score.tolist() == [7.0, 7.0]
-    load_model.cache_clear()
+    chat_model._kept.cache_clear()
 
 
 def test_a_local_model_must_answer(tmp_path: Path) -> None:
@@ -74,7 +74,6 @@ def test_a_local_model_must_answer(tmp_path: Path) -> None:
     folder = save_chat(tmp_path / "random")
     with pytest.raises(ValueError, match="answer of backend 'vlm': expected one JSON object"):
         judged(backend="vlm", model=str(folder), new_tokens=4, **SMALL)
-    load_model.cache_clear()
 
 
 def test_frames_stand_in_rows_under_their_times() -> None:

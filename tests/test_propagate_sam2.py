@@ -16,7 +16,7 @@ from tests.tiny_models import save_sam2_video
 @pytest.fixture(scope="module")
 def params(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     folder: Path = save_sam2_video(tmp_path_factory.mktemp("sam2"))
-    return SimpleNamespace(model=str(folder))
+    return SimpleNamespace(model=str(folder), device="cpu", dtype="float32", memory_keys=2, cache_frames=4)
 
 
 def test_key_labels_come_back_as_they_were(params: SimpleNamespace) -> None:

@@ -50,5 +50,5 @@ def test_a_missing_model_is_refused_with_a_sentence(tmp_path: Path) -> None:
     """No model, and a folder without one, say what was expected."""
     with pytest.raises(ValueError, match="needs a model"):
         load_model("")
-    with pytest.raises(ValueError, match="expected a Sam2VideoModel"):
+    with pytest.raises(ValueError, match=r"expected config.json of a Sam2VideoModel"):
         load_model(str(tmp_path))

@@ -64,6 +64,6 @@ def test_the_stage_keeps_masks_on_the_object(folder: Path) -> None:
     for view, mask in zip(found.view, found.masks, strict=True):
         assert not mask[x.views.face[view] < 0].any() and mask.sum() >= 5
     assert (np.diff(found.view) >= 0).all()
-    for name, said in (("", "needs a model"), ("/nowhere", "expected a SamModel folder or hub id")):
+    for name, said in (("", "needs a model"), ("/nowhere", "expected a SamModel in a local folder")):
         with pytest.raises(ValueError, match=said):
             mask_propose.run(x.mesh, x.views, replace(params, model=name))

@@ -32,9 +32,9 @@ TURNS = ("{% for turn in messages %}{{ turn['role'] }}: {% for one in turn['cont
 """a chat template"""
 
 
-def save_sam2_video(folder: Path) -> Path:
-    """A Sam2VideoModel of a few hundred thousand parameters at 128 x 128, random from a fixed seed."""
-    torch.manual_seed(0)
+def save_sam2_video(folder: Path, seed: int = 0) -> Path:
+    """A Sam2VideoModel of about a million parameters at 128 x 128, random from a seed."""
+    torch.manual_seed(seed)
     backbone = {
         "model_type": "sam2_hiera_det_model", "hidden_size": 16, "image_size": [128, 128], "blocks_per_stage": [1, 1, 2, 1],
         "embed_dim_per_stage": [16, 32, 64, 128], "num_attention_heads_per_stage": [1, 1, 1, 1],

@@ -7,6 +7,7 @@ the ones that also read video do) cannot be used beside the pinned torch; a serv
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ import torch
 from PIL import Image
 from transformers import AutoModelForImageTextToText, AutoProcessor
 from transformers.utils import logging
+
+from afford.models.pretrained import ERRORS, device_of, dtype_of, first, fit, place
+from afford.models.weights import stamp
 
 UNUSED = dict.fromkeys(("temperature", "top_p", "top_k"))
 """settings of sampling that a model may come with: nothing is sampled"""
@@ -26,24 +30,27 @@ class ChatModel(NamedTuple):
     processor: Any
 
 
+def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> ChatModel:
+    """From a local folder, weights in safetensors only, for inference; ValueError says what was tried. The last one is kept, since
+    a process asks about many objects."""
+    where = place(name, "vlm", "vision-language model with its processor")
+    return _kept(where, stamp(where), device_of(device), dtype_of(dtype))
+
+
 @lru_cache(maxsize=1)
-def load_model(name: str) -> ChatModel:
-    """From a local folder or a hub id, weights in safetensors only, on the best device here; ValueError says what was tried. The
-    last one is kept, since a process asks about many objects."""
-    if not name:
-        raise ValueError("backend 'vlm' needs a model: set `model` to a local folder or a hub id of a vision-language model")
+def _kept(where: Path, stamped: Any, device: torch.device, dtype: torch.dtype) -> ChatModel:
     logging.disable_progress_bar()  # a stage prints nothing; the runner shows what goes on
     try:
-        processor = AutoProcessor.from_pretrained(name)
+        processor = AutoProcessor.from_pretrained(where, local_files_only=True)
         model, report = AutoModelForImageTextToText.from_pretrained(
-            name, use_safetensors=True, dtype="auto", output_loading_info=True)  # fmt: skip
-    except (OSError, ValueError, ImportError) as error:
-        raise ValueError(f"model {name!r}: expected a vision-language model with its processor; {_first(error)}") from error
+            where, use_safetensors=True, local_files_only=True, dtype=dtype, output_loading_info=True)  # fmt: skip
+    except (*ERRORS, ImportError) as error:
+        raise ValueError(f"model {str(where)!r}: expected a vision-language model with its processor; {first(error)}") from error
     if not getattr(processor, "image_processor", None) or not getattr(processor, "chat_template", None):
-        raise ValueError(f"model {name!r}: expected a processor of pictures with a chat template, got {type(processor).__name__}")
-    if report["missing_keys"]:
-        raise ValueError(f"model {name!r}: the weights lack {', '.join(sorted(report['missing_keys'])[:8])}")
-    return ChatModel(model.to("cuda" if torch.cuda.is_available() else "cpu").eval(), processor)
+        got = type(processor).__name__
+        raise ValueError(f"model {str(where)!r}: expected a processor of pictures with a chat template, got {got}")
+    fit({**report, "unexpected_keys": ()}, "vision-language model", str(where))  # published ones carry buffers of older versions
+    return ChatModel(model.to(device).eval(), processor)
 
 
 @torch.inference_mode()
@@ -61,7 +68,3 @@ def inputs(chat: ChatModel, text: str, rgb: np.ndarray) -> Any:
     talk = [{"role": "user", "content": content}]
     wanted = {"add_generation_prompt": True, "tokenize": True, "return_dict": True, "return_tensors": "pt"}
     return chat.processor.apply_chat_template(talk, **wanted)
-
-
-def _first(error: BaseException) -> str:
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)

@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate, pad
 from transformers import SamModel
 
+from afford.models.pretrained import pretrained
 from afford.models.twohands.model import normalised
 
 
@@ -32,15 +33,10 @@ class Grid:
     """points in one pass"""
 
 
-def load_model(name: str) -> SamModel:
-    """A model from a local folder or a hub id, on the best device here; ValueError says what was tried."""
-    if not name:
-        raise ValueError("backend 'sam' needs a model: set `model` to a local folder or a hub id of a SamModel")
-    try:
-        model = SamModel.from_pretrained(name)
-    except OSError as error:
-        raise ValueError(f"model {name!r}: expected a SamModel folder or hub id; {str(error).splitlines()[0]}") from error
-    return model.to("cuda" if torch.cuda.is_available() else "cpu").eval()
+def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> SamModel:
+    """A model from a local folder, for inference; ValueError in one sentence when it is not there or is another one."""
+    model: SamModel = pretrained(SamModel, name, "sam", device, dtype)
+    return model
 
 
 def grid_points(count: int, height: int, width: int) -> np.ndarray:
@@ -59,12 +55,13 @@ def everything(model: SamModel, rgb: np.ndarray, grid: Grid, points: np.ndarray)
     inner = round(height * scale), round(width * scale)
     image = torch.from_numpy(rgb).permute(2, 0, 1)[None].float().to(model.device) / 255
     small = normalised(interpolate(image, inner, mode="bilinear", align_corners=False, antialias=True))
-    embedding = model.get_image_embeddings(pad(small, (0, side - inner[1], 0, side - inner[0])))
+    embedding = model.get_image_embeddings(pad(small, (0, side - inner[1], 0, side - inner[0])).to(model.dtype))
     kept: list[tuple[np.ndarray, np.ndarray]] = []
     for at in range(0, len(points), grid.at_once):
-        asked = torch.from_numpy(points[at : at + grid.at_once] * np.float32(scale))[None, :, None].to(model.device)
+        asked = torch.from_numpy(points[at : at + grid.at_once] * np.float32(scale))[None, :, None].to(model.device, model.dtype)
         found = model(image_embeddings=embedding, input_points=asked, multimask_output=True)
-        kept.append(_sure(found.pred_masks[0].flatten(0, 1), found.iou_scores[0].flatten(), grid, (side, inner, (height, width))))
+        logits, iou = found.pred_masks[0].flatten(0, 1).float(), found.iou_scores[0].flatten().float()
+        kept.append(_sure(logits, iou, grid, (side, inner, (height, width))))
     return np.concatenate([masks for masks, _ in kept]), np.concatenate([iou for _, iou in kept])
 
 

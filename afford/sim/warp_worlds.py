@@ -23,6 +23,8 @@ from afford.sim.mujoco_world import Layout, compiled, layout
 from afford.sim.scene import Scene, held, limits_of
 from afford.sim.worlds import most_parts
 
+EXTRA = "gpu"
+PACKAGES = ("warp", "mujoco_warp")
 CONTACTS, ROWS = 96, 320
 """room for each world: contacts (worlds of a group share it) and rows of constraints"""
 MOVING = ("qpos", "qvel", "qacc_warmstart", "ctrl", "time")

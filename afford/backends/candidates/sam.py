@@ -1,4 +1,4 @@
-"""Candidates by Segment Anything, as AffordDex has them: a grid of points over every view."""
+"""Segment Anything is asked at a grid of points over every view, as AffordDex has it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from afford.segments.suppress import collected, suppress
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates
 
+WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-huge"
+
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
-    """Reads `model`, `grid`, `least_iou`, `least_stability`, `least_px`, `most_share`, `nms_iou` and `most`."""
-    model, grid = load_model(params.model), Grid(params.grid, params.least_iou, params.least_stability)
+    """Reads `model`, `device`, `dtype`, `batch`, `grid`, `least_iou`, `least_stability`, `offset`, `least_px`, `most_share`,
+    `nms_iou` and `most`."""
+    model = load_model(params.model, params.device, params.dtype)
+    grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
     points = grid_points(grid.points, *views.face.shape[1:])
     found: list[tuple[int, np.ndarray, float]] = []
     for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):

@@ -1,7 +1,7 @@
-"""Completion by SAM 2, as 2HandedAfforder does it: a two-frame video, the frame and the same frame without hands.
+"""SAM 2 on a video of two frames, as 2HandedAfforder has it: the frame, prompted by the visible mask, and the frame without hands.
 
-The visible mask prompts the first; what is found in the second is the complete object. Reads `params.model`: a local folder
-or hub id of a `Sam2VideoModel`.
+What is found in the second is the complete object. Reads `params.model` (folder of a `Sam2VideoModel`, or sam2*_hiera_*.pt),
+`params.device` and `params.dtype`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from afford.models.sam2_video import load_model, track
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
+WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
+
 
 def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
     """See `Complete`. Frames in which the object is out of sight stay empty; confidence is the mean probability inside."""
-    model = load_model(params.model)
+    model = load_model(params.model, params.device, params.dtype)
     visible = tracks.masks[index]
     masks = np.zeros_like(visible)
     confidence = np.zeros(len(visible), np.float32)

@@ -12,6 +12,7 @@ from afford.views.contact import contact_sheet, labels
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescription
 
+SERVER = "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` or none"
 QUALITY = 90
 
 

@@ -11,9 +11,12 @@ from afford.views.contact import contact_sheet, labels
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartDescription
 
+WEIGHTS = "a vision-language model with a chat template: folder of save_pretrained, or hub id as llava-hf/llava-1.5-7b-hf"
+
 
 def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
-    """Reads `model`, `views` and `new_tokens`."""
+    """Reads `model`, `device`, `dtype`, `views` and `new_tokens`."""
     asked = question(mesh.category, task, labels(views, params.views))
-    said = reply(load_model(params.model), asked, contact_sheet(views, params.views), params.new_tokens)
+    model = load_model(params.model, params.device, params.dtype)
+    said = reply(model, asked, contact_sheet(views, params.views), params.new_tokens)
     return answer.read(said, mesh.name, task, "vlm")

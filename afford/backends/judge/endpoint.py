@@ -10,6 +10,7 @@ from afford.backends.judge.question import question, read, sheet
 from afford.encode import jpeg
 from afford.models.chat_endpoint import ask, endpoint
 
+SERVER = "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` or none"
 QUALITY = 90
 
 

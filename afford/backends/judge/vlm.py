@@ -9,7 +9,10 @@ import numpy as np
 from afford.backends.judge.question import question, read, sheet
 from afford.models.chat_model import load_model, reply
 
+WEIGHTS = "a vision-language model with a chat template: folder of save_pretrained, or hub id as llava-hf/llava-1.5-7b-hf"
+
 
 def judge(name: str, frames: np.ndarray, seconds: np.ndarray, params: Any) -> float:
-    """Reads `model` and `new_tokens`."""
-    return read(reply(load_model(params.model), question(len(frames)), sheet(frames, seconds), params.new_tokens), name, "vlm")
+    """Reads `model`, `device`, `dtype` and `new_tokens`."""
+    model = load_model(params.model, params.device, params.dtype)
+    return read(reply(model, question(len(frames)), sheet(frames, seconds), params.new_tokens), name, "vlm")

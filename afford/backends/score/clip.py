@@ -1,4 +1,4 @@
-"""Parts by CLIP, with AffordDex's settings: the mask sharp, all else blurred, the model's own square, 'a photo of a {part}'.
+"""CLIP with AffordDex's settings: the mask sharp, all else blurred, the model's own square, 'a photo of a {part}'.
 
 The published model is ViT-L/14 at 336 px. Parts of one task compete: shares are a softmax over them at the model's own
 temperature; `overlap` is the cosine, by which the paper picks its mask. A candidate whose best cosine is below `least_cosine` fits
@@ -7,6 +7,7 @@ nothing.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -15,36 +16,37 @@ import torch
 from torch import Tensor
 from transformers import CLIPModel
 
-from afford.models.twohands.backbones import tokens_of
+from afford.models.pretrained import place, pretrained
 from afford.models.twohands.clip import text_batch
 from afford.models.twohands.model import for_tower
+from afford.models.twohands.tokens import read_tokens
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.negative import PartCandidates, PartDescriptions, PartScores
 
+WEIGHTS = "a CLIPModel with its tokenizer.json: folder of save_pretrained, or hub id as openai/clip-vit-large-patch14-336"
 BLUR = 100 / 336
 """radius of the blur, as a share of the picture's side"""
-AT_ONCE = 32
-"""candidates in one pass"""
 
 
 def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
           params: Any) -> PartScores:  # fmt: skip
-    """Reads `model`, a folder that holds `clip/` as `save_pretrained` writes it with its tokenizer.json, and `least_cosine`."""
+    """Reads `model` (a folder that `save_pretrained` wrote with its tokenizer.json, or that holds it as `clip/`), `device`,
+    `dtype`, `batch` and `least_cosine`."""
     count = len(candidates.view), len(descriptions.notes)
     if not all(count):
         return PartScores(mesh.name, np.zeros(count, np.float32), np.zeros(count, np.float32))
-    if not params.model:
-        raise ValueError("backend 'clip' needs a model: set `model` to a folder that holds clip/ with its tokenizer.json")
-    model, tokens = CLIPModel.from_pretrained(f"{params.model}/clip").eval(), tokens_of(params.model, "clip")
+    folder = _folder(params.model)
+    model, tokens = pretrained(CLIPModel, str(folder), "clip", params.device, params.dtype), read_tokens(folder / "tokenizer.json")
     with torch.inference_mode():
         texts = [f"a photo of a {note.phrase.partition(',')[0].removeprefix('the ')}" for note in descriptions.notes]
-        ids, keep = text_batch(tokens, model.config.text_config, texts)
+        ids, keep = (one.to(model.device) for one in text_batch(tokens, model.config.text_config, texts))
         said = _unit(model.text_projection(model.text_model(ids, attention_mask=keep).pooler_output))
-        cosine = torch.cat([_unit(_seen(model, views, candidates, at)) @ said.T for at in range(0, count[0], AT_ONCE)])
+        batches = [slice(at, at + params.batch) for at in range(0, count[0], params.batch)]
+        cosine = torch.cat([_unit(_seen(model, views, candidates, some)) @ said.T for some in batches])
         fits = cosine.max(1, keepdim=True).values >= params.least_cosine
-        share = _competing(cosine * model.logit_scale.exp(), descriptions) * fits
-    return PartScores(mesh.name, share.numpy().astype(np.float32), ((cosine + 1) / 2).numpy().astype(np.float32))
+        share = (_competing(cosine * model.logit_scale.exp().float(), descriptions) * fits).cpu()
+    return PartScores(mesh.name, share.numpy().astype(np.float32), ((cosine + 1) / 2).cpu().numpy().astype(np.float32))
 
 
 def highlighted(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -53,12 +55,18 @@ def highlighted(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None], rgb, cv2.GaussianBlur(rgb, (0, 0), sigma))
 
 
-def _seen(model: CLIPModel, views: ObjectViews, candidates: PartCandidates, at: int) -> Tensor:
+def _folder(name: str) -> Path:
+    """Where config.json is: in the folder that is named, or in `clip/` below it."""
+    where = place(name, "clip", "CLIPModel with its tokenizer.json")
+    return where / "clip" if (where / "clip").is_dir() else where
+
+
+def _seen(model: CLIPModel, views: ObjectViews, candidates: PartCandidates, some: slice) -> Tensor:
     """(b, width) embeddings of some candidates."""
-    some = zip(candidates.view[at : at + AT_ONCE], candidates.masks[at : at + AT_ONCE], strict=True)
-    pictures = np.stack([highlighted(views.rgb[view], mask) for view, mask in some])
+    pairs = zip(candidates.view[some], candidates.masks[some], strict=True)
+    pictures = np.stack([highlighted(views.rgb[view], mask) for view, mask in pairs])
     image = torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255
-    tower = for_tower(image, model.config.vision_config.image_size)
+    tower = for_tower(image, model.config.vision_config.image_size).to(model.device, model.dtype)
     return model.visual_projection(model.vision_model(tower).pooler_output)
 
 
@@ -69,4 +77,4 @@ def _competing(logits: Tensor, descriptions: PartDescriptions) -> Tensor:
 
 
 def _unit(vectors: Tensor) -> Tensor:
-    return torch.nn.functional.normalize(vectors, dim=-1)
+    return torch.nn.functional.normalize(vectors.float(), dim=-1)

@@ -1,0 +1,141 @@
+"""`backends`: every backend of every stage: what it does, what it needs, whether it can be used here, and why not."""
+
+from __future__ import annotations
+
+import importlib.util
+import json as encoder
+import os
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from commands.errors import UsageError, unknown
+from commands.registries import Backend, everywhere, third_party
+from commands.settings import settings
+from maps.settings import Settings
+
+PIPED_WIDTH = 200
+"""columns where no terminal says how many"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    stage: str
+    parameter: str
+    """what chooses it: STAGE.backend"""
+    backend: str
+    about: str
+    needs: str
+    usable: bool
+    why_not: str
+
+
+def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, out: Path | None) -> int:
+    """Print the table, or write it as Markdown to `out`; settings may name models, which are then looked at. Nothing heavy is
+    imported, nothing fetched. UsageError for an unknown stage."""
+    found = rows(settings(sets, file), (stage or "").replace("-", "_"))
+    if out:
+        _write(out, markdown(found))
+    elif json:
+        sys.stdout.write(encoder.dumps([vars(row) for row in found]) + "\n")
+    else:
+        _print(found)
+    return 0
+
+
+def rows(chosen: Settings, stage: str = "") -> list[Row]:
+    """Every entry of every registry, in the order of the stages, or those of one. UsageError when it has none."""
+    owners = {one.owner.removeprefix("stages.") for one in everywhere()}
+    if stage and stage not in owners:
+        raise unknown("stage with backends", stage, owners)
+    wanted = [one for one in everywhere() if stage in ("", one.owner.removeprefix("stages."))]
+    return [_row(one, getattr(chosen, one.owner.removeprefix("stages."), None)) for one in wanted]
+
+
+def markdown(found: list[Row]) -> str:
+    """The table of docs/backends.md: what there is and what it needs, without what this machine has."""
+    lines = ["| chosen by | backend | what it does | needs |", "|---|---|---|---|"]
+    return "\n".join([*lines, *(f"| {row.parameter} | `{row.backend}` | {row.about} | {row.needs} |" for row in found)]) + "\n"
+
+
+def _row(backend: Backend, params: Any) -> Row:
+    owner, field = backend.owner.removeprefix("stages."), backend.registry.lower().removesuffix("s").replace("policie", "policy")
+    wants = [f"weights: {backend.weights}"] if backend.weights else []
+    wants += [f"server: {backend.server}"] if backend.server else []
+    wants += [f"extra `{backend.extra}`"] if backend.extra else []
+    reasons = (_packages(backend), _weights(backend, owner, params), _server(backend, owner, params))
+    why = "; ".join(reason for reason in reasons if reason)
+    return Row(owner, f"{owner}.{field}", backend.name, backend.about, "; ".join(wants), not why, why)
+
+
+def _packages(backend: Backend) -> str:
+    """Which packages are missing, '' for none."""
+    missing = [name for name in sorted(third_party(backend)) if importlib.util.find_spec(name) is None]
+    hint = f'; pip install --constraint constraints.txt --editable ".[{backend.extra}]"' if backend.extra else "; make setup"
+    return f"not installed: {', '.join(missing)}{hint}" if missing else ""
+
+
+def _weights(backend: Backend, owner: str, params: Any) -> str:
+    """Whether the files of the model that the settings name are here, by their names alone."""
+    if not backend.weights:
+        return ""
+    model = getattr(params, "model", "") if getattr(params, "backend", "") == backend.name else ""
+    if not model:
+        return f"no weights named; --set {owner}.backend={backend.name} --set {owner}.model=FOLDER"
+    place = Path(model).expanduser()
+    if place.is_file() or (place.is_dir() and any(place.rglob("*.safetensors")) and any(place.rglob("*.json"))):
+        return ""
+    if place.exists():
+        return f"{model}: expected .json and .safetensors files of a model, got none"
+    return "" if _in_cache(model) else f"{model}: no such folder, and no such hub id among what was downloaded"
+
+
+def _in_cache(model: str) -> bool:
+    """Whether a hub id was downloaded before."""
+    from huggingface_hub import try_to_load_from_cache
+    from huggingface_hub.errors import HFValidationError
+
+    try:
+        return isinstance(try_to_load_from_cache(model, "config.json"), str)
+    except HFValidationError:  # a path
+        return False
+
+
+def _server(backend: Backend, owner: str, params: Any) -> str:
+    """Whether an address and a key are given; the key is not looked at, and nobody is asked."""
+    if not backend.server:
+        return ""
+    if not getattr(params, "url", ""):
+        return f"no server named; --set {owner}.backend={backend.name} --set {owner}.url=http://HOST:PORT/v1"
+    variable = getattr(params, "key_variable", "")
+    return f"environment variable {variable} is not set" if variable and variable not in os.environ else ""
+
+
+def _print(found: list[Row]) -> None:
+    console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
+    table = Table("chosen by", "backend", "here", "what it does", "needs", "why not", box=None)
+    for row in found:
+        here = "[green]yes[/]" if row.usable else "[red]no[/]"
+        table.add_row(row.parameter, row.backend, here, *(escape(text) for text in (row.about, row.needs, row.why_not)))
+    console.print(table)
+
+
+def _write(out: Path, table: str) -> None:
+    """Between the marks of a page that has them."""
+    text = out.read_text(encoding="utf-8") if out.is_file() else ""
+    before, start, rest = text.partition(START)
+    _, end, after = rest.partition(END)
+    if not (start and end):
+        raise UsageError(f"--out {out}: expected a page with the lines {START} and {END}, between which the table is written")
+    out.write_text(f"{before}{START}\n{table}{END}{after}", encoding="utf-8")
+
+
+START, END = "<!-- backends: written by `pipeline.py backends --out` -->", "<!-- /backends -->"

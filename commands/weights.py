@@ -1,0 +1,51 @@
+"""Models that the settings name, found once: a local folder, or a hub id that is downloaded where there is a network."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from commands.errors import UsageError
+from commands.registries import of_stage
+from maps.settings import Settings
+from maps.weights import Weighed
+from schemas.files import FileTree
+
+
+def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
+    """The settings with the files of every model that a chosen backend reads. `model` then only says what it is called: where it
+    lies is in no key. UsageError when a model cannot be found."""
+    found: dict[str, FileTree] = {}
+    named: dict[str, Any] = {}
+    for field in dataclasses.fields(Settings):
+        params = getattr(chosen, field.name)
+        if getattr(params, "model", "") and reads_weights(params):
+            found[field.name] = _files(field.name, params.model, digest)
+            named[field.name] = dataclasses.replace(params, model=_label(params.model))
+    if not found:
+        return chosen
+    fields = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(Settings)}
+    return Weighed(**{**fields, **named}, weights=tuple(found.items()))
+
+
+def reads_weights(params: Any) -> bool:
+    """Whether the chosen backend of a stage says that it reads weights."""
+    stage = type(params).__module__.rpartition(".")[2]
+    chosen = getattr(params, "backend", "")
+    return any(one.weights and one.name == chosen for one in of_stage(stage))
+
+
+def _files(stage: str, model: str, digest: Callable[[Path], str]) -> FileTree:
+    from afford.models.hub import files
+
+    try:
+        return files(model, digest)
+    except ValueError as error:
+        raise UsageError(f"{stage}.model: {error}") from error
+
+
+def _label(model: str) -> str:
+    """A hub id as it is, the last part of a path."""
+    return Path(model).absolute().name if Path(model).expanduser().exists() else model

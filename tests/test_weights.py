@@ -1,0 +1,103 @@
+"""Weights of stages: found once, digested into the keys of those that read them, read where they lie."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from afford.models.hub import files, find
+from afford.models.weights import placed, root, stamp
+from commands.errors import UsageError
+from commands.settings import settings
+from commands.weights import weighed
+from maps.settings import Settings
+from maps.weights import Weighed, weights
+from runner import Graph
+from schemas.files import FileRef, FileTree
+from stages import mask_densify
+from tests.tiny_root import digest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    folder = tmp_path / "model"
+    (folder / "sub").mkdir(parents=True)
+    (folder / "config.json").write_text("{}")
+    (folder / "sub" / "model.safetensors").write_bytes(b"weights")
+    (folder / "README.md").write_text("words")
+    return folder
+
+
+def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
+    """By name and content; words about it do not count, and neither does where it lies."""
+    found = files(str(model), digest)
+    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and root(found) == model
+    (model / "README.md").write_text("other words")
+    moved = Path(shutil.copytree(model, tmp_path / "elsewhere"))
+    other = files(str(moved), digest)
+    assert [(one.name, one.digest) for one in other.files] == [(one.name, one.digest) for one in found.files]
+    assert other.name == found.name and root(other) == moved
+    single = files(str(model / "config.json"), digest)
+    assert root(single) == model / "config.json"
+
+
+def test_params_say_where_the_files_lie(model: Path) -> None:
+    params = mask_densify.Params("sam2", "label")
+    assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
+    apart = FileTree("weights", (FileRef("a.json", "0", 1, Path("/x/a.json")), FileRef("b.json", "1", 1, Path("/y/b.json"))))
+    with pytest.raises(ValueError, match="expected files in one folder, got 2"):
+        placed(params, apart)
+
+
+def test_a_stamp_tells_changed_files(model: Path) -> None:
+    before = stamp(model)
+    (model / "sub" / "model.safetensors").write_bytes(b"weightz")
+    assert stamp(model) != before and stamp(model) == stamp(model)
+
+
+def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
+    """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
+    chosen = settings(["mask_densify.backend=sam2", f"mask_densify.model={model}", f"object_completion.model={model}",
+                       "part_describe.backend=endpoint", "part_describe.model=gpt"], None)  # fmt: skip
+    found = weighed(chosen, digest)
+    assert isinstance(found, Weighed) and [stage for stage, _ in found.weights] == ["mask_densify"]
+    assert (found.mask_densify.model, found.part_describe.model) == ("model", "gpt")
+    assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
+    assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
+
+
+@pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
+def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: Path) -> None:
+    """The parameter is named."""
+    name = str(tmp_path) if name == "EMPTY" else name
+    with pytest.raises(UsageError, match=f"mask_densify.model: .*{said}"):
+        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+
+
+def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
+    """What was downloaded before is found; what was not says how to get it."""
+    code = ("from afford.models.hub import find\ntry:\n    find('some-owner/some-model')\n"
+            "except ValueError as error:\n    print(error)")  # fmt: skip
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "expected a local folder, or a hub id that is in the cache" in done.stdout and done.stdout.count("\n") == 1
+    cached = tmp_path / "hub" / "models--some-owner--some-model"
+    (cached / "refs").mkdir(parents=True)
+    (cached / "refs" / "main").write_text("0123456789abcdef0123456789abcdef01234567")
+    (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567").mkdir(parents=True)
+    (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567" / "config.json").write_text("{}")
+    done = subprocess.run([sys.executable, "-c", code.replace("    find(", "    print(find(").replace("model')", "model'))")],
+                          cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
+    assert done.stdout.strip().endswith("snapshots/0123456789abcdef0123456789abcdef01234567"), done.stdout + done.stderr
+
+
+def test_local_places_are_taken_as_they_are(model: Path) -> None:
+    assert find(str(model)) == model
