@@ -51,9 +51,17 @@ def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
 def test_params_say_where_the_files_lie(model: Path) -> None:
     params = mask_densify.Params("sam2", "label")
     assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
-    apart = FileTree("weights", (FileRef("a.json", "0", 1, Path("/x/a.json")), FileRef("b.json", "1", 1, Path("/y/b.json"))))
-    with pytest.raises(ValueError, match="expected files in one folder, got 2"):
-        placed(params, apart)
+
+
+def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
+    """As in the cache of a hub, where files are called by their digests; twice the same folder."""
+    for name in ("0a1b", "2c3d"):
+        (tmp_path / name).write_text(name)
+    refs = (FileRef("config.json", "0", 4, tmp_path / "0a1b"), FileRef("sub/x.safetensors", "1", 4, tmp_path / "2c3d"))
+    folder = root(FileTree("weights", refs))
+    assert (folder / "config.json").read_text() == "0a1b" and (folder / "sub" / "x.safetensors").read_text() == "2c3d"
+    assert root(FileTree("weights", refs)) == folder
+    assert root(FileTree("weights", refs[:1])).read_text() == "0a1b"
 
 
 def test_a_stamp_tells_changed_files(model: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from schemas.files import FileTree
@@ -14,7 +16,7 @@ P = TypeVar("P")
 def placed(params: P, weights: FileTree | None) -> P:
     """Params of a stage whose `model` says where the files of `weights` lie on this machine; as they are when there are none.
 
-    The place is in no key: the content of the files is. ValueError when the files do not lie in one folder.
+    The place is in no key: the content of the files is.
     """
     if weights is None:
         return params
@@ -22,13 +24,24 @@ def placed(params: P, weights: FileTree | None) -> P:
 
 
 def root(weights: FileTree) -> Path:
-    """The folder that the names of the files are relative to; the file itself when there is only one."""
-    if len(weights.files) == 1:
-        return weights.files[0].path
-    found = {Path(str(file.path).removesuffix(file.name)) for file in weights.files if str(file.path).endswith(file.name)}
-    if len(found) != 1:
-        raise ValueError(f"weights {weights.name!r}: expected files in one folder, got {len(found)}; name the folder again")
-    return found.pop()
+    """The folder in which the files have their names, or the file itself when there is only one.
+
+    Where they lie under other names, as in the cache of a hub, it is a folder of links that lives as long as the process.
+    """
+    found = {Path(str(file.path).removesuffix(file.name)) for file in weights.files if str(file.path).endswith(f"/{file.name}")}
+    named = len(found) == 1 and all(found == {Path(str(file.path).removesuffix(file.name))} for file in weights.files)
+    folder = found.pop() if named else Path(_links(tuple((file.name, file.path) for file in weights.files)).name)
+    return folder / weights.files[0].name if len(weights.files) == 1 else folder
+
+
+@cache
+def _links(files: tuple[tuple[str, Path], ...]) -> TemporaryDirectory[str]:
+    folder = TemporaryDirectory(prefix="afford-weights-")
+    for name, path in files:
+        link = Path(folder.name) / name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(path)
+    return folder
 
 
 def stamp(place: Path) -> Any:
