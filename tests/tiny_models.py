@@ -53,7 +53,9 @@ def save_sam2_video(folder: Path, seed: int = 0) -> Path:
         memory_encoder_output_channels=64, mask_downsampler_embed_dim=128, memory_fuser_embed_dim=128,
         memory_fuser_intermediate_dim=64, memory_fuser_num_layers=1,
     )  # fmt: skip
-    Sam2VideoModel(config).save_pretrained(folder)
+    model = Sam2VideoModel(config)
+    torch.nn.init.ones_(model.mask_decoder.pred_obj_score_head.proj_out.bias)  # so that no object is ever thought to be hidden
+    model.save_pretrained(folder)
     return folder
 
 

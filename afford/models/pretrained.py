@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -51,8 +52,7 @@ def _kept(reader: Callable[[Any, Path], Any], kind: Any, where: Path, stamped: A
 
 def read(kind: Any, where: Path) -> Any:
     """A model of the class `kind` on the CPU, in float32. ValueError names what does not fit."""
-    if not (where / "config.json").is_file():
-        raise ValueError(f"model {str(where)!r}: expected config.json of a {kind.__name__} in this folder, got none")
+    _of_kind(kind, where)
     try:
         model, report = kind.from_pretrained(where, output_loading_info=True, local_files_only=True, use_safetensors=True,
                                              dtype=torch.float32)  # fmt: skip
@@ -60,6 +60,19 @@ def read(kind: Any, where: Path) -> Any:
         raise ValueError(f"model {str(where)!r}: expected the weights of a {kind.__name__}; {first(error)}") from error
     fit(report, kind.__name__, str(where))
     return model
+
+
+def _of_kind(kind: Any, where: Path) -> None:
+    """ValueError when the config is not one of this kind of model; nothing is built from it to find that out."""
+    wanted = kind.config_class.model_type
+    try:
+        config = json.loads((where / "config.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        said = f"model {str(where)!r}: expected config.json of a {kind.__name__} in this folder; {first(error)}"
+        raise ValueError(said) from error
+    got = config.get("model_type") if isinstance(config, dict) else type(config).__name__
+    if got != wanted:
+        raise ValueError(f"model {str(where)!r}: expected the weights of a {kind.__name__} (model_type {wanted}), got {got}")
 
 
 def fit(report: dict[str, Any], what: str, where: str) -> None:
