@@ -14,7 +14,7 @@ from tests.command import call
 
 ROOT = Path(__file__).resolve().parent.parent
 LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propose", "sam"), ("mask_score", "clip"),
-           ("hand_inpaint", "vidm"), ("part_describe", "vlm"), ("grasp_judge", "vlm")}  # fmt: skip
+           ("part_describe", "vlm"), ("grasp_judge", "vlm")}  # fmt: skip
 
 
 def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:
@@ -38,7 +38,7 @@ def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
     """Those that read weights say so, and Params of their stages have a model, a device and a type of numbers."""
     rows = found()
     assert {key for key, row in rows.items() if "weights" in str(row["needs"])} >= LEARNED
-    for stage, name in LEARNED - {("hand_inpaint", "vidm")}:
+    for stage, name in LEARNED:
         params = importlib.import_module(f"stages.{stage}").Params(backend=name)
         assert (params.model, params.device, params.dtype) == ("", "cpu", "float32")
 
