@@ -58,7 +58,7 @@ def everything(model: SamModel, rgb: np.ndarray, grid: Grid, points: np.ndarray)
     embedding = model.get_image_embeddings(pad(small, (0, side - inner[1], 0, side - inner[0])).to(model.dtype))
     kept: list[tuple[np.ndarray, np.ndarray]] = []
     for at in range(0, len(points), grid.at_once):
-        asked = torch.from_numpy(points[at : at + grid.at_once] * np.float32(scale))[None, :, None].to(model.device, model.dtype)
+        asked = torch.from_numpy(points[at : at + grid.at_once] * np.float32(scale))[None, :, None].to(model.device)
         found = model(image_embeddings=embedding, input_points=asked, multimask_output=True)
         logits, iou = found.pred_masks[0].flatten(0, 1).float(), found.iou_scores[0].flatten().float()
         kept.append(_sure(logits, iou, grid, (side, inner, (height, width))))
