@@ -1,6 +1,6 @@
 """frames + hand masks -> the same frames without hands.
 
-Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame; files of a model (vidm)
+Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame; files of a model (vidm, lama)
 Writes  Inpainted: images, the mask that was replaced (hands, dilated), per-pixel source and confidence
 Method  `layered` looks behind the hands in other frames, background and objects by their own motion; `median` background
         only; `telea` each frame alone; `vidm` (diffusion, GPU advised) and `lama` (one pass) are learned and need weights. All
@@ -38,8 +38,8 @@ class Params:
     """growth of the hand masks before they are replaced, in pixels of the working size"""
     model: str = ""
     """vidm, lama: file or folder of the weights"""
-    device: str = "auto"
-    """vidm, lama: cpu, cuda, cuda:N, or auto for the GPU if there is one"""
+    device: str = "cpu"
+    """vidm, lama: cpu, cuda or cuda:N"""
     dtype: str = "float32"
     """vidm, lama: float32, bfloat16 or float16"""
     batch: int = 4

@@ -17,9 +17,11 @@ from afford.backends.inpaint import Filled
 from afford.backends.inpaint.windows import chunks, side_of, windows
 from afford.models.lama.files import load
 from afford.models.lama.generator import Generator
-from afford.models.place import device_of, dtype_of
+from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
+
+WEIGHTS = "LaMa's published checkpoint, a TorchScript file of it, or safetensors (docs/inpainting.md)"
 
 
 class Job(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.backends.inpaint import Filled
 from afford.backends.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows
-from afford.models.place import device_of, dtype_of
+from afford.models.pretrained import device_of, dtype_of
 from afford.models.vidm.files import load
 from afford.models.vidm.model import Vidm, ddim, fill
 from afford.morphology import dilate

@@ -6,6 +6,7 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 FORMAT = "afford-vidm-1"
 
@@ -45,7 +46,8 @@ def read_config(path: Path) -> VidmConfig:
     unknown = sorted(fields.keys() - {field.name for field in dataclasses.fields(VidmConfig)})
     if unknown:
         raise ValueError(f"{path}: expected the fields of VidmConfig, got {', '.join(unknown)} too")
-    return VidmConfig(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+    return VidmConfig(**plain)
 
 
 def config_text(config: VidmConfig) -> str:
