@@ -20,8 +20,10 @@ SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
 
 
-def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> tuple[Origin, Source | None]:
-    """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source."""
+def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str],
+           clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
+    """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
+    only the videos of `clips` are read, where some are named."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
     if target == "static-sets":
@@ -41,7 +43,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if not source.exists():
         raise UsageError(f"--source {source}: expected a folder with videos and masks, got nothing there; see docs/own-video.md")
     try:
-        found = discover(source, digest)
+        found = discover(source, digest, clips)
     except ValueError as error:
         raise UsageError(f"--source {source}: {error}") from error
     return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos)), found

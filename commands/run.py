@@ -18,7 +18,7 @@ from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.progress import observer
 from commands.publish import publish, publish_file
-from commands.session import open_runner
+from commands.session import digester, open_runner
 from commands.settings import settings
 from commands.weights import weighed
 from maps.settings import Origin
@@ -72,8 +72,8 @@ def run(request: Request) -> int:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
     chosen = settings(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
-    chosen = weighed(chosen, lambda path: runner.hash_file(path)[0])
-    place, source = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
+    chosen = weighed(chosen, digester(runner))
+    place, source = origin(target, request.source, chosen, digester(runner), request.clips)
     graph = build(target, place, chosen)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
     with observer(quiet=False) as shown:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from afford.worker import use_font_cache, use_kernel_cache
@@ -11,15 +13,28 @@ from runner import Runner
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
 CODEC, WORKER = "afford.codecs:CODEC", "afford.worker:prepare"
+ANNOUNCED_BYTES = 1 << 30
 DEFAULT_JOBS = max(1, len(os.sched_getaffinity(0)))
 
 
-def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False) -> Runner:
-    """A runner; StoreError when the store cannot be written to. Memory: what is free when it starts, less a margin."""
+def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, glance: bool = False) -> Runner:
+    """A runner; StoreError when the store cannot be written to. Memory: what is free when it starts, less a margin. `glance`: for
+    plans, which read no large file that was never hashed."""
     folder = (store or STORE).absolute()
     use_kernel_cache(ROOT, folder)
     use_font_cache(folder)
-    return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(), rehash=rehash)
+    return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
+                  rehash=rehash, glance=glance)
+
+
+def digester(runner: Runner) -> Callable[[Path], str]:
+    """The digest of a file of a source. Large ones that have to be read for it, once, are announced."""
+    def digest(path: Path) -> str:
+        if not runner.store.memo.glance and path.stat().st_size > ANNOUNCED_BYTES and not runner.is_hashed(path):
+            sys.stderr.write(f"reading {path.name} ({path.stat().st_size / 1e9:.1f} GB); it is remembered\n")
+        return runner.hash_file(path)[0]
+
+    return digest
 
 
 def _memory_gib() -> float:

@@ -17,7 +17,7 @@ from rich.tree import Tree
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.run import Request
-from commands.session import STORE, open_runner
+from commands.session import STORE, digester, open_runner
 from commands.settings import settings
 from commands.weights import weighed
 from pipeline import TARGETS, build
@@ -200,9 +200,9 @@ def _target(request: Request) -> str:
 def _prepared(request: Request) -> tuple[Runner, Graph, str]:
     target = _target(request)
     chosen = settings(request.sets, request.params)
-    runner = open_runner(request.store)
-    chosen = weighed(chosen, lambda path: runner.hash_file(path)[0])
-    place, _ = origin(target, request.source, chosen, lambda path: runner.hash_file(path)[0])
+    runner = open_runner(request.store, glance=True)
+    chosen = weighed(chosen, digester(runner))
+    place, _ = origin(target, request.source, chosen, digester(runner), request.clips)
     return runner, build(target, place, chosen), target
 
 

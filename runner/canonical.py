@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,20 @@ def dumps(tree: Any) -> str:
 def digest(tag: str, tree: Any) -> str:
     """Hex digest of a JSON tree under a tag, so that two sorts of things never share a digest."""
     return blake3(f"{tag}\0{dumps(tree)}".encode()).hexdigest()
+
+
+def path_digest(path: Path) -> str:
+    """Hex digest of a file, or of a folder of plain files: of their names and bytes. OSError when a folder holds anything else,
+    links above all."""
+    if not path.is_dir():
+        return file_digest(path)
+    rows = []
+    with os.scandir(path) as found:
+        for item in sorted(found, key=lambda item: item.name):
+            if not item.is_file(follow_symlinks=False):
+                raise OSError(f"{path}: expected plain files, got {item.name}, which is a folder or a link; take it out")
+            rows.append([item.name, file_digest(Path(item.path))])
+    return digest("afford-folder", rows)
 
 
 def file_digest(path: Path) -> str:

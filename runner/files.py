@@ -1,4 +1,8 @@
-"""Digests of files outside the store, remembered by size, mtime and inode so that a large video is hashed once."""
+"""Digests of files outside the store, remembered by size, mtime and inode so that a large video is hashed once.
+
+A folder that is taken as one (frames by the thousand) is remembered by its own stamp: names that come and go are noticed, a
+file that is written over in place is not before it is hashed anew (`rehash`).
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from runner.canonical import file_digest
+from runner.canonical import digest, path_digest
 
 RACY_NS = 50_000_000  # a file younger than this when it is hashed may change again without a new mtime: not remembered
+GLANCE_BYTES = 1 << 26
+"""files up to this size are hashed even where a glance is enough"""
 Stamp = tuple[int, int, int]
 
 
@@ -21,12 +27,19 @@ def stamp(path: Path) -> Stamp:
 
 
 class FileMemo:
-    """path -> digest of the bytes. `rehash` distrusts what was remembered before this run."""
+    """path -> digest of the bytes. `rehash` distrusts what was remembered before this run; with `glance` large files that are not
+    remembered get a stand-in, made of their stamp and fit for a plan alone, and are not read."""
 
-    def __init__(self, store: Path, rehash: bool = False) -> None:
+    def __init__(self, store: Path, rehash: bool = False, glance: bool = False) -> None:
+        self.glance = glance
         self._path = store / ".cache" / "files.json"
         self._known: dict[str, list] = {} if rehash else read_cache(self._path) or {}
         self._fresh = False
+
+    def knows(self, path: Path) -> bool:
+        """Whether the digest is remembered; OSError when there is no such file."""
+        known = self._known.get(str(path))
+        return bool(known) and tuple(known[0]) == stamp(path)
 
     def digest(self, path: Path) -> tuple[str, int]:
         """(digest, size in bytes); OSError when the file cannot be read."""
@@ -34,7 +47,9 @@ class FileMemo:
         known = self._known.get(str(path))
         if known and tuple(known[0]) == now:
             return known[1], now[0]
-        found = file_digest(path)
+        if self.glance and (now[0] > GLANCE_BYTES or path.is_dir()):
+            return digest("afford-unread", [str(path), *now]), now[0]
+        found = path_digest(path)
         if stamp(path) != now:
             raise OSError(f"{path} changed while it was read; run again when it is complete")
         if time.time_ns() - now[1] > RACY_NS:

@@ -30,15 +30,16 @@ class Runner:
 
     codec, worker: "module:attribute" of the Codec and of the function called as (seed, threads) before every task.
     jobs: worker processes (0: everything in this process); memory_gib: what tasks that run at once may declare together.
-    schemas: packages whose doc lines do not count as code. StoreError when `store` cannot be written to.
+    schemas: packages whose doc lines do not count as code; glance: for plans, large files that were never hashed are not read.
+    StoreError when `store` cannot be written to.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
-                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",)) -> None:
+                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), glance: bool = False) -> None:
         self.root, self.place = root, Place(store.absolute(), codec, worker)
         prepare_store(self.place.store)
         self._budget = Budget(jobs, memory_gib)
-        self.store = Store(self.place.store, resolve(codec), rehash)
+        self.store = Store(self.place.store, resolve(codec), rehash, glance)
         self.traces = Traces(self.place.store)
         self.modules = Modules(root, self.place.store / ".cache" / "modules.json", schemas)
 
@@ -103,6 +104,10 @@ class Runner:
     def hash_file(self, path: Path) -> tuple[str, int]:
         """(digest, size in bytes) of a file outside the store, remembered by size, mtime and inode."""
         return self.store.memo.digest(path.absolute())
+
+    def is_hashed(self, path: Path) -> bool:
+        """Whether the digest of a file outside the store is remembered, so that it need not be read."""
+        return self.store.memo.knows(path.absolute())
 
     def failures(self) -> list[dict[str, str]]:
         """key, stage, shard, message and traceback of everything that failed and has not succeeded since."""

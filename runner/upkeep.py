@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from runner.canonical import file_digest
+from runner.canonical import file_digest, path_digest
 from runner.store import Entry, Store
 from runner.traces import Trace, Traces
 
@@ -121,7 +121,7 @@ def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
             verdict.missing.append(f"{entry.name} of {digest[:12]}")
         return
     path = Path(entry.path)
-    if not path.exists() or file_digest(path) != entry.blob:
+    if not path.exists() or path_digest(path) != entry.blob:
         verdict.changed.append(entry.path)
 
 

@@ -80,6 +80,8 @@ class Clip(Schema):
     key_frames: tuple[KeyFrame, ...] = value("sorted by frame; the sparse truth of annotators")
     narrations: tuple[Narration, ...] = value("those that touch the clip, in file order")
     warnings: tuple[str, ...] = value("what the reader corrected or skipped, one sentence each")
+    spans: tuple[tuple[int, int], ...] = value("(offset, size) of each of `media` in the tar that holds them; else empty",
+                                               unit="bytes", default=())
 
 
 @dataclass(frozen=True)
@@ -94,3 +96,5 @@ class Footage(Schema):
     first_frame: int = value("first frame, data-set numbering")
     last_frame: int = value("last frame, inclusive")
     key_frames: tuple[int, ...] = value("frames that annotators looked at, ascending; one of them must be there")
+    spans: tuple[tuple[int, int], ...] = value("(offset, size) of each of `media` in the tar that holds them; else empty",
+                                               unit="bytes", default=())

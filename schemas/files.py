@@ -10,11 +10,11 @@ from schemas.spec import Schema, value
 
 @dataclass(frozen=True)
 class FileRef(Schema):
-    """One file. Its identity is (name, digest); where it lies on this machine is not part of it."""
+    """One file, or one folder of many frames. Its identity is (name, digest); where it lies on this machine is no part of it."""
 
     name: str = value("path relative to the source root, with forward slashes")
-    digest: str = value("blake3 of the bytes, hex")
-    size: int = value("length", unit="bytes")
+    digest: str = value("blake3 of the bytes, hex; of a folder, of its names and their bytes")
+    size: int = value("length; 0 of a folder", unit="bytes")
     path: Path = value("where it can be read on this machine; not part of the identity")
 
 

@@ -25,4 +25,4 @@ class Params:
 def run(clip: Clip, params: Params) -> Footage:
     """The footage of a clip."""
     return Footage(clip.clip_id, clip.media, clip.media_kind, clip.fps, clip.resample, clip.first_frame, clip.last_frame,
-                   tuple(key.frame for key in clip.key_frames))
+                   tuple(key.frame for key in clip.key_frames), clip.spans)

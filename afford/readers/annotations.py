@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import io
 import zipfile
-from typing import Any
+from collections.abc import Sequence
 
 from afford.readers import coco, visor
-from afford.readers.discover import CORRECTIONS, DENSE, FRAME_MAPPING, SPARSE
+from afford.readers.corrections import check_used, read_corrections
+from afford.readers.discover import DENSE, EXTRAS, SPARSE
 from afford.readers.errors import SourceError
 from afford.readers.grid import check_grid
 from afford.readers.hands import key_frame
+from afford.readers.mapping import read_mapping
 from afford.readers.rows import Note, Sheet
 from afford.readers.strict_json import parse
 from schemas.clip import KeyFrame
 from schemas.files import FileRef, FileTree
 
 
-def read_keys(files: FileTree, notes: list[Note]) -> list[KeyFrame]:
-    """Key frames by frame; a ready-made one gives way to the annotator's own. SourceError when a file is malformed or none has
-    masks. `notes` says what was corrected or left out."""
-    corrections, mapped = _extra(files, CORRECTIONS), _mapped(files)
+def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> list[KeyFrame]:
+    """Key frames by frame; a ready-made one gives way to the annotator's own. `frames` are the names of the media. SourceError
+    when a file is malformed or none has masks. `notes` says what was corrected or left out."""
+    corrections, mapped = read_corrections(files), read_mapping(files, frames)
     sheets: dict[int, tuple[Sheet, bool]] = {}
     for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
         dense = file.name.startswith(DENSE)
-        found = _sheets(file, dense, mapped)
+        found = _placed(_sheets(file, dense, mapped), file.name, notes)
         check_grid(found, file.name, notes)
         sheets.update({sheet.frame: (sheet, dense) for sheet in found})
+    check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
     keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
     if not any(keys):
         raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")
@@ -35,8 +38,16 @@ def read_keys(files: FileTree, notes: list[Note]) -> list[KeyFrame]:
 
 def _mask_files(files: FileTree) -> list[FileRef]:
     own = not any(file.name.startswith((SPARSE, DENSE)) for file in files.files)
-    return [file for file in files.files if file.name.startswith((SPARSE, DENSE)) or
-            (own and file.name.endswith(".json") and file.name not in (CORRECTIONS, FRAME_MAPPING))]
+    return [file for file in files.files if file.name.startswith(DENSE) or
+            (file.name.endswith(".json") and (file.name.startswith(SPARSE) or (own and file.name not in EXTRAS)))]
+
+
+def _placed(sheets: list[Sheet], name: str, notes: list[Note]) -> list[Sheet]:
+    """Those whose frame is known."""
+    lost = [sheet.image for sheet in sheets if sheet.frame == visor.NOWHERE]
+    if lost:
+        notes.append((0, f"{name}: {len(lost)} images are not in frame_mapping.json, {lost[0]} is the first; they were left out"))
+    return [sheet for sheet in sheets if sheet.frame != visor.NOWHERE]
 
 
 def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
@@ -63,14 +74,3 @@ def _bytes(file: FileRef) -> bytes:
     except zipfile.BadZipFile as error:
         raise SourceError(file.name, "a zip file", str(error), "get the file again") from error
     raise SourceError(file.name, "one JSON file in the zip", f"{len(inside)}", "unpack it by hand")
-
-
-def _extra(files: FileTree, name: str) -> Any:
-    file = files.find(name)
-    return parse(file.path.read_bytes(), name) if file else {}
-
-
-def _mapped(files: FileTree) -> visor.Mapped:
-    """VISOR's image names -> names of EPIC's released frames, when frame_mapping.json is there and those frames are used."""
-    released = any(file.name.rsplit("/", 1)[-1].startswith("frame_") for file in files.files)
-    return _extra(files, FRAME_MAPPING).get(files.name, {}) if released else {}

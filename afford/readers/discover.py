@@ -2,7 +2,8 @@
 
 Two kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root, and `own`, one video with masks and narrations
 (docs/own-video.md). Only annotated videos that are present become trees; those without media are listed in `missing`, those
-that must not or cannot be read in `refused`.
+that must not or cannot be read in `refused`. The media of a video are its video file, or else its frames: a tar or zip, a
+folder, or VISOR's key frames alone. What is not needed is not read: of a large root, only what annotated videos consist of.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from afford.readers.errors import SourceError
-from afford.readers.folder import IMAGE_SUFFIXES, VIDEO_SUFFIXES, Entry, entries
+from afford.readers.folder import DENSE, IMAGE_SUFFIXES, PACK_SUFFIXES, VIDEO_SUFFIXES, Entry, entries, refuse_link
 from schemas.files import FileRef, FileTree
 
 SPARSE = "GroundTruth-SparseAnnotations/"
-DENSE = "Interpolations-DenseAnnotations/"
 DENSE_ENDING = "_interpolations"
 TRUTH = "truth/"
-CORRECTIONS = "corrections.json"
+CORRECTIONS = ("corrections.json", "correct.json")
+"""wrong contacts put right; the second is VISOR-HOS's name for it"""
 FRAME_MAPPING = "frame_mapping.json"
-EXTRAS = (CORRECTIONS, FRAME_MAPPING)
+EXTRAS = (*CORRECTIONS, FRAME_MAPPING)
+NO_PICTURES = ("flow", "flow_frames", "object_detection_images", "masks", "hand-objects", "meta_data")
+"""folders of EPIC-KITCHENS whose files are named like those of the frames"""
 Digest = Callable[[Path], str]
 
 
@@ -52,21 +55,25 @@ class Source:
     """videos with a file that leaves the root or cannot be read"""
 
 
-def discover(root: Path, digest: Digest) -> Source:
-    """Look at `root`. SourceError when it is no folder, has no usable layout, or a file that all videos share is refused."""
+def discover(root: Path, digest: Digest, clips: Iterable[str] = ()) -> Source:
+    """Look at `root`. SourceError when it is no folder, has no usable layout, or a file that all videos share is refused.
+
+    clips: the only clips that are wanted, all when empty; other videos are neither digested nor listed.
+    """
     if not root.is_dir():
         raise SourceError(str(root), "a folder", "a file" if root.exists() else "nothing", "give the root of a source")
     found = entries(root)
     if any(entry.name.startswith((SPARSE, DENSE)) for entry in found):
-        return _epic(root, found, digest)
+        return _epic(root, found, digest, tuple(clips))
     return _own(root, found, digest)
 
 
-def _epic(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
+def _epic(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str, ...]) -> Source:
     shared = [e for e in found if e.top and (e.name in EXTRAS or (e.suffix == ".csv" and e.name.startswith("EPIC_100")))]
-    _refuse_links(shared)
-    annotations = _annotations(found)
-    media = _media([e for e in found if not e.name.startswith((TRUTH, SPARSE, DENSE))])
+    for entry in shared:
+        refuse_link(entry)
+    annotations = _wanted(_annotations(found), clips)
+    media = _media(found)
     present = {video: media.get(video) or _blocking_links(video, found) for video in annotations}
     groups = {video: [*shared, *annotations[video], *present[video]] for video in sorted(annotations) if present[video]}
     trees, refused = _trees(groups, digest)
@@ -88,18 +95,35 @@ def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
     return out
 
 
+def _wanted(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict[str, list[Entry]]:
+    """Those of the clips asked for (a clip is named by its video, with a suffix when the video is cut); all when none fits, so
+    that the error can say what there is."""
+    some = {video: files for video, files in annotations.items()
+            if any(clip == video or clip.startswith(f"{video}_s") for clip in clips)}
+    return some or annotations
+
+
 def _media(found: Iterable[Entry]) -> dict[str, list[Entry]]:
-    """Video id -> its video file (the first by name), or else its frame images (those of the first folder by name)."""
+    """Video id -> its video file, or else its frames in a tar or zip, a folder of images, or those of VISOR's key frames; the
+    first of its sort by name."""
     videos: dict[str, list[Entry]] = {}
+    packs: dict[str, list[Entry]] = {}
     frames: dict[str, list[Entry]] = {}
+    keys: dict[str, list[Entry]] = {}
     for entry in found:
+        folders = entry.name.split("/")[:-1]
+        sparse = entry.name.startswith(SPARSE)
+        if entry.name.startswith((TRUTH, DENSE)) or set(NO_PICTURES) & set(folders) or (sparse and "rgb_frames" not in folders):
+            continue
         if entry.suffix in VIDEO_SUFFIXES:
             videos.setdefault(entry.stem, [entry])
+        elif entry.is_pack:
+            (keys if sparse else packs).setdefault(entry.stem, [entry])
         elif entry.suffix in IMAGE_SUFFIXES and not entry.top:
-            images = frames.setdefault(entry.folder, [])
+            images = (keys if sparse else frames).setdefault(entry.folder, [])
             if not images or images[0].path.parent == entry.path.parent:
                 images.append(entry)
-    return frames | videos
+    return keys | frames | packs | videos
 
 
 def _blocking_links(video: str, found: Iterable[Entry]) -> list[Entry]:
@@ -126,13 +150,14 @@ def _own(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
 
 
 def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:
-    """Video id and media of one's own folder: its only video file, or else its only folder of images."""
+    """Video id and media of one's own folder: its only video file, or else its only folder of images, or tar or zip of them."""
     videos = [e for e in found if e.suffix in VIDEO_SUFFIXES]
-    folders: dict[str, list[Entry]] = {}
+    packs = {e.stem: [e] for e in found if e.suffix in PACK_SUFFIXES}
+    folders: dict[str, list[Entry]] = {e.stem: [e] for e in found if e.many}
     for entry in found:
         if entry.suffix in IMAGE_SUFFIXES:
             folders.setdefault(entry.folder or root.resolve().name, []).append(entry)
-    choices = {e.stem: [e] for e in videos} or folders
+    choices = {e.stem: [e] for e in videos} or folders or packs
     if len(choices) != 1 or len(videos) > 1:
         got = ", ".join(sorted(e.name for e in videos) or sorted(folders)) or "none"
         raise SourceError(str(root), "exactly one video, or one folder of frame images", got, "see docs/own-video.md")
@@ -151,13 +176,7 @@ def _trees(groups: Mapping[str, list[Entry]], digest: Digest) -> tuple[tuple[Fil
 
 def _tree(name: str, group: Iterable[Entry], digest: Digest, prefix: str = "") -> FileTree:
     members = sorted(group, key=lambda entry: entry.name)
-    _refuse_links(members)
+    for entry in members:
+        refuse_link(entry)
     return FileTree(name, tuple(
-        FileRef(e.name.removeprefix(prefix), digest(e.path), e.path.stat().st_size, e.path) for e in members))
-
-
-def _refuse_links(group: Iterable[Entry]) -> None:
-    for entry in group:
-        if entry.leaves:
-            raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
-                              "copy the file into the folder, or use the folder it lies in as the source")
+        FileRef(e.name.removeprefix(prefix), digest(e.path), 0 if e.many else e.path.stat().st_size, e.path) for e in members))

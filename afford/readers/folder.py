@@ -1,16 +1,26 @@
-"""What lies in a source folder, by name alone: links that leave the folder are listed, never followed."""
+"""What lies in a source folder, by name alone: links that leave the folder are listed, never followed.
+
+A folder of many images is listed as one, and not looked into: 11.5 million frames are 700 entries.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
+from afford.readers.errors import SourceError
 from schemas.files import FileTree
 
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".m4v", ".mpg", ".mpeg")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+PACK_SUFFIXES = (".tar", ".zip")
+"""frames in one file"""
+DENSE = "Interpolations-DenseAnnotations/"
+FEW = 500
+"""images of a folder that are files of their own; a folder of more is taken as one, as a tar is"""
 
 
 @dataclass(frozen=True)
@@ -21,10 +31,17 @@ class Entry:
     """root-relative, with forward slashes"""
     path: Path
     leaves: bool
+    many: bool = False
+    """a folder of more than `FEW` images"""
 
     @property
     def stem(self) -> str:
         return PurePosixPath(self.name).stem
+
+    @property
+    def is_pack(self) -> bool:
+        """Frames that lie together: a tar, a zip or a folder of many."""
+        return self.many or is_pack(self.name)
 
     @property
     def suffix(self) -> str:
@@ -44,7 +61,14 @@ def media_of(files: FileTree) -> FileTree:
     """The files of a video that hold its pictures. What decodes frames is given no others, so that an edited table or outline
     does not decode them again."""
     suffixes = VIDEO_SUFFIXES + IMAGE_SUFFIXES
-    return FileTree(files.name, tuple(f for f in files.files if PurePosixPath(f.name).suffix.lower() in suffixes))
+    return FileTree(files.name, tuple(
+        f for f in files.files if PurePosixPath(f.name).suffix.lower() in suffixes or is_pack(f.name)))
+
+
+def is_pack(name: str) -> bool:
+    """Whether a file of a tree holds many frames, by its name: of a folder, which alone has no suffix, a tar or a zip."""
+    suffix = PurePosixPath(name).suffix.lower()
+    return (suffix == "" or suffix in PACK_SUFFIXES) and not name.startswith(DENSE)
 
 
 def entries(root: Path) -> tuple[Entry, ...]:
@@ -55,7 +79,11 @@ def entries(root: Path) -> tuple[Entry, ...]:
 
 def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
     with os.scandir(folder) as found:
-        items = [item for item in found if not item.name.startswith(".")]
+        some = list(islice(found, FEW + 1))
+        if prefix and len(some) > FEW and all(_is_image(item.name) for item in some):
+            yield Entry(prefix.removesuffix("/"), folder, leaves=False, many=True)
+            return
+        items = [item for item in (*some, *found) if not item.name.startswith(".")]
     for item in items:
         path = Path(item.path)
         target = Path(os.path.realpath(path)) if item.is_symlink() else path
@@ -65,3 +93,14 @@ def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
             yield Entry(prefix + item.name, path, leaves=False)
         elif target == path or not path.is_relative_to(target):
             yield from _walk(real, path, f"{prefix}{item.name}/")
+
+
+def _is_image(name: str) -> bool:
+    return PurePosixPath(name).suffix.lower() in IMAGE_SUFFIXES
+
+
+def refuse_link(entry: Entry) -> None:
+    """SourceError for what lies outside the source folder."""
+    if entry.leaves:
+        raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
+                          "copy the file into the folder, or use the folder it lies in as the source")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Literal
@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from afford.readers.errors import SourceError
-from afford.readers.folder import IMAGE_SUFFIXES, VIDEO_SUFFIXES
+from afford.readers.folder import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
 from afford.readers.visor import frame_number
+from afford.video import pack
 from afford.video.number import epic_rate, shown
 from afford.video.probe import Probe, probe
 from schemas.files import FileRef, FileTree
@@ -32,6 +33,8 @@ class Media:
     resample: bool
     truncated: bool
     """the file ends before the container says so"""
+    spans: tuple[pack.Span, ...] = ()
+    """(offset, size) of every image, bytes, where a tar holds them"""
 
     def frame_at(self, seconds: float) -> int:
         """Number of the frame that is shown at a time; the first or last one outside the video."""
@@ -39,17 +42,21 @@ class Media:
 
 
 def find_media(files: FileTree, rates: Mapping[str, float], still_fps: float) -> Media:
-    """Look at the video file of a tree, or at the names of its images.
+    """Look at the video file of a tree, or at the names and sizes of its images, which may lie in a tar, a zip or a folder.
 
     rates: video id -> frames per second of a folder of images, where the source states it (else `still_fps`). SourceError
-    when the video cannot be read.
+    when the video cannot be read, an archive was cut short, or images are empty.
     """
     video = next((file for file in files.files if PurePosixPath(file.name).suffix.lower() in VIDEO_SUFFIXES), None)
     rate = epic_rate(files.name)
     if video is not None:
         return _of_video(video, rate)
-    images = [file.name for file in files.files if PurePosixPath(file.name).suffix.lower() in IMAGE_SUFFIXES]
-    return _of_images(images, rate or rates.get(files.name, still_fps))
+    fps = rate or rates.get(files.name, still_fps)
+    whole = next((file for file in files.files if is_pack(file.name)), None)
+    if whole is not None:
+        return _of_pack(whole, fps)
+    images = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in IMAGE_SUFFIXES]
+    return _of_images([image.name for image in images], [image.size for image in images], fps)
 
 
 def _of_video(video: FileRef, rate: float | None) -> Media:
@@ -69,13 +76,27 @@ def _probe(video: FileRef) -> Probe:
         raise SourceError(video.name, "a video that can be read", str(error), "is the file cut short? get it again") from error
 
 
-def _of_images(names: list[str], fps: float) -> Media:
+def _of_pack(whole: FileRef, fps: float) -> Media:
+    try:
+        inside = pack.index(whole.path)
+    except ValueError as error:
+        raise SourceError(whole.name, "a whole archive", str(error), "get the file again") from error
+    if not inside.names:
+        raise SourceError(whole.name, "frame images in it", "none", "is it the archive of the frames? get it again")
+    return _of_images([f"{whole.name}/{name}" for name in inside.names], inside.sizes, fps, inside.spans)
+
+
+def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[pack.Span, ...] = ()) -> Media:
     if not names:
         raise SourceError("media", "a video file or frame images", "neither", "see docs/own-video.md")
-    numbered = sorted((frame_number(name, name), name) for name in names)
-    numbers = np.array([number for number, _ in numbered], np.int64)
+    empty = [name for name, size in zip(names, sizes, strict=True) if size == 0]
+    if empty:
+        raise SourceError(empty[0], "an image", f"0 bytes, as of {len(empty)} of {len(names)} frames", "get these files again")
+    found = np.array([frame_number(name, name) for name in names], np.int64)
+    order = np.argsort(found, kind="stable")
+    numbers = found[order]
     if (np.diff(numbers) == 0).any():
         at = int(np.flatnonzero(np.diff(numbers) == 0)[0])
-        raise SourceError(numbered[at + 1][1], "one image per frame number", f"also {numbered[at][1]}", "remove one of the two")
-    ordered = tuple(name for _, name in numbered)
-    return Media("frames", ordered, numbers, (numbers - 1) / fps, fps, resample=False, truncated=False)
+        raise SourceError(names[order[at + 1]], "one image per frame number", f"also {names[order[at]]}", "remove one of the two")
+    return Media("frames", tuple(names[i] for i in order), numbers, (numbers - 1) / fps, fps, resample=False, truncated=False,
+                 spans=tuple(spans[i] for i in order) if spans else ())

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
+import numpy as np
+
 from afford.readers.annotations import read_keys
 from afford.readers.cut import Cutting, Part, cut
 from afford.readers.discover import DENSE, SPARSE
@@ -12,6 +14,7 @@ from afford.readers.errors import SourceError
 from afford.readers.media import Media, find_media
 from afford.readers.rows import Note
 from afford.readers.speech import frame_rates, read_speech
+from afford.readers.whole import check_end
 from schemas.clip import Clip, KeyFrame, Narration
 from schemas.files import FileTree
 
@@ -26,8 +29,9 @@ def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Cli
     still_fps: rate of a folder of frame images whose own rate nothing states, 1/s.
     """
     media = find_media(files, frame_rates(files), still_fps)
+    check_end(files, media)
     notes: list[Note] = []
-    keys = _present(read_keys(files, notes), media, notes)
+    keys = _present(read_keys(files, notes, media.names), media, notes)
     narrations = read_speech(files, media.frame_at, notes)
     given = [key.frame for key in keys if not key.dense] or [key.frame for key in keys]
     parts = cut(given, media, cutting)
@@ -78,14 +82,15 @@ def _clip(
     files: FileTree, part: Part, suffix: str, media: Media, keys: Sequence[KeyFrame], narrations: Sequence[Narration],
     warnings: tuple[str, ...],
 ) -> Clip:
-    names = media.names
+    names, spans = media.names, media.spans
     if media.kind == "frames":
-        names = tuple(n for n, number in zip(names, media.numbers, strict=True) if part.first <= number <= part.last)
+        inside = slice(int(np.searchsorted(media.numbers, part.first)), int(np.searchsorted(media.numbers, part.last, "right")))
+        names, spans = names[inside], spans[inside]
     return Clip(
         clip_id=files.name + suffix, video_id=files.name, participant_id=_participant(files), split=_split(files), media=names,
         media_kind=media.kind, fps=media.fps, resample=media.resample, first_frame=part.first, last_frame=part.last,
         key_frames=tuple(key for key in keys if part.first <= key.frame <= part.last),
-        narrations=tuple(n for n in narrations if _touches(n, part)), warnings=warnings)
+        narrations=tuple(n for n in narrations if _touches(n, part)), warnings=warnings, spans=spans)
 
 
 def _participant(files: FileTree) -> str:

@@ -30,3 +30,12 @@ def entry(record: Any, key: str, kind: type, where: str) -> Any:
         got = type(record[key]).__name__ if key in record else "nothing"
         raise SourceError(f"{where}, field {key!r}", kind.__name__, got, "compare the file with docs/own-video.md")
     return record[key]
+
+
+def word_tables(document: Any, name: str) -> dict[str, dict[str, str]]:
+    """A table of tables of words; SourceError when it is something else."""
+    good = isinstance(document, dict) and all(
+        isinstance(row, dict) and all(isinstance(word, str) for word in row.values()) for row in document.values())
+    if not good:
+        raise SourceError(name, "an object of objects of strings", type(document).__name__, "get the file again")
+    return dict(document)

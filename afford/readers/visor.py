@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from afford.readers.errors import SourceError
+from afford.readers.mapping import released
 from afford.readers.rows import Row, Sheet, grid_size, outlines, worn_on
 from afford.readers.strict_json import entry
 from afford.video.number import number_in
@@ -13,7 +14,9 @@ from afford.video.number import number_in
 SPARSE_GRID_WH = (1920, 1080)
 DENSE_GRID_WH = (854, 480)
 Mapped = Mapping[str, str]
-"""image name of VISOR -> image name of the frames in use (frame_mapping.json)"""
+"""image name of VISOR -> image name of the frames in use (frame_mapping.json); empty when they are VISOR's own"""
+NOWHERE = 0
+"""frame of an image of which the mapping does not say where it is"""
 
 
 def sheets(document: Any, name: str, grid_wh: tuple[int, int], mapped: Mapped) -> list[Sheet]:
@@ -26,7 +29,7 @@ def sheets(document: Any, name: str, grid_wh: tuple[int, int], mapped: Mapped) -
     found = [_sheet(point, f"{name}, image {number}", grid_wh, mapped) for number, point in enumerate(points, start=1)]
     seen: dict[int, Sheet] = {}
     for sheet in found:
-        if seen.setdefault(sheet.frame, sheet) is not sheet:
+        if sheet.frame != NOWHERE and seen.setdefault(sheet.frame, sheet) is not sheet:
             raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
     return sorted(found, key=lambda sheet: sheet.frame)
 
@@ -46,7 +49,8 @@ def _sheet(point: Any, where: str, grid_wh: tuple[int, int], mapped: Mapped) -> 
     width_px, height_px = grid_size(image, label) if {"width", "height"} & image.keys() else grid_wh
     raws = entry(point, "annotations", list, label)
     rows = tuple(_row(raw, f"{label}, annotation {i}") for i, raw in enumerate(raws, start=1))
-    return Sheet(label, name, frame_number(mapped.get(name, name), label), width_px, height_px, rows)
+    number = (released(image, name, mapped) or NOWHERE) if mapped else frame_number(name, label)
+    return Sheet(label, name, number, width_px, height_px, rows)
 
 
 def _row(raw: Any, where: str) -> Row:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from afford.video import pack
 from afford.video.decode import Decoded, decode_video
 from afford.video.number import number_in
 from afford.video.stills import read_stills
@@ -14,12 +17,11 @@ from schemas.video import Frames
 
 def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:
     """Frames of a clip that fit into `box_wh`. ValueError when the media are unreadable or no key frame is among them."""
-    media = [_find(files, name) for name in clip.media]
     is_video = clip.media_kind == "video"
-    number, time_ns, rgb = _from_video(media[0], clip, box_wh) if is_video else _from_stills(media, clip, box_wh)
+    number, time_ns, rgb = (_from_video if is_video else _from_stills)(files, clip, box_wh)
     if not set(clip.key_frames) & set(number.tolist()):
         got = f"{len(number)} frames, {number[0]} to {number[-1]}" if len(number) else "no frame at all"
-        raise ValueError(f"{media[0].name}: expected a key frame of {clip.clip_id} among frames {clip.first_frame} to "
+        raise ValueError(f"{clip.media[0]}: expected a key frame of {clip.clip_id} among frames {clip.first_frame} to "
                          f"{clip.last_frame}, got {got}; is the file cut short? get it again")
     return Frames(clip.clip_id, number, time_ns, rgb)
 
@@ -31,7 +33,8 @@ def _find(files: FileTree, name: str) -> FileRef:
     return file
 
 
-def _from_video(video: FileRef, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
+def _from_video(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
+    video = _find(files, clip.media[0])
     rate = clip.fps if clip.resample else None
     try:
         return decode_video(video.path, clip.first_frame, clip.last_frame, rate, box_wh)
@@ -39,7 +42,15 @@ def _from_video(video: FileRef, clip: Footage, box_wh: tuple[int, int]) -> Decod
         raise ValueError(f"{video.name}: expected a video that can be read, got {error}; get the file again") from error
 
 
-def _from_stills(images: list[FileRef], clip: Footage, box_wh: tuple[int, int]) -> Decoded:
-    number = np.array([number_in(image.name) for image in images], np.int64)
+def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
+    number = np.array([number_in(name) for name in clip.media], np.int64)
     time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
-    return number, time_ns, read_stills([i.path for i in images], [i.name for i in images], box_wh)
+    return number, time_ns, read_stills(zip(clip.media, _pictures(files, clip), strict=True), box_wh)
+
+
+def _pictures(files: FileTree, clip: Footage) -> Iterator[bytes]:
+    """The bytes of every image, out of the pack that holds them or files of their own."""
+    whole = pack.pack_of(files, clip.media[0])
+    if whole is not None:
+        return pack.read(whole, clip.media, clip.spans)
+    return (_find(files, name).path.read_bytes() for name in clip.media)
