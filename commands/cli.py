@@ -139,6 +139,24 @@ def params(stage: Annotated[str | None, typer.Argument(help="a stage; default: a
     raise typer.Exit(show(stage, json))
 
 
+@app.command("fetch-list")
+def fetch_list(
+    root: Annotated[Path, typer.Argument(help="folder that the files are for; what it holds is left out of the list")],
+    video: Annotated[list[str] | None, typer.Option(help="only this video, e.g. P03_101 (again for more)")] = None,
+    participant: Annotated[list[str] | None, typer.Option(help="only videos of this person, e.g. P03 (again for more)")] = None,
+    split: Annotated[str, typer.Option(help="only VISOR's train or val")] = "",
+    kind: Annotated[list[str] | None, typer.Option("--with", help="tables, sparse, dense, key-frames, frames or videos (again "
+                                                   "for more); default: tables, sparse, frames")] = None,
+    json: Json = False,
+) -> None:
+    """What of EPIC-KITCHENS and VISOR is still to be downloaded into a folder, as a list for a downloader. Nothing is fetched."""
+    from commands.fetch_list import Subset
+    from commands.fetch_list import fetch_list as show
+
+    subset = Subset(tuple(video or ()), tuple(participant or ()), split, *([tuple(kind)] if kind else []))
+    raise typer.Exit(show(root, subset, json))
+
+
 @app.command()
 def backends(
     stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None,

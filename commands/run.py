@@ -14,16 +14,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from afford.readers.discover import Source
+from commands.compare import Names, built, publish_columns
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.progress import observer
 from commands.publish import publish, publish_file
 from commands.session import digester, open_runner
-from commands.settings import settings
+from commands.settings import columns
 from commands.weights import weighed
 from maps.settings import Origin
 from maps.static_sets import REPORTS
-from pipeline import TARGETS, build
+from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
 
 MANY = 200
@@ -70,26 +71,33 @@ def run(request: Request) -> int:
         raise unknown("target", request.target, TARGETS)
     if request.jobs is not None and request.jobs < 0:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
-    chosen = settings(request.sets, request.params)
+    chosen = columns(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
-    chosen = weighed(chosen, digester(runner))
-    place, source = origin(target, request.source, chosen, digester(runner), request.clips)
-    graph = build(target, place, chosen)
+    weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
+    place, source = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
+    graph, names = built(target, place, weighted)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
     with observer(quiet=False) as shown:
         report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown)
         try:
-            outputs = _publish(runner, report, place)
+            outputs, metrics = _published(runner, report, place, names)
         except LostError:  # a blob was damaged between the check and its use; it has been set aside and can be made again
             report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
-            outputs = _publish(runner, report, place)
+            outputs, metrics = _published(runner, report, place, names)
     _refused(report, source)
-    metrics = _metrics(report, outputs)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3))
     _show(summary, report, source)
     if request.json:
         sys.stdout.write(json.dumps(vars(summary), sort_keys=True) + "\n")
     return 0 if report.ok else 1
+
+
+def _published(runner: Runner, report: RunReport, place: Origin, names: Names) -> tuple[dict[str, str], dict[str, float]]:
+    """Outputs under names that people can find, and what was measured; of a comparison, those of every column."""
+    if names:
+        return publish_columns(runner, report, names, runner.place.store / "reports" / f"{place.name}-compare")
+    outputs = _publish(runner, report, place)
+    return outputs, _metrics(report, outputs)
 
 
 def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]:

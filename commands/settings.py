@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import itertools
 import json
+import sys
 import tomllib
 import typing
 from collections.abc import Iterable, Iterator
@@ -24,6 +26,25 @@ def settings(sets: Iterable[str], file: Path | None) -> Settings:
     for stage, name, value in [*_from_file(file), *(_split(word) for word in sets)]:
         chosen = _change(chosen, stage, name, value)
     return chosen
+
+
+def columns(sets: Iterable[str], file: Path | None) -> dict[str, Settings]:
+    """Settings by the names of their backends: one for each where `--set STAGE.backend=a,b` names several, in their order (all
+    combinations where several stages have several); one named '' where none does. UsageError as `settings`."""
+    choices = [_choices(word) for word in sets]
+    found = {}
+    for chosen in itertools.product(*choices):
+        label = "_".join(word.partition("=")[2] for word, of in zip(chosen, choices, strict=True) if len(of) > 1)
+        found[label] = settings(chosen, file)
+    return found
+
+
+def _choices(word: str) -> list[str]:
+    """A `--set` for each backend that it names."""
+    path, _, value = word.partition("=")
+    if not path.endswith(".backend"):
+        return [word]
+    return [f"{path}={name.strip()}" for name in dict.fromkeys(value.split(","))]
 
 
 def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
@@ -57,6 +78,9 @@ def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if name not in types:
         raise unknown(f"parameter of {stage}", name, types)
     fitted = _fit(f"{stage}.{name}", value, types[name])
+    backends = vars(sys.modules[type(params).__module__]).get("BACKENDS", {}) if name == "backend" else {}
+    if backends and fitted not in backends:
+        raise unknown(f"backend of {stage}", fitted, backends)
     try:
         return dataclasses.replace(chosen, **{stage: dataclasses.replace(params, **{name: fitted})})
     except ValueError as error:

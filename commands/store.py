@@ -14,13 +14,14 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
+from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, digester, open_runner
-from commands.settings import settings
+from commands.settings import columns
 from commands.weights import weighed
-from pipeline import TARGETS, build
+from pipeline import TARGETS
 from runner import Graph, Runner, TaskPlan
 
 SHOWN_FILES = 6
@@ -94,18 +95,18 @@ def graph_text(graph: Graph) -> str:
 def graph(request: Request, out: Path | None) -> int:
     """The stages and what they read, as text, or drawn to an SVG or PNG."""
     target = _target(request)
-    chosen = settings(request.sets, request.params)
-    place, _ = origin(target, request.source, chosen, lambda path: "")  # what is in the files does not matter to the graph
-    built = build(target, place, chosen)
+    chosen = columns(request.sets, request.params)
+    place, _ = origin(target, request.source, next(iter(chosen.values())), lambda path: "")  # what is in files does not matter here
+    drawn, _ = built(target, place, chosen)
     if out is None:
-        sys.stdout.write(graph_text(built) + "\n")
+        sys.stdout.write(graph_text(drawn) + "\n")
         return 0
     if out.suffix not in (".svg", ".png"):
         raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
     from afford.report.drawing import draw
 
-    edges = [(_stage_of(built, source), node.name) for node in built.stages() for _, source in node.inputs]
-    draw([node.name for node in built.stages()], sorted({edge for edge in edges if edge[0]}), out)
+    edges = [(_stage_of(drawn, source), node.name) for node in drawn.stages() for _, source in node.inputs]
+    draw([node.name for node in drawn.stages()], sorted({edge for edge in edges if edge[0]}), out)
     sys.stdout.write(f"{out}\n")
     return 0
 
@@ -199,11 +200,11 @@ def _target(request: Request) -> str:
 
 def _prepared(request: Request) -> tuple[Runner, Graph, str]:
     target = _target(request)
-    chosen = settings(request.sets, request.params)
+    chosen = columns(request.sets, request.params)
     runner = open_runner(request.store, glance=True)
-    chosen = weighed(chosen, digester(runner))
-    place, _ = origin(target, request.source, chosen, digester(runner), request.clips)
-    return runner, build(target, place, chosen), target
+    weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
+    place, _ = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
+    return runner, built(target, place, weighted)[0], target
 
 
 def _plan(plan: TaskPlan) -> dict[str, str]:

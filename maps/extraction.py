@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -146,3 +147,15 @@ def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
     """scores of every extraction stage against ground truth"""
     report = score(g, videos(g, origin, p), p)
     g.target("extraction-report", report, record_run(g, "extraction_report", report))
+
+
+def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:
+    """The report of every column, on the same clips; what two columns share is made once. Gives, for every column, the names
+    under which its stages go."""
+    video = videos(g, origin, next(iter(columns.values())))
+    names, reports = dict[str, dict[str, str]](), []
+    for label, p in columns.items():
+        with g.variant(label) as names[label]:
+            reports.append(score(g, video, p))
+    g.target("extraction-report", *reports)
+    return names

@@ -8,6 +8,7 @@ import shutil
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,7 @@ def execute(job: Job, place: Place, store: Store, progress: Progress) -> Done:
 def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
     if not job.force and _is_made(job, place, store):
         return Done(job.key, "cached")
+    _forget_peak()
     cpu, wall = _cpu(), time.monotonic()
     inputs = store.load_inputs(job.inputs)
     scratch = place.store / "scratch" / job.key
@@ -152,6 +154,12 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename and str(error.filename) not in text:
         text = f"{text}: {error.filename}"
     return text if text and isinstance(error, (ValueError, OSError)) else f"{type(error).__name__}: {text}"
+
+
+def _forget_peak() -> None:
+    """Count peak memory from here on. Where the system cannot (not Linux, or no right to), it is that of the process so far."""
+    with suppress(OSError), open("/proc/self/clear_refs", "w") as counters:
+        counters.write("5")
 
 
 def _cpu() -> float:

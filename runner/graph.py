@@ -12,7 +12,8 @@ axis, a node lives on the longest axes of its inputs, and every other input must
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, ParamSpec, TypeVar, cast
 
@@ -78,6 +79,7 @@ class Graph:
         self.nodes: list[Node] = []
         self.targets: dict[str, tuple[Any, ...]] = {}
         self._axes: dict[int, Handle] = {}
+        self._variant: tuple[str, dict[str, str]] | None = None
 
     def leaf(self, name: str, value: T) -> T:
         """A value known now; a tuple is a list of them."""
@@ -92,13 +94,25 @@ class Graph:
         """`g.named("b").add(...)` adds a stage under another name than its module's, to use one function twice."""
         return Named(self, name)
 
+    @contextmanager
+    def variant(self, label: str) -> Iterator[dict[str, str]]:
+        """Lines that are written again with other parameters. Within it, what is there already with the same arguments is taken
+        as it is, and a stage that differs is added as `<name>_<label>`. Gives name -> name in this graph, as it fills."""
+        names: dict[str, str] = {}
+        self._variant = label, names
+        try:
+            yield names
+        finally:
+            self._variant = None
+
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         """One stage, named after its module. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is
         supplied by the runner. GraphError when the arguments do not fit."""
         return self._add(fn.__module__.rpartition(".")[2], fn, args, kwargs)
 
     def _add(self, name: str, fn: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> T:
-        if any(node.sort == "stage" and node.name == name for node in self.nodes):
+        taken = any(node.sort == "stage" and node.name == name for node in self.nodes)
+        if taken and not self._variant:
             raise GraphError(f"stage {name!r} is added twice; name the second one: g.named('{name}_again').add(...)")
         if "." in fn.__qualname__:
             raise GraphError(f"{name}: expected a function of a module, got {fn.__qualname__}; workers import it by its name")
@@ -107,7 +121,11 @@ class Graph:
         if params is not None and not _is_frozen(params):
             raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
         inputs = tuple((key, self._input(value, f"{name}.{key}").id) for key, value in bound.items())
-        return cast(T, self._new("stage", name, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx))
+        own = f"{name}_{self._variant[0]}" if self._variant and taken else name
+        made = self._new("stage", own, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx)
+        if self._variant:
+            self._variant[1][name] = made.__dict__["_node"].name
+        return cast(T, made)
 
     def each(self, values: tuple[T, ...]) -> T:
         """One element of a list; whatever uses it runs once per element. The same list gives the same axis."""
@@ -159,6 +177,9 @@ class Graph:
     def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (),
              **more: Any) -> Handle:
         node = Node(len(self.nodes), sort, name, inputs, axes, **more)
+        twin = next((old for old in self.nodes if self._variant and inputs and _same(old, node)), None)
+        if twin is not None:
+            return Handle(self, twin)
         self.nodes.append(node)
         return Handle(self, node)
 
@@ -213,6 +234,11 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
     arguments = dict(bound.arguments)
     arguments.pop("ctx", None)
     return arguments, wants_ctx
+
+
+def _same(a: Node, b: Node) -> bool:
+    """Whether two nodes compute the same, whatever they are called. (An `each` is told by its axis.)"""
+    return a.sort == b.sort != "each" and (a.inputs, a.value, a.params) == (b.inputs, b.value, b.params)
 
 
 def _is_frozen(params: Any) -> bool:

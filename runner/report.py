@@ -58,6 +58,8 @@ class RunReport:
     stale: list[str] = field(default_factory=list)
     cpu_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """CPU seconds of every (stage, shard) that is done, also when it ran in an earlier run"""
+    peak_mib: dict[tuple[str, str], float] = field(default_factory=dict)
+    """the most memory that its process held while it ran, MiB"""
     seconds: float = 0.0
 
     @property

@@ -179,6 +179,7 @@ class Schedule:
         count(getattr(self.report, result), task.node.name)
         if result != "failed":
             self.report.cpu_s[task.node.name, task.shard] = cpu_s
+            self.report.peak_mib[task.node.name, task.shard] = self._desk.traces.peak(task.key)
             self._desk.traces.use(task.node.name, task.shard, task.key)
         self._observer.finished(task.node.name, task.shard, result, wall_s, cpu_s, message)  # type: ignore[arg-type]
 

@@ -73,6 +73,11 @@ class Traces:
         row = self._rows.get(key) or self._read(key) or {"cpu_s": 0.0, "wall_s": 0.0}
         return row["cpu_s"], row["wall_s"]
 
+    def peak(self, key: str) -> float:
+        """Peak memory, MiB, of the process that made what is under a key, while it made it."""
+        row = self._rows.get(key) or self._read(key) or {"peak_rss_mib": 0.0}
+        return float(row["peak_rss_mib"])
+
     def reread(self, key: str) -> str | None:
         """The artifact made under a key, according to the disk alone."""
         self._rows.pop(key, None)

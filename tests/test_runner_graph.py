@@ -82,3 +82,20 @@ def test_several_handles_make_one_tuple() -> None:
     node = g.node_of(g.add(join.run, words=(word, word)))  # type: ignore[call-arg]
     assert g.nodes[node.inputs[0][1]].sort == "gather"
     assert node.axes == g.node_of(word).axes
+
+
+def test_a_variant_shares_what_is_the_same_and_names_what_differs() -> None:
+    """Written again with other parameters: stages above the difference are the same nodes, those from it on bear the label."""
+    g, found = Graph(), {}
+    word = g.each(words(g))
+    for label, parts in (("two", 2), ("three", 3)):
+        with g.variant(label) as names:
+            once = g.add(shout.run, part=word, word=word, params=shout.Params())
+            pieces = g.add(split.run, word=once, params=split.Params(parts=parts))
+            g.add(join.run, words=g.collect(g.each(pieces)), ctx=g.ctx)
+        found[label] = dict(names)
+    assert found == {"two": {"shout": "shout", "split": "split", "join": "join"},
+                     "three": {"shout": "shout", "split": "split_three", "join": "join_three"}}
+    assert len(g.stages()) == 5
+    with pytest.raises(GraphError, match="added twice"):
+        g.add(shout.run, part=word, word=word, params=shout.Params())

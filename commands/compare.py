@@ -1,0 +1,80 @@
+"""`run extraction-report --set STAGE.backend=a,b`: the same clips through several backends, side by side, with what each costs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from commands.errors import UsageError
+from commands.publish import publish
+from maps.extraction import compared
+from maps.settings import Origin, Settings
+from pipeline import build
+from runner import Graph, Runner, RunReport
+
+REPORT, SCORE = "extraction_report", "extraction_score"
+Names = Mapping[str, Mapping[str, str]]
+"""column -> stage -> its name in the graph"""
+
+
+def built(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
+    """The graph of a target, or of the comparison where there are several columns, and the names of its stages then."""
+    if len(columns) == 1:
+        return build(target, place, next(iter(columns.values()))), {}
+    if target != "extraction-report":
+        raise UsageError(f"--set with backends {', '.join(columns)}: only extraction-report compares several; choose one to make "
+                         f"{target}")
+    graph = Graph()
+    return graph, compared(graph, place, columns)
+
+
+def publish_columns(runner: Runner, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:
+    """The report of every column that was made, one page about all, and the metrics of all, each under its column's name."""
+    metrics: dict[str, dict[str, float]] = {}
+    for label, stages in names.items():
+        for _, digest in report.outputs[stages[REPORT]]:
+            place = publish(runner, digest, folder / label)
+            found: dict[str, float] = json.loads((place / "metrics.json").read_text())
+            metrics[label] = found | dict(_costs(report, stages, found["clips.frames"]))
+    if not metrics:
+        return {}, {}
+    stages = [stage for stage in next(iter(names.values())) if len({own.get(stage) for own in names.values()}) > 1]
+    (folder / "compare.md").write_text(page(metrics, stages))
+    flat = {f"{label}.{name}": value for label, found in metrics.items() for name, value in found.items()}
+    (folder / "metrics.json").write_text(json.dumps(flat, indent=1, sort_keys=True) + "\n")
+    return {"report": str(folder), "page": str(folder / "compare.md")}, flat
+
+
+def _costs(report: RunReport, stages: Mapping[str, str], frames: float) -> Iterator[tuple[str, float]]:
+    """CPU time a frame and peak memory of every stage on the clips that were scored (codecs included)."""
+    scored = {shard for name, shard in report.cpu_s if name == stages[SCORE]}
+    for stage, own in stages.items():
+        if stage not in (REPORT, SCORE):
+            yield f"cpu_ms_per_frame.{stage}", 1000 * sum(report.cpu_s.get((own, shard), 0.0) for shard in scored) / frames
+            yield f"peak_mib.{stage}", max((report.peak_mib.get((own, shard), 0.0) for shard in scored), default=0.0)
+
+
+def page(metrics: Mapping[str, Mapping[str, float]], stages: list[str]) -> str:
+    """A Markdown table: what is measured down, columns across; then what the stages cost in which the columns differ."""
+    from afford.report.summary import ROWS
+
+    labels, first = list(metrics), next(iter(metrics.values()))
+    rows = [(title, name) for title, name, _ in ROWS] + [(f"hard clips: {title}", f"hard.{name}") for title, name, _ in ROWS]
+    costs = [(f"{stage}, {unit}", f"{kind}.{stage}") for stage in stages
+             for kind, unit in (("cpu_ms_per_frame", "CPU ms a frame"), ("peak_mib", "peak MiB")) if stage not in (REPORT, SCORE)]
+    standard, hard, frames = (int(first[f"clips.{name}"]) for name in ("standard", "hard", "frames"))
+    head = (f"# Extraction, backends side by side\n\n{standard} standard and {hard} hard clips, {frames} frames, the same for "
+            "every column.\n\n")
+    return head + _table("measure", rows, metrics, labels, 3) + "\nCost of the stages that differ:\n\n" + _table(
+        "stage", costs, metrics, labels, 1)
+
+
+def _table(title: str, rows: list[tuple[str, str]], metrics: Mapping[str, Mapping[str, float]], labels: list[str],
+           digits: int) -> str:  # fmt: skip
+    lines = [f"| {title} | " + " | ".join(labels) + " |", "|---|" + "--:|" * len(labels)]
+    for words, name in rows:
+        if any(name in metrics[label] for label in labels):
+            cells = [f"{metrics[label][name]:.{digits}f}" if name in metrics[label] else "" for label in labels]
+            lines.append(f"| {words} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,68 @@
+"""Laws of comparing backends: one column each, the same clips, what is shared made once, costs beside scores."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from commands.settings import columns
+from tests.command import Made, call
+
+
+def test_several_backends_give_several_settings() -> None:
+    """In their order, all combinations of several stages; the rest is the same everywhere."""
+    found = columns(["mask_densify.backend=flow, nearest", "object-completion.backend=hull,visible", "mask_densify.radius=5"], None)
+    assert list(found) == ["flow_hull", "flow_visible", "nearest_hull", "nearest_visible"]
+    assert {p.mask_densify.radius for p in found.values()} == {5}
+    assert list(columns(["mask_densify.backend=flow,flow"], None)) == list(columns([], None)) == [""]
+
+
+@pytest.mark.parametrize("value", ["flow,sam3", "sam3", "flow,,nearest"])
+def test_an_unknown_backend_is_refused_with_the_list(value: str) -> None:
+    """Exit 2, before anything runs."""
+    refused = call("run", "extraction-report", "--set", f"mask_densify.backend={value}")
+    assert refused.code == 2 and "Valid: dense, flow, nearest, sam2" in refused.words
+
+
+def test_only_the_report_compares() -> None:
+    """Other targets make one thing."""
+    refused = call("run", "dataset", "--set", "mask_densify.backend=flow,nearest", "--dry-run")
+    assert refused.code == 2 and "only extraction-report compares several" in refused.words
+
+
+@pytest.mark.parametrize("target", ["extraction_report", "extraction-report"])
+def test_underscores_and_hyphens_name_the_same_target(target: str, made: Made) -> None:
+    """It was made under one spelling and is cached under both."""
+    plan = made.run(target, "--dry-run").json
+    assert {task["status"] for task in plan["tasks"]} == {"cached"}
+
+
+def test_backends_side_by_side(made: Made, tmp_path: Path) -> None:
+    """Two columns of object_completion: above it everything is cached, metrics bear the names, the page shows both and the cost."""
+    mine = made.copy(tmp_path)
+    said = mine.run("extraction-report", "--set", "object_completion.backend=template,hull").json
+    assert set(said["ran"]) == {f"{stage}_hull" for stage in (
+        "object_completion", "affordance_intersect", "extraction_score", "extraction_report")}  # fmt: skip
+    metrics = said["metrics"]
+    assert metrics["template.clips.frames"] == metrics["hull.clips.frames"] > 0
+    assert metrics["template.densify.j.gap15"] == metrics["hull.densify.j.gap15"]
+    assert metrics["hull.completion.amodal_iou"] == pytest.approx(metrics["template.completion.amodal_iou"], abs=0.5)
+    assert metrics["hull.cpu_ms_per_frame.object_completion"] > 0 and metrics["hull.peak_mib.object_completion"] > 10
+    page = Path(said["outputs"]["page"]).read_text()
+    assert "| measure | template | hull |" in page and "| object_completion, CPU ms a frame |" in page
+    assert "| mask_densify, CPU ms a frame |" not in page  # the same stage in both columns
+    folder = Path(said["outputs"]["report"])
+    assert json.loads((folder / "metrics.json").read_text()) == metrics
+    assert (folder / "hull" / "sheet.jpg").exists() and (folder / "template" / "report.md").exists()
+    again = mine.run("extraction-report", "--set", "object_completion.backend=template,hull").json
+    assert again["ran"] == {} and again["metrics"] == metrics
+
+
+def test_a_column_that_fails_leaves_the_other(made: Made, tmp_path: Path) -> None:
+    """A learned backend without weights: exit 1, its failure is told, the other column is on the page."""
+    mine = made.copy(tmp_path)
+    said = mine.run("extraction-report", "--set", "object_completion.backend=template,sam2")
+    assert said.code == 1 and "object_completion_sam2" in said.words
+    assert "| measure | template |" in Path(said.json["outputs"]["page"]).read_text()
