@@ -153,7 +153,8 @@ def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[
     """The report of every column, on the same clips; what two columns share is made once. Gives, for every column, the names
     under which its stages go."""
     video = videos(g, origin, next(iter(columns.values())))
-    names, reports = dict[str, dict[str, str]](), []
+    names: dict[str, dict[str, str]] = {}
+    reports: list[FileTree] = []
     for label, p in columns.items():
         with g.variant(label) as names[label]:
             reports.append(score(g, video, p))

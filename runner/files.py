@@ -39,7 +39,7 @@ class FileMemo:
     def knows(self, path: Path) -> bool:
         """Whether the digest is remembered; OSError when there is no such file."""
         known = self._known.get(str(path))
-        return bool(known) and tuple(known[0]) == stamp(path)
+        return known is not None and tuple(known[0]) == stamp(path)
 
     def digest(self, path: Path) -> tuple[str, int]:
         """(digest, size in bytes); OSError when the file cannot be read."""

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from commands.compare import page
 from commands.settings import columns
 from stages.mask_densify import BACKENDS
 from tests.command import Made, call
+from tests.tiny_source import write_source
 
 
 def test_several_backends_give_several_settings() -> None:
@@ -67,3 +69,26 @@ def test_a_column_that_fails_leaves_the_other(made: Made, tmp_path: Path) -> Non
     said = mine.run("extraction-report", "--set", "object_completion.backend=template,sam2")
     assert said.code == 1 and "object_completion_sam2" in said.words
     assert "| measure | template |" in Path(said.json["outputs"]["page"]).read_text()
+
+
+def test_a_comparison_is_planned_like_any_run(tmp_path: Path) -> None:
+    """Of a source with truth: what the columns share is there once, what differs once more under the column's name."""
+    source = write_source(tmp_path / "tiny", videos=("P96_01",), truth=True)
+    said = call("run", "extraction_report", "--source", source, "--store", tmp_path / "store", "--dry-run", "--json",
+                "--set", "mask_densify.backend=flow,nearest").json  # fmt: skip
+    stages = [task["stage"] for task in said["tasks"]]
+    assert stages.count("frame_decode") == stages.count("mask_densify") == stages.count("mask_densify_nearest") == 1
+    assert {"mask_densify_gap30_nearest", "hand_inpaint_nearest", "extraction_report_nearest"} <= set(stages)
+    assert not {"source_read_nearest", "key_thin_nearest", "frame_decode_nearest"} & set(stages)
+
+
+def test_the_page_shows_columns_and_what_their_own_stages_cost() -> None:
+    """One row a measure, one column a backend; a measure that no column has is left out."""
+    base = {"clips.standard": 2.0, "clips.hard": 1.0, "clips.frames": 38.0, "densify.j.gap15": 0.9}
+    metrics = {"flow": base | {"cpu_ms_per_frame.mask_densify": 80.04, "peak_mib.mask_densify": 300.0},
+               "nearest": base | {"densify.j.gap15": 0.5, "cpu_ms_per_frame.mask_densify": 1.0, "peak_mib.mask_densify": 200.0}}
+    text = page(metrics, ["mask_densify", "extraction_score", "extraction_report"])
+    assert "2 standard and 1 hard clips, 38 frames" in text
+    assert "| measure | flow | nearest |\n|---|--:|--:|\n| masks: J, key frames 15 apart | 0.900 | 0.500 |\n" in text
+    assert "| mask_densify, CPU ms a frame | 80.0 | 1.0 |\n| mask_densify, peak MiB | 300.0 | 200.0 |\n" in text
+    assert "contact" not in text and "extraction_score," not in text
