@@ -39,8 +39,8 @@ def publish_columns(runner: Runner, report: RunReport, names: Names, folder: Pat
             metrics[label] = found | dict(_costs(report, stages, found["clips.frames"]))
     if not metrics:
         return {}, {}
-    stages = [stage for stage in next(iter(names.values())) if len({own.get(stage) for own in names.values()}) > 1]
-    (folder / "compare.md").write_text(page(metrics, stages))
+    differing = [stage for stage in next(iter(names.values())) if len({own.get(stage) for own in names.values()}) > 1]
+    (folder / "compare.md").write_text(page(metrics, differing))
     flat = {f"{label}.{name}": value for label, found in metrics.items() for name, value in found.items()}
     (folder / "metrics.json").write_text(json.dumps(flat, indent=1, sort_keys=True) + "\n")
     return {"report": str(folder), "page": str(folder / "compare.md")}, flat

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -64,7 +65,7 @@ def _shared(entry: str, entries: Iterable[str]) -> bool:
 
 
 @cache
-def _said(entry: str, shared: bool) -> dict[str, str]:
+def _said(entry: str, shared: bool) -> dict[str, Any]:
     """The sentence of a backend: of its module, or of its own where a module holds several; and what it needs."""
     module, _, attribute = entry.partition(":")
     tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))

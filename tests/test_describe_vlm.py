@@ -116,7 +116,7 @@ def test_what_is_no_model_is_one_sentence(random: Path, tmp_path: Path) -> None:
     save_file(fewer, holed / "model.safetensors", {"format": "pt"})
     torch.save(weights, pickled / "pytorch_model.bin")
     (pickled / "model.safetensors").unlink()
-    model, lack = "expected a vision-language model with its processor", "weights lack lm_head"
+    model, lack = "expected a vision-language model with its processor", "these lack lm_head"
     (silent / "chat_template.jinja").unlink()
     for name, sentence in (("", "needs a model: set `model`"), ("/nowhere", model), (backbones / "vlm", model), (pickled, model),
                            (backbones / "sam", model), (silent, "with a chat template"), (holed, lack)):  # fmt: skip

@@ -24,6 +24,7 @@ from transformers import (
     SamModel,
 )
 
+from afford.models import chat_model
 from afford.models.chat_model import inputs, load_model
 
 TURNS = ("{% for turn in messages %}{{ turn['role'] }}: {% for one in turn['content'] %}"
@@ -133,5 +134,5 @@ def save_parrot(folder: Path, asked: str, answer: str) -> Path:
         model.lm_head.weight.zero_()
         model.lm_head.weight[words] = embedded[before] / embedded[before].norm(dim=1, keepdim=True)
     model.save_pretrained(folder)
-    load_model.cache_clear()
+    chat_model._kept.cache_clear()
     return folder

@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any
 
 import torch
 from torch import Tensor
 from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sam2VisionConfig
 
+from afford.models import archive
 from afford.models.twohands.files import fill
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -28,6 +28,8 @@ SIZES: dict[str, dict[str, Any]] = {
               "num_attention_heads_per_stage": [2, 4, 8, 16], "window_size_per_stage": [8, 4, 16, 8]},
 }
 """Hiera of each size (Ravi et al. 2024, appendix): width of the first stage, which doubles with every stage, and blocks"""
+TOP = "model."
+"""what the names of a published file begin with"""
 POINTS = 4
 """kinds of points that can prompt; one tensor there, rows of one here"""
 FREQUENCIES = "prompt_encoder.shared_embedding.positional_embedding"
@@ -137,12 +139,7 @@ def filled(model: Sam2VideoModel, published: Mapping[str, Tensor], where: str) -
 
 def read_tensors(path: Path) -> dict[str, Tensor]:
     """Name -> tensor of a published file, {"model": {name: tensor}}; nothing but tensors is read. ValueError when it is none."""
-    try:
-        found = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, UnpicklingError, RuntimeError, EOFError) as error:
-        raise ValueError(f"{path}: expected a checkpoint of tensors; {str(error).splitlines()[0]}") from error
-    state = found.get("model") if isinstance(found, dict) else None
-    if not isinstance(state, dict) or not all(isinstance(tensor, Tensor) for tensor in state.values()):
-        raise ValueError(f'{path}: expected {{"model": {{name: tensor}}}} as SAM 2 is published, got '
-                         f"{', '.join(map(str, list(found)[:4])) if isinstance(found, dict) else type(found).__name__}")
-    return state
+    found = archive.read_tensors(path)
+    if foreign := [name for name in found if not name.startswith(TOP)]:
+        raise ValueError(f'{path}: expected {{"model": {{name: tensor}}}} as SAM 2 is published, got {", ".join(foreign[:4])}')
+    return {name.removeprefix(TOP): tensor for name, tensor in found.items()}
