@@ -110,7 +110,7 @@ def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
     value = resolve(job.function)(**inputs, **more)
     output = store.put(value, scratch)
     _check_sources(job)
-    spent, waited = _cpu() - cpu, time.monotonic() - wall
+    spent, waited = round(_cpu() - cpu, 4), round(time.monotonic() - wall, 4)
     write_trace(place.store, _trace(job, output, spent, waited))
     if job.wants_ctx:
         shutil.rmtree(scratch, ignore_errors=True)
@@ -127,7 +127,7 @@ def _trace(job: Job, output: str, cpu_s: float, wall_s: float) -> Trace:
     return Trace(
         key=job.key, stage=job.stage, shard=job.shard, function=job.function, output=output, inputs=job.inputs,
         params=job.params_tree, code=job.code, schemas=job.schemas, libraries=job.libraries, threads=job.threads,
-        seed=seed_of(job.key), machine=machine_kind(), reason=job.reason, cpu_s=round(cpu_s, 4), wall_s=round(wall_s, 4),
+        seed=seed_of(job.key), machine=machine_kind(), reason=job.reason, cpu_s=cpu_s, wall_s=wall_s,
         peak_rss_mib=round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1), finished=time.time())
 
 
