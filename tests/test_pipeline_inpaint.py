@@ -43,5 +43,9 @@ def test_a_learned_inpainter_in_the_whole_pipeline(backend: str, tmp_path: Path)
     assert not {"frame_decode", "mask_densify"} & set(again.json["ran"])
     after = images(store, source)
     assert len(before) == len(after) > 0 and not np.array_equal(before, after)
-    broken = dataset(source, store, backend, tmp_path / "none.safetensors")
-    assert broken.code == 1 and "needs a model" in broken.words and "hand_inpaint" in broken.json["failed"]
+    nothing = dataset(source, store, backend, tmp_path / "none.safetensors")
+    assert nothing.code == 2 and "none.safetensors" in nothing.words
+    page = tmp_path / "page.safetensors"
+    page.write_text("a page that says 404")
+    broken = dataset(source, store, backend, page)
+    assert broken.code == 1 and "page.safetensors: expected" in broken.words and "hand_inpaint" in broken.json["failed"]

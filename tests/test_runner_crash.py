@@ -60,9 +60,9 @@ def test_kills_at_random_moments_lose_nothing_finished(project: Project) -> None
         time.sleep(chance.uniform(0.15, 0.6))
         os.killpg(run.pid, signal.SIGKILL)
         run.wait()
-        before, _ = finished(project), project.executed()
         if i % 5 == 4:
             wait_until(lambda: not alive(project))
+            before, _ = finished(project), project.executed()
             run = start(project, 0.02, (*WORDS, f"x{i}"))
             assert run.communicate()[0] and run.returncode == 0
             assert before <= finished(project)
