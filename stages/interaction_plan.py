@@ -23,7 +23,7 @@ MEMORY_GIB = 0.2
 class Params:
     seed: int = 20266
     """seed of all sequences; each draws its own from it"""
-    train: int = 400
+    train: int = 360
     """sequences for training (the paper: 962)"""
     val: int = 60
     """sequences for validation (the paper: 239)"""

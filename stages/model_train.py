@@ -127,8 +127,8 @@ class Params:
     """processes that train together, each with a device of its own"""
 
 
-SOR3D = Params(backend="sor3d", height_px=72, steps=1600, batch=16, accumulate=1, lr=3e-3, warmup=20, validate_every=400,
-               balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.6)  # fmt: skip
+SOR3D = Params(backend="sor3d", height_px=72, steps=1300, batch=16, accumulate=1, lr=3e-3, warmup=20, validate_every=325,
+               balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.45)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
                      weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, coarse_share=0.0,

@@ -14,7 +14,7 @@ from afford.models.sor3d.config import Sor3dConfig
 def convolution(inside: int, outside: int, norm: str) -> nn.Sequential:
     """3 x 3 convolution and ReLU, with batch normalisation between where the config says so. Size stays."""
     between = [nn.BatchNorm2d(outside)] if norm == "batch" else []
-    return nn.Sequential(nn.Conv2d(inside, outside, 3, padding=1), *between, nn.ReLU())
+    return nn.Sequential(nn.Conv2d(inside, outside, 3, padding=1), *between, nn.ReLU(inplace=True))
 
 
 def chain(widths: Sequence[int], norm: str) -> nn.Sequential:
