@@ -90,7 +90,7 @@ def test_one_frame_is_a_clip(params: Params) -> None:
 @pytest.mark.parametrize(("change", "said"), [
     ({"model": ""}, "needs a model: expected the published checkpoint"), ({"model": "/nowhere"}, "'/nowhere', which is not there"),
     ({"ddim_steps": 0}, "ddim_steps: expected 1 to 500"), ({"ddim_steps": 501}, "got 501"), ({"batch": 0}, "batch: expected 1"),
-    ({"device": "tpu"}, "device: expected auto, cpu"), ({"dtype": "int8"}, "dtype: expected float32"),
+    ({"device": "tpu"}, "device 'tpu': expected cpu, cuda or cuda:N"), ({"dtype": "int8"}, "dtype 'int8': expected one of float32"),
     ({"window_px": 8}, "window_px: expected 0 or 64")])  # fmt: skip
 def test_what_cannot_be_run_is_said(clip: Toy, params: Params, change: dict[str, object], said: str) -> None:
     """In one sentence."""
