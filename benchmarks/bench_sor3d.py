@@ -1,9 +1,9 @@
-"""Train SOR3D-AFF's model, and with --ablation its rows, and write how good they are where people read it.
+"""Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
 
     PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--ablation [--rows ROW,ROW] [--seeds N]]
 
-Writes the results of docs/sor3d.md (the model and, with --ablation, the ablation, which otherwise stays as it was), the table of
-the README and docs/pictures/sor3d.jpg. Nothing in those is typed by hand.
+Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
+alone, and what was asked for. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -35,14 +35,21 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[])
     asked = parser.parse_args()
     sets = tuple(word for one in asked.set for word in ("--set", one))
+    if asked.ablation:
+        plan = ("--set", f"sor3d_report.rows={asked.rows}", "--set", f"sor3d_report.seeds={asked.seeds}")
+        found = make("sor3d-ablation", asked.store, *sets, *plan)
+        into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
+        return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
     into(PAGE, "model", SELF, f"{took(made)}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
     into(README, "sor3d", SELF, short(made["metrics"]))
     cv2.imwrite(str(PICTURE), cv2.imread(str(report / "sheet.png")), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    if asked.ablation:
-        plan = ("--set", f"sor3d_report.rows={asked.rows}", "--set", f"sor3d_report.seeds={asked.seeds}")
-        into(PAGE, "ablation", SELF, body(Path(make("sor3d-ablation", asked.store, *sets, *plan)["outputs"]["report"])))
+
+
+def told(asked: argparse.Namespace) -> str:
+    """What was asked for beside the rows."""
+    return f"Asked for: `{' '.join([*asked.set, f'--seeds {asked.seeds}'])}`.\n\n"
 
 
 def took(made: dict[str, Any]) -> str:
