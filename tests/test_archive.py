@@ -47,7 +47,8 @@ def test_nothing_in_a_checkpoint_is_run(tmp_path: Path) -> None:
     assert list(read_tensors(tmp_path / "a.ckpt")) == ["a"] and not trap.exists()
     with pytest.raises(pickle.UnpicklingError):
         torch.load(tmp_path / "a.ckpt", weights_only=True)
-    pickle.loads(pickle.dumps(Trap(trap)))
+    run, words = Trap(trap).__reduce__()
+    run(*words)
     assert trap.exists()  # it is a trap
 
 
