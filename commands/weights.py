@@ -21,9 +21,13 @@ def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     named: dict[str, Any] = {}
     for field in dataclasses.fields(Settings):
         params = getattr(chosen, field.name)
-        if getattr(params, "model", "") and reads_weights(params):
-            found[field.name] = _files(field.name, params.model, digest)
-            named[field.name] = dataclasses.replace(params, model=_label(params.model))
+        if not (_asked(params) and reads_weights(params)):
+            continue
+        if not params.model:
+            raise UsageError(f"{field.name}.backend={params.backend} reads weights, and none are named: add "
+                             f"--set {field.name}.model=MODEL, {_needs(field.name, params.backend)}")
+        found[field.name] = _files(field.name, params.model, digest)
+        named[field.name] = dataclasses.replace(params, model=_label(params.model))
     if not found:
         return chosen
     fields = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(Settings)}
@@ -35,6 +39,16 @@ def reads_weights(params: Any) -> bool:
     stage = type(params).__module__.rpartition(".")[2]
     chosen = getattr(params, "backend", "")
     return any(one.weights and one.name == chosen for one in of_stage(stage))
+
+
+def _asked(params: Any) -> bool:
+    """Whether a model is named, or a backend that is not the usual one; a usual one without a model is not used at all."""
+    usual = next((field.default for field in dataclasses.fields(params) if field.name == "backend"), "")
+    return bool(getattr(params, "model", "")) or getattr(params, "backend", "") != usual
+
+
+def _needs(stage: str, backend: str) -> str:
+    return next(one.weights for one in of_stage(stage) if one.name == backend)
 
 
 def _files(stage: str, model: str, digest: Callable[[Path], str]) -> FileTree:

@@ -74,7 +74,7 @@ def test_a_saved_model_is_the_same_model(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_is_counted_and_named(published: dict[str, Tensor], tmp_path: Path) -> None:
-    """Missing, extra and misshaped tensors in one sentence; three by name, the rest by number."""
+    """Missing, extra and misshaped tensors in one sentence; some by name, the rest by number."""
     broken = dict(published)
     del broken["first_stage_model.quantize.embedding.weight"]
     broken["first_stage_model.encoder.conv_in.bias"] = torch.zeros(7)
@@ -86,7 +86,7 @@ def test_what_does_not_fit_is_counted_and_named(published: dict[str, Tensor], tm
     said = str(error.value)
     assert said.startswith(f"{path}: 3 of ") and "\n" not in said
     assert "missing first_stage.quantize.embedding.weight" in said and "extra model.control.weight" in said
-    assert "first_stage.encoder.conv_in.bias expected (32,), got (7,)" in said and "published checkpoint" in said
+    assert "misshaped first_stage.encoder.conv_in.bias: expected (32,), got (7,)" in said and "published checkpoint" in said
 
 
 def test_a_checkpoint_of_a_picture_model_is_refused(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from afford.models.hub import files, find
 from afford.models.weights import placed, root, stamp
 from commands.errors import UsageError
 from commands.settings import settings
-from commands.weights import weighed
+from commands.weights import reads_weights, weighed
 from maps.settings import Settings
 from maps.weights import Weighed, weights
 from runner import Graph
@@ -87,6 +87,13 @@ def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: P
     name = str(tmp_path) if name == "EMPTY" else name
     with pytest.raises(UsageError, match=f"mask_densify.model: .*{said}"):
         weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+
+
+def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
+    """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
+    with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.model=MODEL, a Sam2VideoModel"):
+        weighed(settings(["mask_densify.backend=sam2"], None), digest)
+    assert reads_weights(Settings().grasp_judge) and weighed(Settings(), digest) == Settings()
 
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
-NAMED = 3
+NAMED = 8
 """tensors that the sentence names before it only counts"""
 
 
@@ -32,4 +32,4 @@ def _wrong(name: str, own: Tensor | None, given: Tensor | None) -> str:
         return f"missing {name}"
     if own is None:
         return f"extra {name}"
-    return "" if own.shape == given.shape else f"{name} expected {tuple(own.shape)}, got {tuple(given.shape)}"
+    return "" if own.shape == given.shape else f"misshaped {name}: expected {tuple(own.shape)}, got {tuple(given.shape)}"

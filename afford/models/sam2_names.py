@@ -15,7 +15,7 @@ from torch import Tensor
 from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sam2VisionConfig
 
 from afford.models import archive
-from afford.models.twohands.files import fill
+from afford.models.fitting import fit
 
 SIZES: dict[str, dict[str, Any]] = {
     "tiny": {"hidden_size": 96, "blocks_per_stage": [1, 2, 7, 2], "global_attention_blocks": [5, 7, 9],
@@ -133,7 +133,7 @@ def read(path: Path) -> Sam2VideoModel:
 
 def filled(model: Sam2VideoModel, published: Mapping[str, Tensor], where: str) -> Sam2VideoModel:
     """A model with published weights in it; ValueError when one does not fit."""
-    fill(model, renamed(published), where)
+    fit(model, renamed(published), where, "give a published SAM 2 or 2.1")
     return model
 
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
-from torch import Tensor, nn
 
+from afford.models.fitting import fit
 from afford.models.twohands.build import build
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.model import TwoHands
@@ -21,8 +20,6 @@ from afford.models.twohands.model import TwoHands
 CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-twohands-1"
 INSIDE = "model"
 """where a training keeps the model, beside its card and curves"""
-NAMED = 20
-"""differences that an error lists before it only counts them"""
 
 
 def save(model: TwoHands, folder: Path) -> None:
@@ -54,7 +51,7 @@ def load(folder: Path) -> TwoHands:
     except (OSError, SafetensorError) as error:
         raise ValueError(f"{folder / WEIGHTS}: expected the weights of a model as safetensors; {error}") from error
     model = build(config, seed=0, pretrained=False)
-    fill(model, weights, str(folder / WEIGHTS))
+    fit(model, weights, str(folder / WEIGHTS), "it is the file of another model")
     return model.eval()
 
 
@@ -72,26 +69,3 @@ def read_config(folder: Path) -> ModelConfig:
     except (ValueError, TypeError) as error:
         raise ValueError(f"{path}: {error}") from error
     return config if config.variant == "small" else dataclasses.replace(config, backbones=str(folder))
-
-
-def fill(model: nn.Module, weights: Mapping[str, Tensor], where: str) -> None:
-    """Put weights into a model, each into the tensor of its own name; ValueError lists what does not fit, one by one."""
-    own = model.state_dict()
-    wrong = differences({name: tuple(t.shape) for name, t in own.items()}, {name: tuple(t.shape) for name, t in weights.items()})
-    if wrong:
-        more = [f"and {len(wrong) - NAMED} more"] if len(wrong) > NAMED else []
-        raise ValueError("\n  ".join([f"{where}: {len(wrong)} tensors do not fit the model", *wrong[:NAMED], *more]))
-    model.load_state_dict(dict(weights))
-
-
-def differences(expected: Mapping[str, tuple[int, ...]], got: Mapping[str, tuple[int, ...]]) -> list[str]:
-    """One line per tensor that is missing, extra or of another shape, by name."""
-    lines = []
-    for name in sorted(expected.keys() | got.keys()):
-        if name not in got:
-            lines.append(f"missing {name}: expected {expected[name]}")
-        elif name not in expected:
-            lines.append(f"extra {name}: got {got[name]}, the model has no such tensor")
-        elif expected[name] != got[name]:
-            lines.append(f"misshaped {name}: expected {expected[name]}, got {got[name]}")
-    return lines

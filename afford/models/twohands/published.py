@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
-from afford.models.twohands.files import fill
+from afford.models.fitting import fit
 from afford.models.twohands.model import TwoHands
 from schemas.hands import SIDES
 
@@ -87,7 +87,7 @@ def load_published(model: TwoHands, path: Path) -> list[str]:
         if name in given and len(given[name]) == len(own[name]) - 1:
             given[name] = torch.cat([given[name], own[name][-1:].to(given[name])])
     stay = [name for name in own if name not in given and MAY_STAY.search(name)]
-    fill(model, given | {name: own[name] for name in stay}, str(path))
+    fit(model, given | {name: own[name] for name in stay}, str(path), "give the published weights of this size")
     return stay
 
 
