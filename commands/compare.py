@@ -11,7 +11,7 @@ from commands.publish import publish
 from maps.extraction import compared
 from maps.settings import Origin, Settings
 from pipeline import build
-from runner import Graph, Runner, RunReport
+from runner import Graph, GraphError, Runner, RunReport
 
 REPORT, SCORE = "extraction_report", "extraction_score"
 Names = Mapping[str, Mapping[str, str]]
@@ -19,14 +19,24 @@ Names = Mapping[str, Mapping[str, str]]
 
 
 def built(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
-    """The graph of a target, or of the comparison where there are several columns, and the names of its stages then."""
+    """The graph of a target, or of the comparison where there are several columns, and the names of its stages then. UsageError for
+    parameters of which no graph can be made."""
     if len(columns) == 1:
-        return build(target, place, next(iter(columns.values()))), {}
+        return _single(target, place, next(iter(columns.values()))), {}
     if target != "extraction-report":
         raise UsageError(f"--set with backends {', '.join(columns)}: only extraction-report compares several; choose one to make "
                          f"{target}")
     graph = Graph()
     return graph, compared(graph, place, columns)
+
+
+def _single(target: str, place: Origin, chosen: Settings) -> Graph:
+    try:
+        return build(target, place, chosen)
+    except GraphError:  # a fault of ours
+        raise
+    except ValueError as error:
+        raise UsageError(str(error)) from error
 
 
 def publish_columns(runner: Runner, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:

@@ -99,7 +99,7 @@ def _fit(where: str, value: Any, kind: Any) -> Any:
 def _convert(value: Any, kind: Any) -> Any:
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
-        items = [word.strip() for word in value.split(",") if word.strip()] if isinstance(value, str) else list(value)
+        items = _items(value) if isinstance(value, str) else list(value)
         return tuple(_convert(item, parts[0]) for item in items)
     if origin is typing.Literal:
         if value not in parts:
@@ -117,6 +117,11 @@ def _convert(value: Any, kind: Any) -> Any:
     if not isinstance(value, str):
         raise TypeError(value)
     return value
+
+
+def _items(text: str) -> list[Any]:
+    """`a,b`, or a list as JSON has it: `["a", "b"]`."""
+    return json.loads(text) if text.strip().startswith("[") else [word.strip() for word in text.split(",") if word.strip()]
 
 
 def described(params: type) -> Iterator[tuple[str, str, Any, str]]:

@@ -223,15 +223,16 @@ class Played:
     """one object, two tasks"""
 
 
-def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings) -> Played:
+def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings,
+         beside: Settings | None = None) -> Played:  # fmt: skip
     """Policies, trained and examined on `levels`, those that have none there on what they learned on; the teacher and the one
-    without negative terms also on one object, two tasks."""
-    made = Played([], [], [])
+    without negative terms also on one object, two tasks, by `beside` where it is said."""
+    made, other = Played([], [], []), beside or p
     for row, seed in wanted:
         trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
         policy = g.pick(trained, lambda t: t.files)
         made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), p))
-        made.twice.extend(twice(g, s, policy, row, seed, p) if row in (TEACHER, NO_NEGATIVE) and seed == 0 else ())
+        made.twice.extend(twice(g, s, policy, row, seed, other) if row in (TEACHER, NO_NEGATIVE) and seed == 0 else ())
         made.logs.append(g.pick(trained, lambda t: t.log))
     return made
 
@@ -253,11 +254,15 @@ def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settin
 
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
-    s = school(g, p)
-    played = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p)
-    prior = examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
-    played.episodes.extend(prior)
-    report(g, "grasp", s, played, p)
+    s, beside = school(g, p), replace(p, grasp_report=replace(p.grasp_report, engines=p.grasp_report.engines[-1:]))
+    played = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside)
+    played.episodes.extend(alone(g, s, beside))
+    report(g, "grasp", s, played, follow(g, s, beside), p)
+
+
+def alone(g: Graph, s: School, p: Settings) -> list[GraspEpisodes]:
+    """The prior without any teacher, on what they learn on."""
+    return examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
 
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
@@ -273,7 +278,8 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
         predicted["predicted"] = naa(g, s.shop, p)
         told = s._replace(shop=s.shop._replace(tasks={NEW: predicted["predicted"]}))
         played.episodes.extend(examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p))
-    report(g, "grasp-full", s, played, p, **predicted)
+    played.episodes.extend(alone(g, s, p))
+    report(g, "grasp-full", s, played, follow(g, s, p), p, **predicted)
 
 
 def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[GraspJudgement, ...]:
@@ -284,7 +290,7 @@ def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[Gr
                   **weights(g, p, "grasp_judge")),)  # fmt: skip
 
 
-def report(g: Graph, target: str, s: School, played: Played, p: Settings,
+def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[ClipsFollowed], p: Settings,
            **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
     """Tables and curves; a recording, a film and a sheet of the first policy."""
     pairs   = tuple(g.pick(one, lambda t: t.pairs) for one in played.twice)
@@ -292,7 +298,7 @@ def report(g: Graph, target: str, s: School, played: Played, p: Settings,
     first   = played.episodes[0]
     judged  = asked(g, s, first, p)
     page    = g.add(grasp_report.run,       episodes=tuple(played.episodes), logs=(g.pick(s.prior, lambda t: t.log), *played.logs),
-                    followed=tuple(follow(g, s, p)), pairs=pairs, sheets=sheets, judged=judged, params=p.grasp_report, ctx=g.ctx,
+                    followed=tuple(followed), pairs=pairs, sheets=sheets, judged=judged, params=p.grasp_report, ctx=g.ctx,
                     **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)

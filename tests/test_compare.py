@@ -35,6 +35,12 @@ def test_only_the_report_compares(tmp_path: Path) -> None:
     assert refused.code == 2 and "only extraction-report compares several" in refused.words
 
 
+def test_parameters_of_which_no_graph_is_made_are_a_fault_of_usage(tmp_path: Path) -> None:
+    """A student without its teacher: one sentence, exit 2, no traceback."""
+    refused = call("run", "grasp-full", "--set", "grasp_report.rows=student", "--dry-run", "--store", tmp_path)
+    assert refused.code == 2 and "student after teacher" in refused.words and "Traceback" not in refused.words
+
+
 @pytest.mark.parametrize("target", ["extraction_report", "extraction-report"])
 def test_underscores_and_hyphens_name_the_same_target(target: str, made: Made) -> None:
     """It was made under one spelling and is cached under both."""

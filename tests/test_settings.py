@@ -25,6 +25,14 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
     assert (chosen.eval_seed, chosen.hard_clips) == (7, 2)
 
 
+def test_lists_are_written_with_commas_or_as_json() -> None:
+    """Both ways mean the same; what begins as JSON and is none is refused."""
+    plain = settings(["grasp_report.rows=teacher, student"], None).grasp_report.rows
+    assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasp_report.rows == ("teacher", "student")
+    with pytest.raises(UsageError, match="grasp_report.rows: expected"):
+        settings(['grasp_report.rows=["teacher"'], None)
+
+
 @pytest.mark.parametrize(
     ("word", "hint"),
     [
