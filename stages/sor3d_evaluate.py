@@ -27,6 +27,8 @@ class Params:
     """which part of the data set"""
     shown: int = 12
     """answers that are kept to look at, spread over all sequences"""
+    mirror: bool = True
+    """each is asked about twice, as it is and mirrored, and what is said is the mean; the paper asks once"""
     device: str = "cpu"
     """cpu or cuda"""
 
@@ -44,4 +46,4 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Int
     paths = sequences.part({file.name: file.path for file in dataset.files}, params.split)
     with repeatable(THREADS, params.device):
         trained = files.load(folder).to(params.device)
-        return examine(model.name, trained, paths, params.shown, params.device, ctx.progress)
+        return examine(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)

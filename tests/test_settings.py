@@ -29,7 +29,7 @@ def test_lists_are_written_with_commas_or_as_json() -> None:
     """Both ways mean the same; what begins as JSON and is none is refused."""
     plain = settings(["grasp_report.rows=teacher, student"], None).grasp_report.rows
     assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasp_report.rows == ("teacher", "student")
-    with pytest.raises(UsageError, match="grasp_report.rows: expected"):
+    with pytest.raises(UsageError, match=r"grasp_report\.rows: expected"):
         settings(['grasp_report.rows=["teacher"'], None)
 
 

@@ -13,6 +13,7 @@ import torch
 from afford.dataset import sequences
 from afford.dataset.sequences import Sequence
 from afford.metrics.sor3d import counts
+from afford.models.sor3d.both_ways import both_ways
 from afford.models.sor3d.model import Sor3d
 from afford.training.sequence_batches import fitted, last, stack
 from schemas.interaction_scores import InteractionScores, ShownAnswer
@@ -33,14 +34,14 @@ class Answer(NamedTuple):
     """(a, b) float32 over the latent, (0, 0) for none"""
 
 
-def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: str,
-            progress: Callable[[int, int], None]) -> InteractionScores:  # fmt: skip
-    """Every sequence, one at a time, so that they may have any lengths."""
+def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: str, progress: Callable[[int, int], None],
+            mirror: bool = False) -> InteractionScores:  # fmt: skip
+    """Every sequence, one at a time, so that they may have any lengths; with `mirror` its mirror image too."""
     kept = spread(len(paths), shown)
     rows, pixels, pictures = [], [], []
     for n, path in enumerate(paths):
         one = fitted(sequences.read(path, model.config.flow), model.config.size_px)
-        said = ask(model, one, device), ask(model, last(one), device)
+        said = ask(model, one, device, mirror), ask(model, last(one), device, mirror)
         found = [counts(answer.label, one.label) for answer in said]
         pixels.append([[of.hit, of.found, of.true] for of in found])
         pictures += [_shown(one, said)] if n in kept else []
@@ -51,10 +52,11 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
                              tuple(pictures))  # fmt: skip
 
 
-def ask(model: Sor3d, one: Sequence, device: str = "cpu") -> Answer:
+def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) -> Answer:
     """About the last frame of a sequence, at the size of the model."""
     with torch.inference_mode():
-        said = model(stack([[one]], model.config).groups[0].to(device))
+        seen = stack([[one]], model.config).groups[0].to(device)
+        said = both_ways(model, seen) if mirror else model(seen)
         confidence, label = said.logits[0].softmax(0).max(0)
         attention = torch.zeros(0, 0) if said.attention is None else said.attention[0, 0]
     return Answer(label.cpu().numpy().astype(np.uint8), confidence.cpu().numpy().astype(np.float16),

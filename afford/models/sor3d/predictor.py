@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Listed
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import torch
 
 from afford.dataset import sequences
 from afford.models.sor3d import files
+from afford.models.sor3d.both_ways import both_ways
 from afford.models.sor3d.found import Found
 from afford.models.sor3d.inputs import Seen, frames
 from afford.training.sequence_batches import fitted
@@ -20,9 +22,10 @@ from schemas.scene_flow import SceneFlow
 class Predictor:
     """A model in evaluation mode."""
 
-    def __init__(self, folder: Path, device: str = "cpu") -> None:
-        """ValueError when `folder` holds no such model."""
+    def __init__(self, folder: Path, device: str = "cpu", mirror: bool = True) -> None:
+        """`mirror`: the mirror image is asked about too, in twice the time. ValueError when `folder` holds no such model."""
         self.model, self.device = files.load(folder).to(device), device
+        self.ask = partial(both_ways, self.model) if mirror else self.model
         self.config = self.model.config
 
     def seen(self, clip: InteractionClip, flow: SceneFlow | None) -> Seen:
@@ -46,7 +49,7 @@ class Predictor:
     @torch.inference_mode()
     def batch(self, many: Listed[Seen]) -> list[Found]:
         """Sequences of one length, at once."""
-        said = self.model(frames(many, self.config).to(self.device))
+        said = self.ask(frames(many, self.config).to(self.device))
         probability, action = said.logits.softmax(1).float().cpu().numpy(), said.action.softmax(1).float().cpu().numpy()
         shares = [np.zeros((0, 0), np.float32)] * len(many)
         if said.attention is not None:
