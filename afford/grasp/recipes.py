@@ -7,24 +7,26 @@ from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
+NAA = 2.0
+"""times the negative terms of a set of rewards, of every row that has NAA"""
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
 ALONE: dict[str, Any] = {"base": "none", "std": 0.5, "std_along": 0.5}
 """without a base that holds anything there is nothing to lose by noise, and everything to find"""
 ROWS: dict[str, dict[str, Any]] = {
-    TEACHER: {},
+    TEACHER: {"lambda_n": NAA},
     NO_NEGATIVE: {"lambda_n": 0.0},
-    "naa_only": ALONE,
+    "naa_only": {**ALONE, "lambda_n": NAA},
     "neither": {**ALONE, "lambda_n": 0.0},
-    "on_script": SCRIPT,
+    "on_script": {**SCRIPT, "lambda_n": NAA},
     "on_script_no_negative": {**SCRIPT, "lambda_n": 0.0},
-    "lambda_half": {"lambda_n": 0.5},
-    "lambda_double": {"lambda_n": 2.0},
-    POSITIVE_TRUTH: {"positive": -1.0},
-    POSITIVE: {"positive": -1.0},
+    "lambda_half": {"lambda_n": NAA / 2},
+    "lambda_double": {"lambda_n": NAA * 2},
+    POSITIVE_TRUTH: {"lambda_n": NAA, "positive": -1.0},
+    POSITIVE: {"lambda_n": NAA, "positive": -1.0},
     "transfer_none": {**ALONE, "reward": "unidexgrasp++", "lambda_n": 0.0},
     "transfer_hti": {"reward": "unidexgrasp++", "lambda_n": 0.0},
-    "transfer_naa": {**ALONE, "reward": "unidexgrasp++"},
-    "transfer_both": {"reward": "unidexgrasp++"},
+    "transfer_naa": {**ALONE, "reward": "unidexgrasp++", "lambda_n": NAA},
+    "transfer_both": {"reward": "unidexgrasp++", "lambda_n": NAA},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
 nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; positive*: fingertips
