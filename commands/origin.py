@@ -41,12 +41,16 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if source is None:
         return _synthetic(target, settings), None
     if not source.exists():
-        raise UsageError(f"--source {source}: expected a folder with videos and masks, got nothing there; see docs/own-video.md")
+        raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/own-video.md")
     try:
         found = discover(source, digest, clips)
     except ValueError as error:
         raise UsageError(f"--source {source}: {error}") from error
-    return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos)), found
+    videos = tuple(_with_truth(video, found) for video in found.videos)
+    if target == "extraction-report" and found.kind == "bare":
+        raise UsageError(f"--source {source}: expected masks and ground truth to score the extraction by, got neither; make the "
+                         "data set instead: run dataset --source")
+    return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
 
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:

@@ -25,6 +25,7 @@ from stages import (
     extraction_report,
     extraction_score,
     frame_decode,
+    hand_detect,
     hand_inpaint,
     key_thin,
     mask_densify,
@@ -38,7 +39,7 @@ from stages import (
 
 
 class Extracted(NamedTuple):
-    """Handles of what the extraction stages make of one clip."""
+    """Handles of what the extraction stages make of one clip; `read` is the clip as it was before hands were found in it."""
 
     clip: Clip
     frames: Frames
@@ -47,23 +48,25 @@ class Extracted(NamedTuple):
     complete: CompleteObjects
     affordances: Affordances
     labels: FrameLabels
+    read: Clip
 
     def recorded(self) -> dict[str, stage_record.Recorded]:
         """What a recording shows, by stage."""
         return {
-            "source_read": self.clip, "frame_decode": self.frames, "mask_densify": self.tracks,
+            "source_read": self.read, **({"hand_detect": self.clip} if self.clip is not self.read else {}), "frame_decode": self.frames, "mask_densify": self.tracks,
             "hand_inpaint": self.inpainted, "object_completion": self.complete, "affordance_intersect": self.affordances,
             "narration_labelling": self.labels,
         }  # fmt: skip
 
 
-def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
-    """Video, sparse masks and narrations -> hands, objects and affordances on every frame."""
+def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> Extracted:
+    """Video, sparse masks (found here where the video is `bare`) and narrations -> hands, objects and affordances on every frame."""
     files       = g.pick(video, lambda v: v.files)
     media       = g.pick(video, lambda v: v.media)
     clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
     footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
     frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
+    read, clip  = clip, found(g, clip, frames, p) if bare else clip
     tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify,
                         **weights(g, p, "mask_densify"))
     inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint,
@@ -72,7 +75,13 @@ def extract(g: Graph, video: RenderedClip, p: Settings) -> Extracted:
                         **weights(g, p, "object_completion"))
     affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=p.affordance_intersect)
     labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=p.narration_labelling)
-    return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels)
+    return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels, read)
+
+
+def found(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
+    """A clip without masks -> the same with hands, what they touch, and that they do."""
+    finder = {"weights": taught(g, p)} if p.hand_detect.backend == "network" else weights(g, p, "hand_detect")
+    return g.add(hand_detect.run,   clip=clip,       frames=frames,                                  params=p.hand_detect, **finder)
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
@@ -93,7 +102,7 @@ def licensed(params: dataset_pack.Params, origin: Origin) -> dataset_pack.Params
 
 def mined(g: Graph, origin: Origin, p: Settings) -> FileTree:
     """Videos -> a data set whose labels the extraction took from them."""
-    return pack(g, assemble(g, extract(g, videos(g, origin, p), p), p), origin, p)
+    return pack(g, assemble(g, extract(g, videos(g, origin, p), p, origin.bare), p), origin, p)
 
 
 def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
@@ -126,7 +135,7 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
     """the data set of a source, with a recording of every clip"""
-    x = extract(g, videos(g, origin, p), p)
+    x = extract(g, videos(g, origin, p), p, origin.bare)
     samples = assemble(g, x, p)
     packed = pack(g, samples, origin, p)
     g.target("dataset", packed, record(g, x, samples), record_run(g, "dataset_pack", packed))
@@ -134,7 +143,7 @@ def dataset(g: Graph, origin: Origin, p: Settings) -> None:
 
 def recordings(g: Graph, origin: Origin, p: Settings) -> None:
     """a recording of every clip of a source"""
-    x = extract(g, videos(g, origin, p), p)
+    x = extract(g, videos(g, origin, p), p, origin.bare)
     g.target("recordings", record(g, x, assemble(g, x, p)))
 
 

@@ -28,6 +28,7 @@ from stages import (
     grasp_targets,
     grasp_tasks,
     grasp_two_tasks,
+    hand_detect,
     hand_imitation,
     hand_inpaint,
     hand_model,
@@ -86,6 +87,7 @@ class Settings:
     scene_render: scene_render.Params = scene_render.Params()
     source_read: source_read.Params = source_read.Params()
     frame_decode: frame_decode.Params = frame_decode.Params()
+    hand_detect: hand_detect.Params = hand_detect.Params()
     mask_densify: mask_densify.Params = mask_densify.Params()
     hand_inpaint: hand_inpaint.Params = hand_inpaint.Params()
     object_completion: object_completion.Params = object_completion.Params()
@@ -155,7 +157,8 @@ class Settings:
 
 
 class Origin(NamedTuple):
-    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none)."""
+    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none; `bare` videos
+    have no masks)."""
 
     name: str
     specs: tuple[SceneSpec, ...] = ()
@@ -167,3 +170,4 @@ class Origin(NamedTuple):
     sequences: tuple[FileTree, ...] = ()
     actions: FileTree | None = None
     pictures: FileTree | None = None
+    bare: bool = False

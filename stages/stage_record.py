@@ -26,6 +26,7 @@ MEMORY_GIB = 1.0
 
 STAGES = {
     "source_read": "afford.recording.of_clip:record",
+    "hand_detect": "afford.recording.of_found:record",
     "frame_decode": "afford.recording.of_frames:record",
     "mask_densify": "afford.recording.of_tracks:record",
     "hand_inpaint": "afford.recording.of_inpainted:record",

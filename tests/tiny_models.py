@@ -20,6 +20,8 @@ from transformers import (
     PreTrainedTokenizerFast,
     Sam2VideoConfig,
     Sam2VideoModel,
+    Sam3Config,
+    Sam3Model,
     SamConfig,
     SamModel,
 )
@@ -57,6 +59,27 @@ def save_sam2_video(folder: Path, seed: int = 0) -> Path:
     model = Sam2VideoModel(config)
     torch.nn.init.ones_(model.mask_decoder.pred_obj_score_head.proj_out.bias)  # so that no object is ever thought to be hidden
     model.save_pretrained(folder)
+    return folder
+
+
+def save_sam3(folder: Path, seed: int = 0, text: Sequence[str] = ()) -> Path:
+    """A Sam3Model at 56 x 56 with its tokenizer, random from a seed."""
+    torch.manual_seed(seed)
+    small = {"hidden_size": 32, "intermediate_size": 64, "num_attention_heads": 2}
+    tokenizer = bytes_tokenizer(text)
+    words = {"vocab_size": tokenizer.get_vocab_size(), "pad_token_id": 0, "bos_token_id": 1, "eos_token_id": 2}
+    backbone = {"model_type": "sam3_vit_model", **small, "num_hidden_layers": 2, "image_size": 56, "window_size": 2,
+                "global_attn_indexes": [1], "pretrain_image_size": 28}  # fmt: skip
+    config = Sam3Config(
+        vision_config={"backbone_config": backbone, "fpn_hidden_size": 32, "backbone_feature_sizes": [[16, 16], [8, 8], [4, 4]]},
+        text_config={**small, **words, "model_type": "clip_text_model", "num_hidden_layers": 2, "max_position_embeddings": 32,
+                     "projection_dim": 32},
+        geometry_encoder_config={**small, "num_layers": 1}, detr_encoder_config={**small, "num_layers": 1},
+        detr_decoder_config={**small, "num_layers": 1, "num_queries": 4},
+        mask_decoder_config={"hidden_size": 32, "num_attention_heads": 2, "num_upsampling_stages": 2},
+    )  # fmt: skip
+    Sam3Model(config).save_pretrained(folder)
+    (folder / "tokenizer.json").write_text(tokenizer.to_str())
     return folder
 
 

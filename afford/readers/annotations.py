@@ -19,6 +19,11 @@ from schemas.clip import KeyFrame
 from schemas.files import FileRef, FileTree
 
 
+def has_masks(files: FileTree) -> bool:
+    """Whether somebody annotated the video."""
+    return bool(_mask_files(files))
+
+
 def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> list[KeyFrame]:
     """Key frames by frame; a ready-made one gives way to the annotator's own. `frames` are the names of the media. SourceError
     when a file is malformed or none has masks. `notes` says what was corrected or left out."""

@@ -1,9 +1,10 @@
 """A source folder -> one file tree per video, from names and digests alone. Runs before anything is read or computed.
 
-Two kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root, and `own`, one video with masks and narrations
-(docs/own-video.md). Only annotated videos that are present become trees; those without media are listed in `missing`, those
-that must not or cannot be read in `refused`. The media of a video are its video file, or else its frames: a tar or zip, a
-folder, or VISOR's key frames alone. What is not needed is not read: of a large root, only what annotated videos consist of.
+Three kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root; `own`, one video with masks and narrations; `bare`, one
+video without masks, or several beside EPIC's tables (docs/own-video.md). Of an EPIC root only annotated videos that are present
+become trees; those without media are listed in `missing`, those that must not or cannot be read in `refused`. The media of a
+video are its video file, or else its frames: a tar or zip, a folder, or VISOR's key frames alone. What is not needed is not read:
+of a large root, only what its videos consist of.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Source:
     """The videos of a source folder."""
 
     kind: str
-    """epic, own, or meshes (afford/meshes/discover.py)"""
+    """epic, own, bare, or meshes (afford/meshes/discover.py)"""
     name: str
     """name of the folder"""
     videos: tuple[FileTree, ...]
@@ -65,15 +66,16 @@ def discover(root: Path, digest: Digest, clips: Iterable[str] = ()) -> Source:
     found = entries(root)
     if any(entry.name.startswith((SPARSE, DENSE)) for entry in found):
         return _epic(root, found, digest, tuple(clips))
-    return _own(root, found, digest)
+    if any(entry.top and entry.suffix == ".json" and entry.name not in EXTRAS for entry in found):
+        return _own(root, found, digest)
+    return _bare(root, found, digest, tuple(clips))
 
 
 def _epic(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str, ...]) -> Source:
     shared = [e for e in found if e.top and (e.name in EXTRAS or (e.suffix == ".csv" and e.name.startswith("EPIC_100")))]
     for entry in shared:
         refuse_link(entry)
-    annotations = _wanted(_annotations(found), clips)
-    media = _media(found)
+    annotations, media = _wanted(_annotations(found), clips), _media(found)
     present = {video: media.get(video) or _blocking_links(video, found) for video in annotations}
     groups = {video: [*shared, *annotations[video], *present[video]] for video in sorted(annotations) if present[video]}
     trees, refused = _trees(groups, digest)
@@ -142,11 +144,17 @@ def _truths(found: Iterable[Entry], digest: Digest) -> dict[str, FileTree]:
 def _own(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
     video, media = _own_media(root, found)
     texts = [e for e in found if e.top and e.suffix in (".json", ".csv")]
-    if not any(e.suffix == ".json" and e.name not in EXTRAS for e in texts):
-        raise SourceError(str(root), f"an EPIC-KITCHENS root ({SPARSE}) or a mask file (VISOR or COCO JSON) beside the video",
-                          "no JSON file", "see docs/own-video.md")
     trees, refused = _trees({video: [*texts, *media]}, digest)
     return Source("own", root.resolve().name, trees, {}, (), refused)
+
+
+def _bare(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str, ...]) -> Source:
+    """Videos without masks: the only one of a folder, or all of a root that has EPIC's tables."""
+    texts = [e for e in found if e.top and e.suffix == ".csv"]
+    several = _wanted(_media(found), clips) if any(e.name.startswith("EPIC_100") for e in texts) else {}
+    media = several if len(several) > 1 else dict([_own_media(root, found)])
+    trees, refused = _trees({video: [*texts, *media[video]] for video in sorted(media)}, digest)
+    return Source("bare", root.resolve().name, trees, {}, (), refused)
 
 
 def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:

@@ -7,13 +7,13 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from afford.readers.annotations import read_keys
+from afford.readers.annotations import has_masks, read_keys
 from afford.readers.cut import Cutting, Part, cut
 from afford.readers.discover import DENSE, SPARSE
 from afford.readers.errors import SourceError
 from afford.readers.media import Media, find_media
 from afford.readers.rows import Note
-from afford.readers.speech import frame_rates, read_speech
+from afford.readers.speech import STANDARD, UNTOLD, frame_rates, read_speech, untold
 from afford.readers.whole import check_end
 from schemas.clip import Clip, KeyFrame, Narration
 from schemas.files import FileTree
@@ -21,6 +21,9 @@ from schemas.files import FileTree
 TAIL_SLACK_S = 0.5
 """annotations may end this much later than the video: the tools that count frames disagree at the end of a file"""
 SPLITS = ("train", "val", "test")
+UNNAMED = f"what hands touch in it is called '{' '.join(UNTOLD)}'"
+Found = tuple[list[KeyFrame], list[Narration], list[int]]
+"""key frames, narrations, and the frames at which the video may be cut"""
 
 
 def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Clip, ...]:
@@ -31,14 +34,25 @@ def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Cli
     media = find_media(files, frame_rates(files), still_fps)
     check_end(files, media)
     notes: list[Note] = []
-    keys = _present(read_keys(files, notes, media.names), media, notes)
-    narrations = read_speech(files, media.frame_at, notes)
-    given = [key.frame for key in keys if not key.dense] or [key.frame for key in keys]
+    keys, narrations, given = (_annotated if has_masks(files) else _bare)(files, media, notes)
     parts = cut(given, media, cutting)
     notes.extend(_unmatched(narrations, parts))
     return tuple(
         _clip(files, part, f"_s{i:02d}" if len(parts) > 1 else "", media, keys, narrations, _about(notes, part, parts))
         for i, part in enumerate(parts, start=1))
+
+
+def _annotated(files: FileTree, media: Media, notes: list[Note]) -> Found:
+    keys = _present(read_keys(files, notes, media.names), media, notes)
+    given = [key.frame for key in keys if not key.dense] or [key.frame for key in keys]
+    return keys, read_speech(files, media.frame_at, notes), given
+
+
+def _bare(files: FileTree, media: Media, notes: list[Note]) -> Found:
+    """A video without masks: any frame may become a key frame, and what nobody names is held."""
+    first, last = int(media.numbers[0]), int(media.numbers[-1])
+    narrations = read_speech(files, media.frame_at, notes, UNNAMED) or [untold(first, last)]
+    return [], narrations, media.numbers.tolist()
 
 
 def _present(keys: Sequence[KeyFrame], media: Media, notes: list[Note]) -> list[KeyFrame]:
@@ -95,7 +109,8 @@ def _clip(
 
 def _participant(files: FileTree) -> str:
     """EPIC: what stands before the underscore; one's own video is a participant of its own."""
-    return files.name.split("_")[0] if any(file.name.startswith((SPARSE, DENSE)) for file in files.files) else files.name
+    epic = any(file.name.startswith((SPARSE, DENSE)) or file.name in STANDARD for file in files.files)
+    return files.name.split("_")[0] if epic else files.name
 
 
 def _split(files: FileTree) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from afford.readers.classes import Classes, read_classes
+from afford.readers.classes import UNKNOWN, Classes, read_classes
 from afford.readers.errors import SourceError
 from afford.readers.narrations import COLUMNS, read_narrations
 from afford.readers.own_narrations import read_own_narrations
@@ -16,6 +16,9 @@ from schemas.files import FileRef, FileTree
 STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
 """must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""
 INFO = "EPIC_100_video_info.csv"
+SILENT = "without narrations it gives no samples"
+UNTOLD = ("hold", "object")
+"""verb and noun where nothing was ever said"""
 
 
 def frame_rates(files: FileTree) -> dict[str, float]:
@@ -35,8 +38,9 @@ def _rate(text: str, where: str) -> float:
         raise SourceError(f"{where}, column 'fps'", "a number", repr(text), "correct the row") from error
 
 
-def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note]) -> list[Narration]:
-    """The narrations of the video, in file order, each id once. SourceError when a table is malformed."""
+def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = SILENT) -> list[Narration]:
+    """The narrations of the video, in file order, each id once; `silent` says what it means when there is none. SourceError when a
+    table is malformed."""
     verbs, nouns = _classes(files, "verb_classes"), _classes(files, "noun_classes")
     found: dict[str, Narration] = {}
     for file in _tables(files):
@@ -51,8 +55,16 @@ def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[N
             found.setdefault(row.narration_id, row)
     if not found:
         names = ", ".join(file.name for file in _tables(files)) or "any table"
-        notes.append((0, f"no narration of {files.name} in {names}; without narrations it gives no samples"))
+        notes.append((0, f"no narration of {files.name} in {names}; {silent}"))
     return list(found.values())
+
+
+def untold(first: int, last: int) -> Narration:
+    """What is said of frames of which nobody says anything: whatever a hand touches there, it holds."""
+    verb, noun = UNTOLD
+    return Narration(
+        narration_id="untold", start_frame=first, stop_frame=last, text=f"{verb} {noun}", verb=verb, verb_class=UNKNOWN,
+        verb_key=verb, noun=noun, noun_class=UNKNOWN, noun_key=noun, all_nouns=(noun,))
 
 
 def _classes(files: FileTree, kind: str) -> Classes:

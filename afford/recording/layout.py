@@ -11,10 +11,10 @@ from typing import Any
 from afford.recording.summary import Summary
 from schemas.interaction import AFFORDANCES
 
-FRAME, OUTLINES = "/frame_decode/image", "/source_read/outlines"
+FRAME, OUTLINES = "/frame_decode/image", ("/source_read/outlines", "/hand_detect/outlines")
 OVERLAID = ("/mask_densify/overlay", "/hand_inpaint/image", "/object_completion/overlay", "/affordance/overlay",
             "/sample_assemble/image")  # fmt: skip
-"""pictures of a clip that are shown beside the frame; its frame carries the annotators' outlines"""
+"""pictures of a clip that are shown beside the frame; its frame carries the outlines of key frames"""
 NARRATION = "/narration"
 IMAGE, LOG, ON_PAPER = "foxglove.CompressedImage", "foxglove.Log", "affordance.v1.Document"
 CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState": "confidence",
@@ -48,7 +48,7 @@ def _pictures(topics: Mapping[str, str]) -> Panels:
 
 
 def _image(topic: str, topics: Mapping[str, str]) -> dict[str, Any]:
-    drawn = {OUTLINES: {"visible": True}} if topic == FRAME and OUTLINES in topics else {}
+    drawn = {outlines: {"visible": True} for outlines in OUTLINES if topic == FRAME and outlines in topics}
     return {"imageTopic": topic, "annotations": drawn}
 
 

@@ -30,16 +30,17 @@ Colours = Mapping[str, Colour]
 def record(value: Clip, frames: Frames) -> Recording:
     """What came from outside: outlines as annotated, on frames that were decoded; the narrations; what the reader remarked."""
     channels = (channel(OUTLINES, ImageAnnotations), channel(NARRATION, own_types.Narration), channel(LOG, Log))
-    messages = [*_outlines(value, frames), *_narrations(value, frames), *_remarks(value, frames)]
+    messages = [*outlines(value, frames, OUTLINES), *_narrations(value, frames), *_remarks(value, frames)]
     return Recording(channels, sorted(messages, key=attrgetter("time_ns")))
 
 
-def _outlines(clip: Clip, frames: Frames) -> Iterator[Message]:
+def outlines(clip: Clip, frames: Frames, topic: str) -> Iterator[Message]:
+    """The masks of every key frame that was decoded, as lines."""
     times = dict(zip(frames.frame.tolist(), frames.time_ns.tolist(), strict=True))
     colours, size = _colours(clip), frames.rgb.shape[1:3]
     for key in clip.key_frames:
         if key.frame in times:
-            yield stamped(OUTLINES, EPOCH_NS + times[key.frame], _drawn(key, size, EPOCH_NS + times[key.frame], colours))
+            yield stamped(topic, EPOCH_NS + times[key.frame], _drawn(key, size, EPOCH_NS + times[key.frame], colours))
 
 
 def _drawn(key: KeyFrame, size_hw: tuple[int, ...], time_ns: int, colours: Colours) -> ImageAnnotations:

@@ -1,0 +1,21 @@
+"""Where hands are in pictures, and what they touch: the question that the backends of `hand_detect` answer, each picture alone."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+LEFT, RIGHT, TOUCHED = range(3)
+"""what the last axis of an answer stands for"""
+
+
+class Find(Protocol):
+    """A backend. What is known of time, of the clip's own colours and of motion comes after it."""
+
+    def __call__(self, rgb: np.ndarray, params: Any) -> np.ndarray:
+        """Pictures (n, h, w, 3) uint8 -> (n, h, w, 3) float32, 0..1: how likely each pixel is left hand, right hand, touched object.
+
+        `params` is stages.hand_detect.Params, whose `model` says where the weights lie.
+        """
+        ...

@@ -1,0 +1,22 @@
+"""SAM 3 is asked in words: a hand, the left one, the right one, what is held."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.models.sam3_concepts import load_model, see
+
+WEIGHTS = "a Sam3Model with its tokenizer.json: folder of save_pretrained, or hub id as facebook/sam3"
+PHRASES = ("hand", "left hand", "right hand", "object held in a hand")
+DOUBT = 0.05
+"""added to both sides: a hand that is neither the left one nor the right one in words is half of each"""
+
+
+def find(rgb: np.ndarray, params: Any) -> np.ndarray:
+    """Reads `model`, `device`, `dtype` and `threshold`."""
+    hand, left, right, thing = see(load_model(params.model, params.device, params.dtype), rgb, PHRASES, params.threshold)
+    any_hand = np.maximum(hand, np.maximum(left, right))
+    share = (left + DOUBT) / (left + right + 2 * DOUBT)
+    return np.stack([any_hand * share, any_hand * (1 - share), thing * (1 - any_hand)], -1).astype(np.float32)

@@ -1,0 +1,103 @@
+"""A clip without masks, its frames and a finder -> the clip with key frames: hands, what they touch, and that they do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from afford.backends.hands import LEFT, RIGHT, TOUCHED, Find
+from afford.detect.follow import Track, follow
+from afford.detect.looks import Looks, look
+from afford.detect.names import names
+from afford.detect.refine import along_edges, coloured, steadied
+from afford.detect.sides import hands_of, sided
+from afford.detect.touched import NOTHING, Hands, Reach, contacts, held
+from afford.readers.polygons import trace
+from schemas.clip import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
+from schemas.hands import HAND_CLASS, SIDES, Hand
+from schemas.video import Frames
+
+
+def detect(clip: Clip, frames: Frames, find: Find, params: Any) -> Clip:
+    """The clip with key frames about `every_s` apart; `params` is stages.hand_detect.Params."""
+    looks = look(frames, params.look_s)
+    seen = steadied(_asked(looks, find, params), looks, params.memory)
+    hands = _hands(seen, looks, params)
+    reach = Reach(params.reach_px, params.far * frames.rgb.shape[2], params.least_object * _area(looks), params.edge_px, params.motion)
+    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.gap_looks)
+    least = _least(looks, params.least_looks)
+    objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
+    touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
+    keys = _keys(looks, params.every_s)
+    called = names(objects, touch, clip.narrations, frames.frame[looks.at])
+    return replace(clip, key_frames=tuple(
+        _key_frame(int(frames.frame[looks.at[k]]), looks, k, hands, objects, touch, called) for k in keys))
+
+
+def _area(looks: Looks) -> int:
+    return looks.rgb.shape[1] * looks.rgb.shape[2]
+
+
+def _asked(looks: Looks, find: Find, params: Any) -> np.ndarray:
+    """What the finder says of every look, (k, h, w, 3) float16. A person seen from the front is turned round: the arms then come from
+    below, the left one from the left."""
+    turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
+    rgb, batch = looks.rgb[:, turn, turn], params.batch
+    parts = [find(np.ascontiguousarray(rgb[at : at + batch]), params).astype(np.float16) for at in range(0, len(rgb), batch)]
+    return np.concatenate(parts)[:, turn, turn]
+
+
+def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
+    """Side -> look -> mask."""
+    left, right = seen[..., LEFT], seen[..., RIGHT]
+    likely = coloured(np.minimum(left + right, 1), looks.rgb, params.colour)
+    found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
+                      params.least_hand * _area(looks), params.least_part) for k in range(len(looks.at))]
+    tracks = follow(found, looks, params.link_min_iou, params.gap_looks)
+    order = -params.order if params.viewpoint == "facing" else params.order
+    chosen = sided(tracks, _least(looks, params.least_looks), order, params.near * looks.rgb.shape[2])
+    return {side: _united(chosen[side]) for side in SIDES}
+
+
+def _least(looks: Looks, count: int) -> dict[int, int]:
+    """Look -> how often something that appears there must be seen to count: `count`, or less where the video has no more looks."""
+    return {k: min(count, len(stretch)) for stretch in looks.stretches for k in stretch}
+
+
+def _united(tracks: Sequence[Track]) -> dict[int, np.ndarray]:
+    looks = sorted({k for track in tracks for k in track.pieces})
+    return {k: np.any([track.pieces[k].mask for track in tracks if k in track.pieces], axis=0) for k in looks}
+
+
+def _keys(looks: Looks, every_s: float) -> list[int]:
+    """The looks that become key frames: the first and the last of every stretch, and those about `every_s` apart between."""
+    chosen: list[int] = []
+    for stretch in looks.stretches:
+        time_s = looks.time_s[stretch.start : stretch.stop]
+        wanted = np.linspace(time_s[0], time_s[-1], max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1)
+        chosen += (np.unique(np.abs(time_s[:, None] - wanted).argmin(0)) + stretch.start).tolist()
+    return chosen
+
+
+def _key_frame(
+    frame: int, looks: Looks, k: int, hands: Hands, objects: Sequence[Track], touch: Mapping[Hand, np.ndarray],
+    called: Sequence[tuple[str, int]],
+) -> KeyFrame:
+    hidden = np.any([np.zeros(looks.rgb.shape[1:3], bool), *(hands[side][k] for side in SIDES if k in hands[side])], axis=0)
+    masks = {i: one.pieces[k].mask & ~hidden for i, one in enumerate(objects) if k in one.pieces}
+    shown = {i: mask for i, mask in masks.items() if mask.any()}
+    things = [_annotation(f"{frame}-object-{i}", *called[i], "", "", shown[i]) for i in shown]
+    mine = [_hand(frame, side, hands[side][k], int(touch[side][k]), shown) for side in SIDES if k in hands[side]]
+    return KeyFrame(frame, looks.rgb.shape[2], looks.rgb.shape[1], (*mine, *things))
+
+
+def _hand(frame: int, side: Hand, mask: np.ndarray, touched: int, shown: Mapping[int, np.ndarray]) -> Annotation:
+    contact = f"{frame}-object-{touched}" if touched != NOTHING and touched in shown else NOT_IN_CONTACT[0]
+    return _annotation(f"{frame}-{side}", f"{side} hand", HAND_CLASS[side], side, contact, mask)
+
+
+def _annotation(key: str, name: str, class_id: int, side: Any, contact: str, mask: np.ndarray) -> Annotation:
+    return Annotation(key, name, class_id, side, contact, "inconclusive", trace(mask))

@@ -1,0 +1,91 @@
+"""Which hands of one look are one hand of two, and whose side a followed hand has: it has one side all its life."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from afford.detect.follow import Piece, Track
+from afford.detect.refine import pieces
+from schemas.hands import SIDES, Hand
+
+BLUR_PX = 6.0
+"""over which it is averaged what side a pixel has"""
+SURE = 0.3
+"""lean from which a part is sure of its side"""
+
+
+def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float) -> list[Piece]:
+    """The hands of one look. Two that touch are parted where the side changes, if each is at least `least_part` of both.
+
+    p: (h, w) probability of a hand; left, right: (h, w) of each side, as the finder has it.
+    """
+    lean = _lean(left, right)
+    found: list[Piece] = []
+    for part in pieces(p > 0.5, least_px):
+        halves = [part & (lean > 0), part & (lean <= 0)]
+        shares = [half.sum() / part.sum() for half in halves]
+        both = [_largest(half) for half in halves] if min(shares) >= least_part else [part]
+        found += [Piece(one, float(lean[one].mean())) for one in both if one.sum() >= least_px]
+    return found
+
+
+def _lean(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(h, w) float32 from -1 to 1."""
+    less, more = (cv2.GaussianBlur(one.astype(np.float32), (0, 0), BLUR_PX) for one in (left - right, left + right))
+    return less / np.maximum(more, 1e-3)
+
+
+def _largest(mask: np.ndarray) -> np.ndarray:
+    return max(pieces(mask, 1), key=np.count_nonzero, default=mask)
+
+
+def sided(tracks: Sequence[Track], least: dict[int, int], order: float, near_px: float) -> dict[Hand, list[Track]]:
+    """Tracks by side, hands alone. Each votes with all its looks. Of two at a time that vote alike, the smaller is another part of the
+    same hand where they are near and both sure, else it has the other side; a third is no hand. Nor is a track that was seen fewer
+    times than `least` (by its first look).
+
+    order: what it counts for `left` to be to the left of another hand, against a sure look.
+    """
+    real = [track for track in tracks if track.times_seen >= least[min(track.pieces)]]
+    votes = [sum(_votes(track, real, order)) for track in real]
+    out: dict[Hand, list[Track]] = {side: [] for side in SIDES}
+    for i in sorted(range(len(real)), key=lambda i: (-abs(votes[i]), i)):
+        first, other = SIDES if votes[i] > 0 else SIDES[::-1]
+        if not _meets(real[i], out[first]) or _same(real[i], out[first], near_px):
+            out[first].append(real[i])
+        elif not _meets(real[i], out[other]):
+            out[other].append(real[i])
+    return out
+
+
+def _votes(track: Track, others: Sequence[Track], order: float) -> list[float]:
+    """One for every time that the track is seen."""
+    return [piece.lean + order * sum(_before(piece, other.pieces[k]) for other in others
+                                     if other is not track and k in other.pieces and other.pieces[k].seen)
+            for k, piece in track.pieces.items() if piece.seen]  # fmt: skip
+
+
+def _before(piece: Piece, other: Piece) -> float:
+    """1 for what lies to the left of another, -1 to the right."""
+    x, y = (np.flatnonzero(one.mask.any(0)).mean() for one in (piece, other))
+    return float(np.sign(y - x))
+
+
+def _meets(track: Track, others: Sequence[Track]) -> bool:
+    return any(track.pieces.keys() & other.pieces.keys() for other in others)
+
+
+def _same(track: Track, others: Sequence[Track], near_px: float) -> bool:
+    """Whether a track is another part of the hand that `others` are: wherever they meet, near, and sure of the same side."""
+    met = [(track.pieces[k], other.pieces[k]) for other in others for k in track.pieces.keys() & other.pieces.keys()]
+    seen = [(a, b) for a, b in met if a.seen and b.seen]
+    return bool(seen) and all(a.lean * b.lean > 0 and min(abs(a.lean), abs(b.lean)) >= SURE for a, b in seen) and all(
+        _apart_px(a.mask, b.mask) <= near_px for a, b in seen)
+
+
+def _apart_px(a: np.ndarray, b: np.ndarray) -> float:
+    """Shortest distance between two masks."""
+    return float(cv2.distanceTransform((~a).astype(np.uint8), cv2.DIST_L2, 3)[b].min())
