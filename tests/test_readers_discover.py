@@ -108,15 +108,15 @@ def test_an_unreadable_file_refuses_its_video_alone(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_no_source_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    """Nothing there, a file, an empty folder, a video without masks, two videos: each says what was expected."""
+    """Nothing there, a file, an empty folder, two videos: each says what was expected."""
     with pytest.raises(SourceError, match="expected a folder, got nothing"):
         discover(tmp_path / "none", digest)
     with pytest.raises(SourceError, match="exactly one video"):
         discover(tmp_path, digest)
     write_video(tmp_path / "one.mp4", 3)
-    with pytest.raises(SourceError, match="no JSON file"):
-        discover(tmp_path, digest)
     write_video(tmp_path / "two.mp4", 3)
+    with pytest.raises(SourceError, match=r"exactly one video.*got one\.mp4, two\.mp4"):
+        discover(tmp_path, digest)
     (tmp_path / "masks.json").write_text("{}")
     with pytest.raises(SourceError, match=r"exactly one video.*got one\.mp4, two\.mp4"):
         discover(tmp_path, digest)

@@ -51,6 +51,7 @@ def _annotated(files: FileTree, media: Media, notes: list[Note]) -> Found:
 def _bare(files: FileTree, media: Media, notes: list[Note]) -> Found:
     """A video without masks: any frame may become a key frame, and what nobody names is held."""
     first, last = int(media.numbers[0]), int(media.numbers[-1])
+    notes.append((0, f"no masks of {files.name}; hands are looked for in its frames"))
     narrations = read_speech(files, media.frame_at, notes, UNNAMED) or [untold(first, last)]
     return [], narrations, media.numbers.tolist()
 
