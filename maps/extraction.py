@@ -53,14 +53,15 @@ class Extracted(NamedTuple):
     def recorded(self) -> dict[str, stage_record.Recorded]:
         """What a recording shows, by stage."""
         return {
-            "source_read": self.read, **({"hand_detect": self.clip} if self.clip is not self.read else {}), "frame_decode": self.frames, "mask_densify": self.tracks,
+            "source_read": self.read, **({"hand_detect": self.clip} if self.clip is not self.read else {}),
+            "frame_decode": self.frames, "mask_densify": self.tracks,
             "hand_inpaint": self.inpainted, "object_completion": self.complete, "affordance_intersect": self.affordances,
             "narration_labelling": self.labels,
         }  # fmt: skip
 
 
 def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> Extracted:
-    """Video, sparse masks (found here where the video is `bare`) and narrations -> hands, objects and affordances on every frame."""
+    """Video, sparse masks (found here where it is `bare`) and narrations -> hands, objects and affordances on every frame."""
     files       = g.pick(video, lambda v: v.files)
     media       = g.pick(video, lambda v: v.media)
     clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))

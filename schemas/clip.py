@@ -95,6 +95,6 @@ class Footage(Schema):
     resample: bool = value("True: frame n is at (n - 1) / fps (EPIC's 50/60 rule); False: frame n is the n-th decoded frame")
     first_frame: int = value("first frame, data-set numbering")
     last_frame: int = value("last frame, inclusive")
-    key_frames: tuple[int, ...] = value("frames that annotators looked at, ascending; one of them must be there; none: no matter which")
+    key_frames: tuple[int, ...] = value("frames that annotators looked at, ascending; one of them must be there; none: any will do")
     spans: tuple[tuple[int, int], ...] = value("(offset, size) of each of `media` in the tar that holds them; else empty",
                                                unit="bytes", default=())

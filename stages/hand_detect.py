@@ -2,10 +2,10 @@
 
 Reads   Clip without key frames; Frames (t h w 3); files of the finder: what hands_train wrote, or a model of the user's
 Writes  Clip with a key frame about every `every_s`: outlines of left and right hand and of what they touch, contact
-Method  the backend says of frames `look_s` apart how likely each pixel is left hand, right hand, touched object; optical flow carries
-        that to the neighbours; the colours of what is surely hand in this clip draw the line to sleeve and wood, edges of the
-        picture the outline. Parts are followed in time; each votes for one side with all its looks; short ones are dropped, short
-        gaps filled. An object is what the finder takes for one beside a hand, or moves as the hand does; a touch lasts
+Method  the backend says of frames `look_s` apart how likely each pixel is left hand, right hand, touched object; optical flow
+        carries that to the neighbours; the colours of what is surely hand in this clip draw the line to sleeve and wood, edges of
+        the picture the outline. Parts are followed in time; each votes for one side with all its looks; short ones are dropped,
+        short gaps filled. An object is what the finder takes for one beside a hand, or moves as the hand does; a touch lasts
 Fails   when the finder's files are missing, or are those of another model
 Paper   takes the place of VISOR's annotators where there are none
 """

@@ -14,7 +14,7 @@ from tests.command import call
 
 ROOT = Path(__file__).resolve().parent.parent
 LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propose", "sam"), ("mask_score", "clip"),
-           ("part_describe", "vlm"), ("grasp_judge", "vlm")}  # fmt: skip
+           ("part_describe", "vlm"), ("grasp_judge", "vlm"), ("hand_detect", "sam3")}  # fmt: skip
 
 
 def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:

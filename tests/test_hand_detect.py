@@ -153,7 +153,8 @@ def test_without_hands_there_are_none() -> None:
     """Key frames that say so; what is seen in a single look is no hand either."""
     clip, masks = made()
     nothing = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, {}, 0.1), PARAMS)
-    blink = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, blind=tuple(t for t in range(COUNT) if t != 12)), PARAMS)
+    others = tuple(t for t in range(COUNT) if t != 12)
+    blink = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, blind=others), PARAMS)
     for found in (nothing, blink):
         assert found.key_frames and not any(key.annotations for key in found.key_frames)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -55,7 +56,7 @@ def test_a_long_one_is_cut(tmp_path: Path) -> None:
     """Into clips of at most `max_frames` steps that share a frame; none is lost."""
     clips = read(bare(tmp_path), max_frames=10)
     assert len(clips) > 2 and (clips[0].first_frame, clips[-1].last_frame) == (1, 30)
-    for one, two in zip(clips, clips[1:], strict=False):
+    for one, two in pairwise(clips):
         assert one.last_frame == two.first_frame and one.last_frame - one.first_frame <= 10
 
 

@@ -62,11 +62,11 @@ def save_sam2_video(folder: Path, seed: int = 0) -> Path:
     return folder
 
 
-def save_sam3(folder: Path, seed: int = 0, text: Sequence[str] = ()) -> Path:
+def save_sam3(folder: Path, seed: int = 0) -> Path:
     """A Sam3Model at 56 x 56 with its tokenizer, random from a seed."""
     torch.manual_seed(seed)
     small = {"hidden_size": 32, "intermediate_size": 64, "num_attention_heads": 2}
-    tokenizer = bytes_tokenizer(text)
+    tokenizer = bytes_tokenizer()
     words = {"vocab_size": tokenizer.get_vocab_size(), "pad_token_id": 0, "bos_token_id": 1, "eos_token_id": 2}
     backbone = {"model_type": "sam3_vit_model", **small, "num_hidden_layers": 2, "image_size": 56, "window_size": 2,
                 "global_attn_indexes": [1], "pretrain_image_size": 28}  # fmt: skip

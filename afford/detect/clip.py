@@ -26,7 +26,8 @@ def detect(clip: Clip, frames: Frames, find: Find, params: Any) -> Clip:
     looks = look(frames, params.look_s)
     seen = steadied(_asked(looks, find, params), looks, params.memory)
     hands = _hands(seen, looks, params)
-    reach = Reach(params.reach_px, params.far * frames.rgb.shape[2], params.least_object * _area(looks), params.edge_px, params.motion)
+    width = looks.rgb.shape[2]
+    reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.edge_px, params.motion)
     found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.gap_looks)
     least = _least(looks, params.least_looks)
     objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
@@ -42,8 +43,8 @@ def _area(looks: Looks) -> int:
 
 
 def _asked(looks: Looks, find: Find, params: Any) -> np.ndarray:
-    """What the finder says of every look, (k, h, w, 3) float16. A person seen from the front is turned round: the arms then come from
-    below, the left one from the left."""
+    """What the finder says of every look, (k, h, w, 3) float16. A person seen from the front is turned round: the arms then come
+    from below, the left one from the left."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = looks.rgb[:, turn, turn], params.batch
     parts = [find(np.ascontiguousarray(rgb[at : at + batch]), params).astype(np.float16) for at in range(0, len(rgb), batch)]

@@ -67,7 +67,8 @@ def _carry(tracks: Sequence[Track], looks: Looks, k: int) -> None:
 def _unclaimed(tracks: Sequence[Track], found: Sequence[Piece], k: int, min_iou: float) -> list[Piece]:
     """Hands the parts of look k to the tracks that lie there; gives those that no track claims."""
     here = [track for track in tracks if k in track.pieces]
-    overlap = np.array([[iou(track.pieces[k].mask, piece.mask) for piece in found] for track in here]).reshape(len(here), len(found))
+    overlap = np.array([[iou(track.pieces[k].mask, piece.mask) for piece in found] for track in here])
+    overlap = overlap.reshape(len(here), len(found))
     claimed = set()
     for i, j in zip(*linear_sum_assignment(-overlap), strict=True):
         if overlap[i, j] >= min_iou:

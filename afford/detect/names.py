@@ -20,7 +20,7 @@ UNNAMED: Name = (UNTOLD[1], -1)
 
 def names(objects: Sequence[Track], touch: Mapping[Hand, np.ndarray], narrations: Sequence[Narration],
           frame: np.ndarray) -> list[Name]:  # fmt: skip
-    """A name for every object, no two alike: the second object that is called a mug is `mug:2`. frame: (k,) number of every look."""
+    """A name for every object, no two alike: the second that is called a mug is `mug:2`. frame: (k,) number of every look."""
     votes: list[Counter[Name]] = [Counter() for _ in objects]
     for narration in narrations:
         during = (frame >= narration.start_frame) & (frame <= narration.stop_frame)

@@ -40,8 +40,8 @@ def _passed_on(seen: np.ndarray, looks: Looks, weight: float, step: int) -> np.n
 
 
 def coloured(hand: np.ndarray, rgb: np.ndarray, weight: float, rounds: int = 2) -> np.ndarray:
-    """Probabilities (k, h, w) of hands, made to agree with the colours that hands of this clip have; as they are where too little is
-    surely a hand.
+    """Probabilities (k, h, w) of hands, made to agree with the colours that hands of this clip have; as they are where too little
+    is surely a hand.
 
     weight: of colour, against 1 for what the finder says, in log odds.
     """

@@ -43,9 +43,9 @@ def _largest(mask: np.ndarray) -> np.ndarray:
 
 
 def sided(tracks: Sequence[Track], least: dict[int, int], order: float, near_px: float) -> dict[Hand, list[Track]]:
-    """Tracks by side, hands alone. Each votes with all its looks. Of two at a time that vote alike, the smaller is another part of the
-    same hand where they are near and both sure, else it has the other side; a third is no hand. Nor is a track that was seen fewer
-    times than `least` (by its first look).
+    """Tracks by side, hands alone. Each votes with all its looks. Of two at a time that vote alike, the less sure is another part
+    of the same hand where they are near and both sure, else it has the other side; a third is no hand. Nor is a track that was
+    seen fewer times than `least` (by its first look).
 
     order: what it counts for `left` to be to the left of another hand, against a sure look.
     """

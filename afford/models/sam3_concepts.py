@@ -1,7 +1,8 @@
 """What Segment Anything 3 (Carion et al. 2025) sees of a thing that is named in words, through `transformers.Sam3Model`.
 
 The published files are those of the video model, whose detector is taken; the class's own processor needs a package that does not
-work beside the pinned torch, so that pictures are scaled and normalised here as it does: stretched to a square, mean and deviation 0.5.
+work beside the pinned torch, so that pictures are scaled and normalised here as it does: stretched to a square, mean and
+deviation 0.5.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Fram
     number, time_ns, rgb = (_from_video if is_video else _from_stills)(files, clip, box_wh)
     if not (set(clip.key_frames) & set(number.tolist()) if clip.key_frames else len(number)):
         got = f"{len(number)} frames, {number[0]} to {number[-1]}" if len(number) else "no frame at all"
-        raise ValueError(f"{clip.media[0]}: expected {'a key' if clip.key_frames else 'any'} frame of {clip.clip_id} among frames {clip.first_frame} to "
+        wanted = "a key frame" if clip.key_frames else "a frame"
+        raise ValueError(f"{clip.media[0]}: expected {wanted} of {clip.clip_id} among frames {clip.first_frame} to "
                          f"{clip.last_frame}, got {got}; is the file cut short? get it again")
     return Frames(clip.clip_id, number, time_ns, rgb)
 

@@ -14,7 +14,7 @@ class Find(Protocol):
     """A backend. What is known of time, of the clip's own colours and of motion comes after it."""
 
     def __call__(self, rgb: np.ndarray, params: Any) -> np.ndarray:
-        """Pictures (n, h, w, 3) uint8 -> (n, h, w, 3) float32, 0..1: how likely each pixel is left hand, right hand, touched object.
+        """Pictures (n, h, w, 3) uint8 -> (n, h, w, 3) float32, 0..1: how likely a pixel is left hand, right hand, touched object.
 
         `params` is stages.hand_detect.Params, whose `model` says where the weights lie.
         """
