@@ -1,0 +1,67 @@
+"""Pictures -> where the left hand, the right hand and what they touch probably are, each picture by itself.
+
+The person is taken to be on the near side, as a head-worn camera has it: who faces the camera is turned by 180 degrees first,
+pictures by whoever asks. Left and right are looked at twice, the second time in a mirror, so that a mirrored picture has its
+sides swapped exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from afford.models.hands import files
+from afford.models.hands.model import HAND, SIDE, TOUCHED, Hands, HandsConfig
+from afford.models.weights import stamp
+
+AT_ONCE = 8
+"""pictures in one pass"""
+GRID = 16
+"""sides that the network works at are multiples of this"""
+
+
+def find(pictures: np.ndarray, model: Path) -> np.ndarray:
+    """(n, H, W, 3) uint8 RGB and the folder of a trained finder -> (n, H, W, 3) float32 probabilities 0..1 of left hand, right
+    hand and touched thing; those of the two hands sum to at most 1."""
+    found = np.zeros((*pictures.shape[:3], 3), np.float32)
+    network = _network(model, stamp(model))
+    for at, small in _batches(pictures, network.config):
+        for n, answer in enumerate(said(network, small).permute(0, 2, 3, 1).numpy(), at):
+            found[n] = cv2.resize(answer, pictures.shape[2:0:-1], interpolation=cv2.INTER_LINEAR)
+    return found
+
+
+@torch.inference_mode()
+def said(network: Hands, pictures: Tensor) -> Tensor:
+    """(b, 3, h, w) of small pictures (b, 3, h, w): as they are, and in a mirror."""
+    plain, mirrored = network(pictures), network(pictures.flip(3)).flip(3)
+    mirrored[:, SIDE] *= -1
+    chance = ((plain + mirrored) / 2).sigmoid()
+    hand, right = chance[:, HAND], chance[:, SIDE]
+    return torch.stack([hand * (1 - right), hand * right, chance[:, TOUCHED]], 1)
+
+
+def size(height: int, width: int, config: HandsConfig) -> tuple[int, int]:
+    """Height and width at which the network looks at a picture: as many pixels as it learned from, at the picture's own aspect."""
+    scale = (config.height_px * config.width_px / (height * width)) ** 0.5
+    down, across = (max(GRID, GRID * round(scale * side / GRID)) for side in (height, width))
+    return down, across
+
+
+def _batches(pictures: np.ndarray, config: HandsConfig) -> Iterator[tuple[int, Tensor]]:
+    down, across = size(pictures.shape[1], pictures.shape[2], config)
+    for at in range(0, len(pictures), AT_ONCE):
+        small = [cv2.resize(picture, (across, down), interpolation=cv2.INTER_AREA) for picture in pictures[at : at + AT_ONCE]]
+        yield at, torch.from_numpy(np.stack(small)).permute(0, 3, 1, 2).float() / 255
+
+
+@lru_cache(maxsize=1)
+def _network(folder: Path, _stamp: Any) -> Hands:
+    return files.read(folder).eval()

@@ -1,0 +1,47 @@
+"""A trained finder of hands as files: config.json, model.safetensors, and a card that says what it can and cannot do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from afford.models.hands.model import Hands, HandsConfig
+
+CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-1"
+KEPT = ("tensorboard", "previews")
+
+
+def write(scratch: Path, model: Hands, card: str) -> Path:
+    """The folder of files; what a training left of curves and pictures comes along."""
+    root = scratch / "out"
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir(parents=True)
+    described = {"format": FORMAT, **dataclasses.asdict(model.config)}
+    (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, root / WEIGHTS)
+    (root / CARD).write_text(card, encoding="utf-8")
+    for folder in KEPT:
+        if (scratch / folder).exists():
+            shutil.copytree(scratch / folder, root / folder)
+    return root
+
+
+def read(folder: Path) -> Hands:
+    """The network that `write` wrote; ValueError says which file does not fit."""
+    for name in (CONFIG, WEIGHTS):
+        if not (folder / name).is_file():
+            raise ValueError(f"{folder}: expected {name} of a trained finder of hands; train one with hands_train")
+    fields = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+    if fields.pop("format", None) != FORMAT:
+        raise ValueError(f"{folder / CONFIG}: expected \"format\": \"{FORMAT}\"; train a finder with hands_train")
+    model = Hands(HandsConfig(**{**fields, "widths": tuple(fields["widths"])}))
+    try:
+        model.load_state_dict(load_file(folder / WEIGHTS))
+    except (SafetensorError, RuntimeError) as error:
+        raise ValueError(f"{folder / WEIGHTS}: expected the weights that {CONFIG} describes; {error}") from error
+    return model
