@@ -31,8 +31,11 @@ from stages import (
     hand_detect,
     hand_imitation,
     hand_inpaint,
+    hand_lessons,
     hand_model,
+    hand_plan,
     hand_retarget,
+    hands_train,
     imitation_evaluate,
     interaction_pack,
     interaction_plan,
@@ -123,6 +126,9 @@ class Settings:
     positive_affordance_projection: positive_affordance_projection.Params = positive_affordance_projection.Params()
     negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()
     negative_affordance_report: negative_affordance_report.Params = negative_affordance_report.Params()
+    hand_plan: hand_plan.Params = hand_plan.Params()
+    hand_lessons: hand_lessons.Params = hand_lessons.Params()
+    hands_train: hands_train.Params = hands_train.Params()
     hand_model: hand_model.Params = hand_model.Params()
     object_solids: object_solids.Params = object_solids.Params()
     grasp_tasks: grasp_tasks.Params = grasp_tasks.Params()

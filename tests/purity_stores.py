@@ -47,6 +47,7 @@ from stages import (
     view_render,
 )
 from tests import made_sequences
+from tests.made_finder import FINDER
 from tests.made_hands import PINCER, shadow, written
 from tests.made_interactions import iit_aff, umd, utkinect
 from tests.made_looks import rod as bar
@@ -148,6 +149,11 @@ def read_meshes(store: Path, folder: Path) -> None:
 def negatives(store: Path, folder: Path) -> None:
     """A scorer was trained on one screwdriver and asked about another."""
     run(store, "negative-affordance", build("negative-affordance", Origin("tiny"), SMALL))
+
+
+def found(store: Path, folder: Path) -> None:
+    """A finder of hands has hardly learned anything, in four rooms."""
+    run(store, "hands", build("hands", Origin("tiny"), FINDER))
 
 
 def hands(store: Path, folder: Path) -> None:
@@ -266,6 +272,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     read_meshes: ("mesh_read", "mesh_texture"),
     negatives: ("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                 "negative_affordance_files", "object_record", "negative_affordance_score", "negative_affordance_report"),
+    found: ("hand_plan", "hand_lessons", "hands_train"),
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",

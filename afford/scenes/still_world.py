@@ -91,9 +91,9 @@ class StillWorld:
 
     def hand(self, way: Way) -> list[Instance]:
         """A hand on a thing, as it is drawn."""
-        return self.hands[way.side].instances(way.palm, self._fingers(way), elbow(way.side, way.palm), 0)
+        return self.hands[way.side].instances(way.palm, self.fingers(way), elbow(way.side, way.palm), 0)
 
-    def _fingers(self, way: Way) -> np.ndarray:
+    def fingers(self, way: Way) -> np.ndarray:
         """(20,) joint angles closed on the thing; the same for every turn of a thing that looks the same from all sides."""
         model, grip = way.thing.model, way.grip
         key = (id(model), grip.name, grip.kind, *(("", 0) if model.spins else (grip.side, way.turn)))
