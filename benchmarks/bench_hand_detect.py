@@ -35,8 +35,8 @@ from afford.scenes.play import LENGTH
 from afford.scenes.specs import standard_specs
 from afford.scenes.world import World, build_world
 from commands.session import digester, open_runner
-from maps.settings import Settings
-from runner import Graph
+from maps.settings import Origin, Settings
+from pipeline import build
 from schemas.clip import NOT_IN_CONTACT
 from schemas.files import FileTree
 from schemas.hands import SIDES
@@ -222,12 +222,8 @@ def tile(rgb: np.ndarray, shot: Shot, tracks: Tracks, t: int) -> np.ndarray:
 
 def trained(store: Path | None) -> FileTree:
     """The finder, as the data sets use it."""
-    from maps.extraction import taught
-
-    g = Graph()
-    g.target("finder", taught(g, Settings()))
     runner = open_runner(store)
-    report = runner.run(g, "finder")
+    report = runner.run(build("hands", Origin("hands"), Settings()), "hands")
     ((_, digest),) = report.outputs["hands_train.files"]
     files: FileTree = runner.store.load(digest)
     return files

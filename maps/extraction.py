@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+from maps.finder import finder
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.weights import weights
@@ -81,8 +82,8 @@ def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> E
 
 def found(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
     """A clip without masks -> the same with hands, what they touch, and that they do."""
-    finder = {"weights": taught(g, p)} if p.hand_detect.backend == "network" else weights(g, p, "hand_detect")
-    return g.add(hand_detect.run,   clip=clip,       frames=frames,                                  params=p.hand_detect, **finder)
+    asked = {"weights": finder(g, p)} if p.hand_detect.backend == "network" else weights(g, p, "hand_detect")
+    return g.add(hand_detect.run, clip=clip, frames=frames, params=p.hand_detect, **asked)
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:

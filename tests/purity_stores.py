@@ -13,6 +13,8 @@ from afford.backends.judge.question import question
 from afford.dataset.files import tree as files_of
 from afford.hands.assets import shadow_files
 from afford.training.recipes import recipes
+from afford.video.write import write_video
+from commands.origin import origin
 from maps.interactions import interactions
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -63,7 +65,9 @@ from tests.test_ablation_report import scores
 from tests.test_grasp_compare import made_up, subject
 from tests.tiny_asked import write_model
 from tests.tiny_models import save_parrot
+from tests.tiny_root import digest
 from tests.tiny_sor3d import write_model as write_sor3d
+from tests.toy_clip import toy
 
 ROOT = Path(__file__).resolve().parent.parent
 SPEC = SceneSpec("P91_01", "carry", "kitchen", seed=3, frames=3, key_gap=2)
@@ -152,8 +156,10 @@ def negatives(store: Path, folder: Path) -> None:
 
 
 def found(store: Path, folder: Path) -> None:
-    """A finder of hands has hardly learned anything, in four rooms."""
-    run(store, "hands", build("hands", Origin("tiny"), FINDER))
+    """A finder of hands has hardly learned anything, and looked for hands in a video without masks."""
+    write_video(folder / "film.mp4", toy(7).frames.rgb, 18)
+    place, _ = origin("recordings", folder, FINDER, digest)
+    run(store, "recordings", build("recordings", place, FINDER))
 
 
 def hands(store: Path, folder: Path) -> None:
@@ -272,7 +278,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     read_meshes: ("mesh_read", "mesh_texture"),
     negatives: ("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                 "negative_affordance_files", "object_record", "negative_affordance_score", "negative_affordance_report"),
-    found: ("hand_plan", "hand_lessons", "hands_train"),
+    found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
