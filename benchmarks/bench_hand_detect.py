@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -25,6 +24,7 @@ import torch
 from afford.backends.hands.network import find
 from afford.encode import jpeg
 from afford.metrics.masks import iou
+from afford.models.hub import files
 from afford.models.weights import root
 from afford.palette import HANDS, colours_of
 from afford.readers.discover import discover
@@ -37,18 +37,19 @@ from afford.scenes.world import World, build_world
 from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
+from runner import Runner
 from schemas.clip import NOT_IN_CONTACT
 from schemas.files import FileTree
 from schemas.hands import SIDES
 from schemas.masks import Tracks
 from schemas.scene import SceneSpec
-from stages import clip_footage, frame_decode, hand_detect, mask_densify, scene_render, source_read
+from stages import clip_footage, frame_decode, hand_detect, mask_densify, source_read
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, PICTURE = ROOT / "benchmarks" / "hand_detect.md", ROOT / "docs" / "pictures" / "hand_detect.jpg"
-RENDERED, FRAMES = 4, 121
+RENDERED = 3
 GOOD_IOU = 0.5
-TILE_PX, TILES = 300, 5
+TILE_PX, TILES, JPEG_QUALITY = 300, 5, 82
 Viewpoint = Literal["ego", "facing"]
 
 
@@ -112,12 +113,14 @@ def _shot(key) -> Shot:  # type: ignore[no-untyped-def]  # a KeyFrame
     return Shot(key.frame, {side: masks[a.annotation_id] for side, a in mine.items()}, touched)
 
 
-def rendered(seed: int, folder: Path) -> Iterator[Scene]:
+def rendered(seed: int, runner: Runner) -> Iterator[Scene]:
     """Head-camera clips; a hand ends at its sleeve, as annotators have it."""
-    for spec in standard_specs(seed, RENDERED):
-        spec, place = replace(spec, frames=FRAMES), folder / spec.video_id
-        made = scene_render.run(spec, scene_render.Params(), _Scratch(place))
-        bare = replace(made.files, files=tuple(f for f in made.files.files if not f.name.endswith(".json")))
+    specs = standard_specs(seed, RENDERED)
+    report = runner.run(build("scenes", Origin("hands", specs=specs), Settings()), "scenes")
+    made = {clip.files.name: clip for clip in (runner.store.load(digest) for _, digest in report.outputs["scene_render"])}
+    for spec in specs:
+        whole = made[spec.video_id].files
+        bare = replace(whole, files=tuple(f for f in whole.files if not f.name.endswith(".json")))
         yield Scene(f"rendered {spec.script}", bare, "ego", list(_shots(spec, build_world(spec))))
 
 
@@ -131,17 +134,6 @@ def _shots(spec: SceneSpec, world: World) -> Iterator[Shot]:
         hands = {side: ids == n for n, side in enumerate(SIDES) if (ids == n).sum() >= 12}
         said = dict(zip(SIDES, world.touched(moment), strict=True))
         yield Shot(frame, hands, {side: None if said[side] < 0 else ids == said[side] for side in hands})
-
-
-class _Scratch:
-    """What scene_render asks of its context."""
-
-    def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True)
-        self.scratch = folder
-
-    def progress(self, done: int, total: int) -> None:
-        """Nobody looks."""
 
 
 # -- what was found ------------------------------------------------------------------------------------------------------
@@ -220,13 +212,12 @@ def tile(rgb: np.ndarray, shot: Shot, tracks: Tracks, t: int) -> np.ndarray:
     return cv2.resize(out, (TILE_PX, round(out.shape[0] * TILE_PX / out.shape[1])), interpolation=cv2.INTER_AREA)
 
 
-def trained(store: Path | None) -> FileTree:
+def trained(runner: Runner) -> FileTree:
     """The finder, as the data sets use it."""
-    runner = open_runner(store)
     report = runner.run(build("hands", Origin("hands"), Settings()), "hands")
     ((_, digest),) = report.outputs["hands_train.files"]
-    files: FileTree = runner.store.load(digest)
-    return files
+    found: FileTree = runner.store.load(digest)
+    return found
 
 
 def page(tallies: dict[str, Tally], seed: int) -> str:
@@ -252,32 +243,19 @@ def main() -> None:
     parser.add_argument("--store", type=Path)
     parser.add_argument("--finder", type=Path, help="folder of a finder that was trained before")
     parser.add_argument("--seed", type=int, default=30417)
-    parser.add_argument("--only", default="", help="scenes whose names begin so; nothing is written")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    digest = digester(open_runner(args.store))
-    finder = _folder(args.finder, digest) if args.finder else trained(args.store)
+    runner = open_runner(args.store, jobs=1)
+    finder = files(str(args.finder), digester(runner)) if args.finder else trained(runner)
     tallies: dict[str, Tally] = {}
     strips: list[np.ndarray] = []
-    with tempfile.TemporaryDirectory() as scratch:
-        for scene in itertools.chain(real(args.data, digest), rendered(args.seed, Path(scratch))):
-            if args.only and not scene.name.startswith(args.only):
-                break
-            else:
-                tiles: list[np.ndarray] = []
-                tally = tallies.setdefault(scene.name.partition(" ")[0], Tally())
-                measure(scene, finder, tally, tiles)
-                strips.append(np.concatenate(tiles[:TILES], axis=1))
+    for scene in itertools.chain(real(args.data, digester(runner)), rendered(args.seed, runner)):
+        tiles: list[np.ndarray] = []
+        measure(scene, finder, tallies.setdefault(scene.name.partition(" ")[0], Tally()), tiles)
+        strips.append(np.concatenate(tiles[:TILES], axis=1))
     print(page(tallies, args.seed))
-    (Path(tempfile.gettempdir()) / "hand_detect.jpg" if args.only else PICTURE).write_bytes(jpeg(np.concatenate(strips), 85))
-    if not args.only:
-        PAGE.write_text(page(tallies, args.seed))
-
-
-def _folder(folder: Path, digest) -> FileTree:  # type: ignore[no-untyped-def]
-    from afford.models.hub import files
-
-    return files(str(folder), digest)
+    PICTURE.write_bytes(jpeg(np.concatenate(strips), JPEG_QUALITY))
+    PAGE.write_text(page(tallies, args.seed))
 
 
 if __name__ == "__main__":

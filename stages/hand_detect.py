@@ -19,7 +19,7 @@ from schemas.clip import Clip
 from schemas.files import FileTree
 from schemas.video import Frames
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors", "tokenizers")
 THREADS = 1
 MEMORY_GIB = 2.5
 
@@ -61,8 +61,10 @@ class Params:
     """looks for which something may be out of sight and still be the same"""
     least_looks: int = 3
     """looks in which a hand, an object and a touch must be seen to be one"""
-    order: float = 0.15
+    order: float = 0.3
     """what it counts that a left hand is to the left of the right one, against a sure look at one of them"""
+    entry: float = 0.3
+    """what it counts at which side of the picture an arm comes in"""
     near: float = 0.08
     """parts of one hand are at most this far apart, as a share of the picture's width"""
     far: float = 0.25

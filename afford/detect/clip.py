@@ -13,7 +13,7 @@ from afford.detect.follow import Track, follow
 from afford.detect.looks import Looks, look
 from afford.detect.names import names
 from afford.detect.refine import along_edges, coloured, steadied
-from afford.detect.sides import hands_of, sided
+from afford.detect.sides import Bearing, hands_of, sided
 from afford.detect.touched import NOTHING, Hands, Reach, contacts, held
 from afford.readers.polygons import trace
 from schemas.clip import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
@@ -54,12 +54,12 @@ def _asked(looks: Looks, find: Find, params: Any) -> np.ndarray:
 def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
     """Side -> look -> mask."""
     left, right = seen[..., LEFT], seen[..., RIGHT]
+    bearing = Bearing(params.viewpoint == "facing", params.order, params.entry)
     likely = coloured(np.minimum(left + right, 1), looks.rgb, params.colour)
     found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
-                      params.least_hand * _area(looks), params.least_part) for k in range(len(looks.at))]
+                      params.least_hand * _area(looks), params.least_part, bearing) for k in range(len(looks.at))]
     tracks = follow(found, looks, params.link_min_iou, params.gap_looks)
-    order = -params.order if params.viewpoint == "facing" else params.order
-    chosen = sided(tracks, _least(looks, params.least_looks), order, params.near * looks.rgb.shape[2])
+    chosen = sided(tracks, _least(looks, params.least_looks), bearing, params.near * looks.rgb.shape[2])
     return {side: _united(chosen[side]) for side in SIDES}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,8 +18,33 @@ SURE = 0.3
 """lean from which a part is sure of its side"""
 
 
-def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float) -> list[Piece]:
-    """The hands of one look. Two that touch are parted where the side changes, if each is at least `least_part` of both.
+@dataclass(frozen=True)
+class Bearing:
+    """What is told of a hand's side by where it is."""
+
+    facing: bool
+    """the person is seen from the front: the left hand is on the right, and arms come from above"""
+    order: float
+    """what it counts for a left hand to be to the left of another hand, against a sure look"""
+    entry: float
+    """what it counts where the arm comes into the picture"""
+
+    @property
+    def sign(self) -> int:
+        return -1 if self.facing else 1
+
+    def enters(self, mask: np.ndarray) -> float:
+        """From -1, at the person's right, to 1, at the left: where a part (h, w) leaves the picture; 0 where it does not."""
+        width = mask.shape[1]
+        near, far = (mask[0], mask[-1]) if self.facing else (mask[-1], mask[0])
+        across = [np.flatnonzero(near), np.zeros(mask[:, 0].sum()), np.full(mask[:, -1].sum(), width - 1)]
+        x = np.concatenate(across) if sum(map(len, across)) else np.flatnonzero(far)
+        return float(self.sign * np.clip(2 - 4 * x.mean() / (width - 1), -1, 1)) if len(x) else 0.0
+
+
+def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float, bearing: Bearing) -> list[Piece]:
+    """The hands of one look. Two that touch are parted where the side changes, if both are sure of it and each is at least
+    `least_part` of both.
 
     p: (h, w) probability of a hand; left, right: (h, w) of each side, as the finder has it.
     """
@@ -26,9 +52,10 @@ def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float
     found: list[Piece] = []
     for part in pieces(p > 0.5, least_px):
         halves = [part & (lean > 0), part & (lean <= 0)]
-        shares = [half.sum() / part.sum() for half in halves]
-        both = [_largest(half) for half in halves] if min(shares) >= least_part else [part]
-        found += [Piece(one, float(lean[one].mean())) for one in both if one.sum() >= least_px]
+        two = all(half.sum() >= least_part * part.sum() and abs(lean[half].mean()) >= SURE for half in halves)
+        for one in map(_largest, halves) if two else [part]:
+            if one.sum() >= least_px:
+                found.append(Piece(one, float(lean[one].mean()) + bearing.entry * bearing.enters(one)))
     return found
 
 
@@ -42,15 +69,12 @@ def _largest(mask: np.ndarray) -> np.ndarray:
     return max(pieces(mask, 1), key=np.count_nonzero, default=mask)
 
 
-def sided(tracks: Sequence[Track], least: dict[int, int], order: float, near_px: float) -> dict[Hand, list[Track]]:
+def sided(tracks: Sequence[Track], least: dict[int, int], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
     """Tracks by side, hands alone. Each votes with all its looks. Of two at a time that vote alike, the less sure is another part
     of the same hand where they are near and both sure, else it has the other side; a third is no hand. Nor is a track that was
-    seen fewer times than `least` (by its first look).
-
-    order: what it counts for `left` to be to the left of another hand, against a sure look.
-    """
+    seen fewer times than `least` (by its first look)."""
     real = [track for track in tracks if track.times_seen >= least[min(track.pieces)]]
-    votes = [sum(_votes(track, real, order)) for track in real]
+    votes = [sum(_votes(track, real, bearing.sign * bearing.order)) for track in real]
     out: dict[Hand, list[Track]] = {side: [] for side in SIDES}
     for i in sorted(range(len(real)), key=lambda i: (-abs(votes[i]), i)):
         first, other = SIDES if votes[i] > 0 else SIDES[::-1]
