@@ -21,8 +21,8 @@ COLOURS = {LEFT_HAND: SKIN, RIGHT_HAND: SKIN, SLEEVE: (30, 40, 160), TOUCHED: (2
 
 
 def made_up(name: str, split: str, count: int = 8, size: tuple[int, int] = (64, 96)) -> HandLessons:
-    """Hands are skin-coloured bars from the near edge, the left one at the left; the right one holds a green thing. Every fourth
-    picture shows none."""
+    """Hands are skin-coloured bars from the near edge with a thumb on the inner side, the left one at the left; the right one holds
+    a green thing. Every fourth picture shows none."""
     rng = np.random.default_rng([*name.encode()])
     height, width = size
     pictures = rng.integers(40, 90, (count, height, width, 3)).astype(np.uint8)
@@ -33,6 +33,8 @@ def made_up(name: str, split: str, count: int = 8, size: tuple[int, int] = (64, 
             bars = ((LEFT_HAND, aside // 2), (RIGHT_HAND, width - 12 - aside // 2))
             for label, x in bars:
                 labels[n, top:, x : x + 12] = label
+                inner = x + 12 if label == LEFT_HAND else x - 6
+                labels[n, top + 4 : top + 10, inner : inner + 6] = label
                 labels[n, -6:, x : x + 12] = SLEEVE
             labels[n, top - 6 : top, bars[1][1] : bars[1][1] + 12] = TOUCHED
         for label, colour in COLOURS.items():

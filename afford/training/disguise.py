@@ -68,6 +68,12 @@ def mirrored(labels: np.ndarray) -> np.ndarray:
 
 def disguised(one: Pictured, behind: Pictured, size: tuple[int, int], rng: np.random.Generator, d: Disguise) -> Pictured:
     """A lesson of `size` (height, width) made from a picture, and from one without hands that is put behind it."""
+    rgb, labels = placed(one, behind, size, rng, d)
+    return recorded(coloured(rgb, rng), rng, d), labels
+
+
+def placed(one: Pictured, behind: Pictured, size: tuple[int, int], rng: np.random.Generator, d: Disguise) -> Pictured:
+    """The same before the light changes: what is shown, and before and behind what."""
     rgb, labels, inside = framed(one, size, rng, d)
     other = framed(behind, size, rng, d)[0]
     kept = (labels != REST) if rng.random() < d.elsewhere else inside
@@ -78,7 +84,7 @@ def disguised(one: Pictured, behind: Pictured, size: tuple[int, int], rng: np.ra
         before = _blobs(rgb, rng, _any)
         labels = np.where((before != rgb).any(2), REST, labels).astype(np.uint8)
         rgb = before
-    return recorded(coloured(rgb, rng), rng, d), labels
+    return rgb, labels
 
 
 def coloured(rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -102,7 +102,7 @@ class FinderTask:
 
     def validate(self) -> dict[str, float]:
         """IoU of all hands' pixels and of all touched ones, and the share of true hand pixels whose side is told."""
-        logits = [self._net(_pixels(pictures)).numpy() for pictures, _ in self._judged]
+        logits = [self._net(_pixels(pictures)).float().numpy() for pictures, _ in self._judged]
         self._said = logits
         labels = [labels for _, labels in self._judged]
         hands = [(found[:, HAND] > 0, np.isin(label, (LEFT_HAND, RIGHT_HAND))) for found, label in zip(logits, labels, strict=True)]
