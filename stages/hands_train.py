@@ -19,27 +19,27 @@ from schemas.hand_lessons import HandLessons
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
-THREADS = 2
+THREADS = 1
 MEMORY_GIB = 3.0
 
 
 @dataclass(frozen=True)
 class Params:
-    steps: int = 900
+    steps: int = 1400
     """steps of the optimiser"""
     batch: int = 16
     """pictures in a step"""
-    width_px: int = 192
+    width_px: int = 160
     """width of what is cut out of a lesson"""
-    height_px: int = 112
+    height_px: int = 96
     """height of what is cut out of a lesson"""
-    lr: float = 2e-3
+    lr: float = 3e-3
     """learning rate after the warm-up; it falls linearly to 0"""
     warmup: int = 50
     """steps of linear warm-up"""
     weight_decay: float = 0.02
     """of AdamW"""
-    validate_every: int = 300
+    validate_every: int = 350
     """steps between two validations"""
     judged: int = 96
     """disguised pictures of the validation rooms that judge"""

@@ -49,7 +49,7 @@ def said(network: Hands, pictures: Tensor) -> Tensor:
 
 
 def size(height: int, width: int, config: HandsConfig) -> tuple[int, int]:
-    """Height and width at which the network looks at a picture: as many pixels as it learned from, at the picture's own aspect."""
+    """Height and width at which the network looks at a picture: as many pixels as its config says, at its own aspect."""
     scale = (config.height_px * config.width_px / (height * width)) ** 0.5
     down, across = (max(GRID, GRID * round(scale * side / GRID)) for side in (height, width))
     return down, across

@@ -27,19 +27,19 @@ class Disguise:
 
     turn_deg: float = 30.0
     """pictures are turned by up to so much"""
-    share: tuple[float, float] = (0.4, 1.15)
+    share: tuple[float, float] = (0.45, 1.1)
     """how much of the width of a picture is shown"""
     stretch: float = 0.15
     """how much wider or higher things may become"""
-    centred: float = 0.6
+    centred: float = 0.3
     """share of pictures that are cut out around some pixel of a hand, where there is one"""
-    elsewhere: float = 0.5
+    elsewhere: float = 0.4
     """share of pictures whose arms and touched things are put before other surroundings"""
-    lookalikes: float = 0.4
+    lookalikes: float = 0.35
     """share of pictures with things of the colour of skin behind the hands"""
-    covered: float = 0.2
+    covered: float = 0.12
     """share of pictures with things in front of everything"""
-    soft: float = 0.45
+    soft: float = 0.35
     """share of pictures that are blurred, or moved while the shutter was open"""
     packed: float = 0.5
     """share of pictures that went through JPEG"""
@@ -89,12 +89,12 @@ def placed(one: Pictured, behind: Pictured, size: tuple[int, int], rng: np.rando
 
 def coloured(rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """In other light, by another camera: exposure, colour of the light, contrast and saturation."""
-    level = (rgb.astype(np.float32) / 255) ** np.float32(rng.uniform(0.65, 1.5))
-    level *= np.float32(np.exp(rng.normal(-0.15, 0.3))) * np.exp(rng.normal(0, 0.10, 3)).astype(np.float32)
+    level = (rgb.astype(np.float32) / 255) ** np.float32(rng.uniform(0.7, 1.4))
+    level *= np.float32(np.exp(rng.normal(-0.1, 0.25))) * np.exp(rng.normal(0, 0.07, 3)).astype(np.float32)
     grey = level.mean(2, keepdims=True)
-    level = grey + (level - grey) * np.float32(rng.uniform(0.35, 1.4))
+    level = grey + (level - grey) * np.float32(rng.uniform(0.6, 1.4))
     middle = np.float32(level.mean())
-    level = middle + (level - middle) * np.float32(rng.uniform(0.6, 1.35))
+    level = middle + (level - middle) * np.float32(rng.uniform(0.7, 1.3))
     return np.asarray(np.clip(level * 255 + 0.5, 0, 255).astype(np.uint8))
 
 
@@ -102,7 +102,7 @@ def recorded(rgb: np.ndarray, rng: np.random.Generator, d: Disguise) -> np.ndarr
     """Soft, noisy and compressed."""
     if rng.random() < d.soft:
         rgb = _moved(rgb, rng) if rng.random() < 0.5 else cv2.GaussianBlur(rgb, (0, 0), float(rng.uniform(0.3, 1.6)))
-    noise = rng.standard_normal(rgb.shape, np.float32) * np.float32(rng.uniform(0, 7))
+    noise = rng.standard_normal(rgb.shape, np.float32) * np.float32(rng.uniform(0, 6))
     rgb = np.clip(rgb + noise + 0.5, 0, 255).astype(np.uint8)
     if rng.random() < d.packed:
         packed = cv2.imencode(".jpg", rgb, (cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(20, 90))))[1]
@@ -113,7 +113,7 @@ def recorded(rgb: np.ndarray, rng: np.random.Generator, d: Disguise) -> np.ndarr
 def _window(labels: np.ndarray, size: tuple[int, int], rng: np.random.Generator, d: Disguise) -> np.ndarray:
     """(2, 3) matrix from the pixels of a picture to those of the cut-out."""
     (height, width), (down, across) = labels.shape, size
-    share = np.exp(rng.uniform(*np.log(d.share)))
+    share = rng.uniform(*d.share)
     scale = across / (share * width) * np.exp(rng.uniform(-d.stretch, d.stretch, 2) / 2)
     turn = np.radians(rng.uniform(-d.turn_deg, d.turn_deg))
     linear = scale[:, None] * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])

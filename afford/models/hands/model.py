@@ -1,7 +1,8 @@
 """A small fully convolutional network with skips: a picture in; hand, side and touched thing of every pixel out.
 
 Normalised over the batch after every convolution (docs/decisions/017): pictures of rooms have much in common, and a norm within a
-picture would keep what is common. What the coarsest features say of the whole picture is told to all of its places: the colour of
+picture would keep what is common. Every pixel knows its place in the picture, because left hands are mostly at the left, and arms
+come from the near edge. What the coarsest features say of the whole picture is told to all of its places: the colour of
 the light, and how many hands there are.
 """
 
@@ -21,11 +22,11 @@ HAND, SIDE, TOUCHED = range(3)
 class HandsConfig:
     """Sizes."""
 
-    height_px: int = 160
-    """height of the pictures that it learned from, and that a picture is brought to"""
-    width_px: int = 288
-    """width of those"""
-    widths: tuple[int, ...] = (16, 32, 64, 96, 128)
+    height_px: int = 144
+    """height to which a picture is brought, about: its aspect stays"""
+    width_px: int = 256
+    """width of that"""
+    widths: tuple[int, ...] = (16, 24, 48, 80, 128)
     """channels after each halving of the picture"""
 
 
@@ -36,7 +37,7 @@ class Hands(nn.Module):
         super().__init__()
         self.config = config
         first, *rest = config.widths
-        self.stem = nn.Sequential(_layer(3, first, 2), _layer(first, first))
+        self.stem = nn.Sequential(_layer(5, first, 2), _layer(first, first))
         self.down = nn.ModuleList(nn.Sequential(_layer(a, b, 2), _Residual(b)) for a, b in zip(config.widths, rest, strict=False))
         self.whole = nn.Linear(config.widths[-1], config.widths[-1])
         self.up = nn.ModuleList(_layer(a + b, b) for a, b in zip(rest[::-1], config.widths[-2::-1], strict=True))
@@ -44,7 +45,7 @@ class Hands(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """The last features are at half the size; their logits are brought to that of the pictures."""
-        seen = [self.stem(pictures * 4 - 2)]
+        seen = [self.stem(torch.cat([pictures * 4 - 2, _places(pictures)], 1))]
         for down in self.down:
             seen.append(down(seen[-1]))
         x = seen[-1] + relu(self.whole(seen[-1].mean((2, 3))))[..., None, None]
@@ -60,6 +61,13 @@ class _Residual(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         return relu(x + self.change(x))
+
+
+def _places(pictures: Tensor) -> Tensor:
+    """(b, 2, h, w): how far every pixel is to the right and down, -1..1."""
+    down, across = (torch.linspace(-1, 1, side, device=pictures.device) for side in pictures.shape[-2:])
+    place = torch.stack([across.expand(len(down), -1), down[:, None].expand(-1, len(across))])
+    return place.expand(len(pictures), -1, -1, -1)
 
 
 def _layer(before: int, after: int, stride: int = 1) -> nn.Sequential:
