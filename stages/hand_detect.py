@@ -43,6 +43,8 @@ class Params:
     """seconds between two frames that are looked at"""
     least_hand: float = 0.002
     """smallest part of a hand, as a share of the picture's area"""
+    least_like: float = 0.2
+    """smallest hand, as a share of the usual size of the largest one in sight in this clip"""
     least_object: float = 0.001
     """smallest part of an object, as a share of the picture's area"""
     least_part: float = 0.25
@@ -51,7 +53,7 @@ class Params:
     """weight of what motion carries from one look to the next, against 1 for what is seen there"""
     colour: float = 0.6
     """weight of the clip's own colours of hands, against 1 for what the finder says (log odds)"""
-    motion: float = 2.0
+    motion: float = 4.0
     """weight of moving as the hand does, against 1 for what the finder says of objects (log odds)"""
     edge_px: int = 4
     """radius within which outlines are drawn to edges of the picture"""
@@ -59,6 +61,8 @@ class Params:
     """overlap from which a part of one look is the one of the look before"""
     gap_looks: int = 4
     """looks for which something may be out of sight and still be the same"""
+    rest_looks: int = 15
+    """looks for which a thing that a hand moved is still there when it rests"""
     least_looks: int = 3
     """looks in which a hand, an object and a touch must be seen to be one"""
     order: float = 0.3

@@ -13,7 +13,7 @@ from afford.detect.follow import Track, follow
 from afford.detect.looks import Looks, look
 from afford.detect.names import names
 from afford.detect.refine import along_edges, coloured, steadied
-from afford.detect.sides import Bearing, hands_of, sided
+from afford.detect.sides import Bearing, hands_of, sided, usual
 from afford.detect.touched import NOTHING, Hands, Reach, contacts, held
 from afford.readers.polygons import trace
 from schemas.clip import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
@@ -28,7 +28,7 @@ def detect(clip: Clip, frames: Frames, find: Find, params: Any) -> Clip:
     hands = _hands(seen, looks, params)
     width = looks.rgb.shape[2]
     reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.edge_px, params.motion)
-    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.gap_looks)
+    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.rest_looks, rests=True)
     least = _least(looks, params.least_looks)
     objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
     touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
@@ -59,7 +59,8 @@ def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
     found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
                       params.least_hand * _area(looks), params.least_part, bearing) for k in range(len(looks.at))]
     tracks = follow(found, looks, params.link_min_iou, params.gap_looks)
-    chosen = sided(tracks, _least(looks, params.least_looks), bearing, params.near * looks.rgb.shape[2])
+    real = usual(tracks, _least(looks, params.least_looks), params.least_like)
+    chosen = sided(real, bearing, params.near * looks.rgb.shape[2])
     return {side: _united(chosen[side]) for side in SIDES}
 
 

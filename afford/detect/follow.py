@@ -18,8 +18,10 @@ class Piece:
 
     mask: np.ndarray
     """(h, w) bool"""
-    lean: float
+    lean: float = 0.0
     """hands: from -1, surely right, to 1, surely left"""
+    mass: float = 0.0
+    """hands: how much of a hand it is: what its pixels are surer of than one half, summed"""
     seen: bool = True
     """False where motion alone says so"""
 
@@ -35,10 +37,19 @@ class Track:
     def times_seen(self) -> int:
         return sum(piece.seen for piece in self.pieces.values())
 
+    @property
+    def mass(self) -> float:
+        """How much of a hand it is, all its life."""
+        return sum(piece.mass for piece in self.pieces.values())
 
-def follow(found: Sequence[Sequence[Piece]], looks: Looks, min_iou: float, gap: int) -> list[Track]:
+    @property
+    def largest_px(self) -> int:
+        return max(int(piece.mask.sum()) for piece in self.pieces.values())
+
+
+def follow(found: Sequence[Sequence[Piece]], looks: Looks, min_iou: float, gap: int, rests: bool = False) -> list[Track]:
     """Tracks through the parts of every look. A part continues the track that overlaps it most, by `min_iou`, after motion; a track
-    that finds none is carried on for up to `gap` looks, and ends where it was last seen."""
+    that finds none is carried on for up to `gap` looks, and ends where it was last seen, or (`rests`) with these looks."""
     done: list[Track] = []
     for stretch in looks.stretches:
         live: list[Track] = []
@@ -48,7 +59,7 @@ def follow(found: Sequence[Sequence[Piece]], looks: Looks, min_iou: float, gap: 
             new = [Track({k: piece}) for piece in _unclaimed(waiting, found[k], k, min_iou)]
             done += new
             live = [track for track in (*waiting, *new) if k in track.pieces]
-    return [_trimmed(track) for track in done]
+    return done if rests else [_trimmed(track) for track in done]
 
 
 def _last_seen(track: Track) -> int:
@@ -61,7 +72,7 @@ def _carry(tracks: Sequence[Track], looks: Looks, k: int) -> None:
         last = track.pieces[k - 1]
         moved = looks.carried(last.mask.astype(np.float32), k, 1)
         if moved is not None and (moved > 0.5).any():
-            track.pieces[k] = Piece(moved > 0.5, 0.0, seen=False)
+            track.pieces[k] = Piece(moved > 0.5, seen=False)
 
 
 def _unclaimed(tracks: Sequence[Track], found: Sequence[Piece], k: int, min_iou: float) -> list[Piece]:

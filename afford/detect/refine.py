@@ -94,8 +94,9 @@ def along_edges(p: np.ndarray, rgb: np.ndarray, radius_px: int) -> np.ndarray:
     return cv2.blur(slope, size) * guide + cv2.blur(other - slope * mean, size)
 
 
-def pieces(mask: np.ndarray, least_px: float) -> Sequence[np.ndarray]:
-    """Connected parts of a mask (h, w) bool of at least `least_px` pixels, without their small holes."""
-    smooth = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+def pieces(mask: np.ndarray, least_px: float, least_wide_px: int = 3) -> Sequence[np.ndarray]:
+    """Connected parts of a mask (h, w) bool of at least `least_px` pixels, without what is narrower than `least_wide_px`."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (least_wide_px, least_wide_px))
+    smooth = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc)
     count, label, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
     return [label == i for i in range(1, count) if stats[i, cv2.CC_STAT_AREA] >= least_px]

@@ -1,4 +1,4 @@
-"""Which hands of one look are one hand of two, and whose side a followed hand has: it has one side all its life."""
+"""What of one look is a hand, and which side a followed hand has: it has one side all its life."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ class Bearing:
         return float(self.sign * np.clip(2 - 4 * x.mean() / (width - 1), -1, 1)) if len(x) else 0.0
 
 
-def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float, bearing: Bearing) -> list[Piece]:
+def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float,
+             bearing: Bearing) -> list[Piece]:  # fmt: skip
     """The hands of one look. Two that touch are parted where the side changes, if both are sure of it and each is at least
     `least_part` of both.
 
@@ -55,7 +56,8 @@ def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float
         two = all(half.sum() >= least_part * part.sum() and abs(lean[half].mean()) >= SURE for half in halves)
         for one in map(_largest, halves) if two else [part]:
             if one.sum() >= least_px:
-                found.append(Piece(one, float(lean[one].mean()) + bearing.entry * bearing.enters(one)))
+                side = float(lean[one].mean()) + bearing.entry * bearing.enters(one)
+                found.append(Piece(one, side, float((p[one] - 0.5).sum())))
     return found
 
 
@@ -69,19 +71,29 @@ def _largest(mask: np.ndarray) -> np.ndarray:
     return max(pieces(mask, 1), key=np.count_nonzero, default=mask)
 
 
-def sided(tracks: Sequence[Track], least: dict[int, int], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
-    """Tracks by side, hands alone. Each votes with all its looks. Of two at a time that vote alike, the less sure is another part
-    of the same hand where they are near and both sure, else it has the other side; a third is no hand. Nor is a track that was
-    seen fewer times than `least` (by its first look)."""
-    real = [track for track in tracks if track.times_seen >= least[min(track.pieces)]]
-    votes = [sum(_votes(track, real, bearing.sign * bearing.order)) for track in real]
+def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[Track]:
+    """Tracks that were seen as often as `least` says (by their first look), and grew to at least `share` of the usual size of a
+    hand in this clip: what is much smaller, before the same camera, is none."""
+    often = [track for track in tracks if track.times_seen >= least[min(track.pieces)]]
+    largest: dict[int, int] = {}
+    for track in often:
+        for k, piece in track.pieces.items():
+            largest[k] = max(largest.get(k, 0), int(piece.mask.sum()))
+    size = float(np.median(list(largest.values()))) if largest else 0.0
+    return [track for track in often if track.largest_px >= share * size]
+
+
+def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
+    """Tracks by side, what is most of a hand first. Each votes with all its looks. Of two at a time that vote alike, the lesser is
+    another part of the same hand where they are near and both sure, else it has the other side; a third is no hand."""
+    votes = [sum(_votes(track, tracks, bearing.sign * bearing.order)) for track in tracks]
     out: dict[Hand, list[Track]] = {side: [] for side in SIDES}
-    for i in sorted(range(len(real)), key=lambda i: (-abs(votes[i]), i)):
+    for i in sorted(range(len(tracks)), key=lambda i: (-tracks[i].mass, i)):
         first, other = SIDES if votes[i] > 0 else SIDES[::-1]
-        if not _meets(real[i], out[first]) or _same(real[i], out[first], near_px):
-            out[first].append(real[i])
-        elif not _meets(real[i], out[other]):
-            out[other].append(real[i])
+        if not _meets(tracks[i], out[first]) or _same(tracks[i], out[first], near_px):
+            out[first].append(tracks[i])
+        elif not _meets(tracks[i], out[other]):
+            out[other].append(tracks[i])
     return out
 
 

@@ -17,6 +17,10 @@ from schemas.hands import SIDES, Hand
 Hands = Mapping[Hand, Mapping[int, np.ndarray]]
 """side -> look -> mask (h, w) bool"""
 NOTHING = -1
+DOUBT = 0.2
+"""nothing that the finder says of things is surer than this: it knows few of them"""
+HALO_PX = 7
+"""narrower things are none: the flow of a hand reaches a little beyond its outline"""
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,17 @@ def _held(p: np.ndarray, looks: Looks, k: int, hands: Sequence[np.ndarray], reac
     if not hands:
         return []
     hand = np.any(hands, axis=0)
-    sure = np.clip(p.astype(np.float32), 0.02, 0.98)
+    sure = np.clip(p.astype(np.float32), DOUBT, 1 - DOUBT)
     odds = np.log(sure / (1 - sure)) + reach.motion * sum(_moves_along(looks, k, one, hand, reach.far_px) for one in hands)
     likely = along_edges(1 / (1 + np.exp(-odds)), looks.rgb[k], reach.edge_px)
     near = dilate(hand, reach.ring_px)
-    return [Piece(part, 0.0) for part in pieces((likely > 0.5) & ~hand, reach.least_px) if (part & near).any()]
+    found = [part for part in pieces((likely > 0.5) & ~hand, reach.least_px, HALO_PX) if (part & near).any()]
+    return [Piece(part) for part in found if not _cut_off(part) or p[part].mean() > 0.5]
+
+
+def _cut_off(part: np.ndarray) -> bool:
+    """Whether a part goes on outside the picture. What moves along with a hand and does is its sleeve, as a rule."""
+    return bool(part[0].any() or part[-1].any() or part[:, 0].any() or part[:, -1].any())
 
 
 def _moves_along(looks: Looks, k: int, hand: np.ndarray, hands: np.ndarray, far_px: float) -> np.ndarray:
