@@ -53,7 +53,7 @@ def test_pictures_do_not_know_each_other(model: Path) -> None:
 
 
 @pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])
-def test_pictures_are_looked_at_with_as_many_pixels_as_were_learned_from(height: int, width: int) -> None:
+def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: int, width: int) -> None:
     """At their own aspect, about, whatever their size."""
     config = HandsConfig()
     down, across = size(height, width, config)
