@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from schemas.hand_lessons import HandRoom
 
-LIBRARIES = ("numpy",)
+LIBRARIES = ("numpy", "gymnasium")
 THREADS = 1
 MEMORY_GIB = 0.2
 

@@ -41,7 +41,7 @@ def array(meta: Any, rng: np.random.Generator) -> np.ndarray:
     shape = [int(word) if word.isdigit() else SIZES.get(word, 2) for word in meta["shape"].split()]
     if meta["dtype"] == "bool":
         return rng.random(shape) < 0.5
-    values = rng.integers(0, 100, shape).astype(meta["dtype"])
+    values = rng.integers(0, 5, shape).astype(meta["dtype"])
     if values.dtype.kind == "f" and values.size:
         values.flat[0] = np.nan
     return values
