@@ -25,7 +25,6 @@ from afford.backends.hands.network import find
 from afford.encode import jpeg
 from afford.metrics.masks import iou
 from afford.models.hub import files
-from afford.models.weights import root
 from afford.palette import HANDS, colours_of
 from afford.readers.discover import discover
 from afford.readers.polygons import rasterise
@@ -193,7 +192,7 @@ def compare(shot: Shot, tracks: Tracks, t: int, tally: Tally) -> None:
 def _alone(shot: Shot, rgb: np.ndarray, params: hand_detect.Params, finder: FileTree) -> int:
     """Hands of one frame that the network finds by itself, whatever their side."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
-    said = find(np.ascontiguousarray(rgb[None, turn, turn]), replace(params, model=str(root(finder))))[0, turn, turn]
+    said = find(np.ascontiguousarray(rgb[None, turn, turn]), params, finder)[0, turn, turn]
     hand, left = said[..., :2].sum(-1) > 0.5, said[..., 0] > said[..., 1]
     parts = [hand & left, hand & ~left, hand]
     return sum(max(iou(part, truth) for part in parts) >= GOOD_IOU for truth in shot.hands.values())

@@ -88,7 +88,6 @@ class Params:
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Clip:
     """The clip with the hands that were found; ValueError when the finder cannot be used."""
     from afford.detect.clip import detect
-    from afford.models.weights import placed
     from afford.registry import load
 
-    return detect(clip, frames, load(BACKENDS, params.backend), placed(params, weights))
+    return detect(clip, frames, load(BACKENDS, params.backend), params, weights)

@@ -37,7 +37,7 @@ def finder(frames: Frames, masks: Masks, noise: float = 0.0, blind: tuple[int, .
     """One that says the masks, blurred and noisy, of pictures that it knows; of those of `blind` frames it says nothing."""
     known = {picture.tobytes(): t for t, picture in enumerate(frames.rgb)}
 
-    def find(rgb: np.ndarray, params: Any) -> np.ndarray:
+    def find(rgb: np.ndarray, params: Any, weights: Any = None) -> np.ndarray:
         out = np.zeros(rgb.shape, np.float32)
         for n, picture in enumerate(rgb):
             t = known[picture.tobytes()]

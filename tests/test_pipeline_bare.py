@@ -17,6 +17,7 @@ from commands.origin import origin
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Runner, RunReport
+from schemas.files import FileTree
 from schemas.scene import SceneSpec
 from tests.command import call
 from tests.made_finder import FINDER
@@ -29,9 +30,9 @@ HAND, CARD = (205, 150, 120), (90, 130, 160)
 """colours of the toy's things"""
 
 
-def by_colour(pictures: np.ndarray, folder: Path) -> np.ndarray:
-    """A finder that knows the toy's colours; it must be given a trained folder all the same."""
-    assert (folder / "model.safetensors").is_file()
+def by_colour(pictures: np.ndarray, trained: FileTree) -> np.ndarray:
+    """A finder that knows the toy's colours; it must be given trained files all the same."""
+    assert trained.find("model.safetensors")
     smooth = np.stack([cv2.GaussianBlur(picture, (0, 0), 3) for picture in pictures]).astype(np.float32)
     out = np.zeros(pictures.shape, np.float32)
     for column, colour in ((RIGHT, HAND), (TOUCHED, CARD)):

@@ -17,14 +17,15 @@ from afford.detect.sides import Bearing, hands_of, sided, usual
 from afford.detect.touched import NOTHING, Hands, Reach, contacts, held
 from afford.readers.polygons import trace
 from schemas.clip import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
+from schemas.files import FileTree
 from schemas.hands import HAND_CLASS, SIDES, Hand
 from schemas.video import Frames
 
 
-def detect(clip: Clip, frames: Frames, find: Find, params: Any) -> Clip:
+def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTree | None = None) -> Clip:
     """The clip with key frames about `every_s` apart; `params` is stages.hand_detect.Params."""
     looks = look(frames, params.look_s)
-    seen = steadied(_asked(looks, find, params), looks, params.memory)
+    seen = steadied(_asked(looks, find, params, weights), looks, params.memory)
     hands = _hands(seen, looks, params)
     width = looks.rgb.shape[2]
     reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.edge_px, params.motion)
@@ -42,12 +43,13 @@ def _area(looks: Looks) -> int:
     return looks.rgb.shape[1] * looks.rgb.shape[2]
 
 
-def _asked(looks: Looks, find: Find, params: Any) -> np.ndarray:
+def _asked(looks: Looks, find: Find, params: Any, weights: FileTree | None) -> np.ndarray:
     """What the finder says of every look, (k, h, w, 3) float16. A person seen from the front is turned round: the arms then come
     from below, the left one from the left."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = looks.rgb[:, turn, turn], params.batch
-    parts = [find(np.ascontiguousarray(rgb[at : at + batch]), params).astype(np.float16) for at in range(0, len(rgb), batch)]
+    batches = [np.ascontiguousarray(rgb[at : at + batch]) for at in range(0, len(rgb), batch)]
+    parts = [find(pictures, params, weights).astype(np.float16) for pictures in batches]
     return np.concatenate(parts)[:, turn, turn]
 
 

@@ -20,6 +20,7 @@ from torch import Tensor
 from afford.models.hands import files
 from afford.models.hands.model import HAND, SIDE, TOUCHED, Hands, HandsConfig
 from afford.models.weights import stamp
+from schemas.files import FileTree
 
 AT_ONCE = 8
 """pictures in one pass"""
@@ -27,11 +28,11 @@ GRID = 16
 """sides that the network works at are multiples of this"""
 
 
-def find(pictures: np.ndarray, model: Path) -> np.ndarray:
-    """(n, H, W, 3) uint8 RGB and the folder of a trained finder -> (n, H, W, 3) float32 probabilities 0..1 of left hand, right
+def find(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
+    """(n, H, W, 3) uint8 RGB and the files of a trained finder -> (n, H, W, 3) float32 probabilities 0..1 of left hand, right
     hand and touched thing; those of the two hands sum to at most 1."""
     found = np.zeros((*pictures.shape[:3], 3), np.float32)
-    network = _network(model, stamp(model))
+    network = _network(model, stamp(model) if isinstance(model, Path) else None)
     for at, small in _batches(pictures, network.config):
         for n, answer in enumerate(said(network, small).permute(0, 2, 3, 1).numpy(), at):
             found[n] = cv2.resize(answer, pictures.shape[2:0:-1], interpolation=cv2.INTER_LINEAR)
@@ -63,5 +64,5 @@ def _batches(pictures: np.ndarray, config: HandsConfig) -> Iterator[tuple[int, T
 
 
 @lru_cache(maxsize=1)
-def _network(folder: Path, _stamp: Any) -> Hands:
-    return files.read(folder).eval()
+def _network(where: Path | FileTree, _stamp: Any) -> Hands:
+    return files.read(where).eval()

@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from schemas.files import FileTree
+
 LEFT, RIGHT, TOUCHED = range(3)
 """what the last axis of an answer stands for"""
 
@@ -13,9 +15,9 @@ LEFT, RIGHT, TOUCHED = range(3)
 class Find(Protocol):
     """A backend. What is known of time, of the clip's own colours and of motion comes after it."""
 
-    def __call__(self, rgb: np.ndarray, params: Any) -> np.ndarray:
+    def __call__(self, rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
         """Pictures (n, h, w, 3) uint8 -> (n, h, w, 3) float32, 0..1: how likely a pixel is left hand, right hand, touched object.
 
-        `params` is stages.hand_detect.Params, whose `model` says where the weights lie.
+        `params` is stages.hand_detect.Params; `weights` are the files of the finder, as the stage was given them.
         """
         ...

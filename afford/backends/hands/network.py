@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from afford.detect.finder import find as ask
+from schemas.files import FileTree
 
 
-def find(rgb: np.ndarray, params: Any) -> np.ndarray:
-    """Reads `model`: the folder that hands_train wrote."""
-    if not params.model:
+def find(rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
+    """`weights`: what hands_train wrote."""
+    if weights is None:
         raise ValueError("backend 'network': expected the files that hands_train wrote, got none; give them as `weights`")
-    return ask(rgb, Path(params.model))
+    return ask(rgb, weights)

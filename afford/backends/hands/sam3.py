@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from afford.models.sam3_concepts import load_model, see
+from afford.models.weights import placed
+from schemas.files import FileTree
 
 WEIGHTS = "a Sam3Model with its tokenizer.json: folder of save_pretrained, or hub id as facebook/sam3"
 PHRASES = ("hand", "left hand", "right hand", "object held in a hand")
@@ -14,9 +16,10 @@ DOUBT = 0.05
 """added to both sides: a hand that is neither the left one nor the right one in words is half of each"""
 
 
-def find(rgb: np.ndarray, params: Any) -> np.ndarray:
+def find(rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
     """Reads `model`, `device`, `dtype` and `threshold`."""
-    hand, left, right, thing = see(load_model(params.model, params.device, params.dtype), rgb, PHRASES, params.threshold)
+    model = load_model(placed(params, weights).model, params.device, params.dtype)
+    hand, left, right, thing = see(model, rgb, PHRASES, params.threshold)
     any_hand = np.maximum(hand, np.maximum(left, right))
     share = (left + DOUBT) / (left + right + 2 * DOUBT)
     return np.stack([any_hand * share, any_hand * (1 - share), thing * (1 - any_hand)], -1).astype(np.float32)

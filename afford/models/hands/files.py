@@ -11,6 +11,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from afford.models.hands.model import Hands, HandsConfig
+from schemas.files import FileTree
 
 CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-1"
 KEPT = ("tensorboard", "previews")
@@ -31,17 +32,26 @@ def write(scratch: Path, model: Hands, card: str) -> Path:
     return root
 
 
-def read(folder: Path) -> Hands:
-    """The network that `write` wrote; ValueError says which file does not fit."""
-    for name in (CONFIG, WEIGHTS):
-        if not (folder / name).is_file():
-            raise ValueError(f"{folder}: expected {name} of a trained finder of hands; train one with hands_train")
-    fields = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+def read(where: Path | FileTree) -> Hands:
+    """The network that `write` wrote, out of a folder or a store; ValueError says which file does not fit."""
+    config, weights = (_file(where, name) for name in (CONFIG, WEIGHTS))
+    fields = json.loads(config.read_text(encoding="utf-8"))
     if fields.pop("format", None) != FORMAT:
-        raise ValueError(f"{folder / CONFIG}: expected \"format\": \"{FORMAT}\"; train a finder with hands_train")
+        raise ValueError(f"{config}: expected \"format\": \"{FORMAT}\"; train a finder with hands_train")
     model = Hands(HandsConfig(**{**fields, "widths": tuple(fields["widths"])}))
     try:
-        model.load_state_dict(load_file(folder / WEIGHTS))
+        model.load_state_dict(load_file(weights))
     except (SafetensorError, RuntimeError) as error:
-        raise ValueError(f"{folder / WEIGHTS}: expected the weights that {CONFIG} describes; {error}") from error
+        raise ValueError(f"{weights}: expected the weights that {CONFIG} describes; {error}") from error
     return model
+
+
+def _file(where: Path | FileTree, name: str) -> Path:
+    if isinstance(where, Path):
+        found = where / name
+    else:
+        listed = where.find(name)
+        found = listed.path if listed else Path(where.name) / name
+    if not found.is_file():
+        raise ValueError(f"{found.parent}: expected {name} of a trained finder of hands; train one with hands_train")
+    return found
