@@ -70,11 +70,17 @@ def test_backends_side_by_side(made: Made, tmp_path: Path) -> None:
 
 
 def test_a_column_that_fails_leaves_the_other(made: Made, tmp_path: Path) -> None:
-    """A learned backend without weights: exit 1, its failure is told, the other column is on the page."""
-    mine = made.copy(tmp_path)
-    said = mine.run("extraction-report", "--set", "object_completion.backend=template,sam2")
+    """Weights of another model: exit 1, its failure is told, the other column is on the page. Without any it is a fault of usage,
+    told before a clip is looked at."""
+    mine, foreign = made.copy(tmp_path), tmp_path / "foreign"
+    foreign.mkdir()
+    (foreign / "config.json").write_text('{"model_type": "clip"}')
+    both = ("--set", "object_completion.backend=template,sam2")
+    said = mine.run("extraction-report", *both, "--set", f"object_completion.model={foreign}")
     assert said.code == 1 and "object_completion_sam2" in said.words
     assert "| measure | template |" in Path(said.json["outputs"]["page"]).read_text()
+    refused = mine.run("extraction-report", *both)
+    assert refused.code == 2 and "object_completion.model=MODEL" in refused.words
 
 
 def test_a_comparison_is_planned_like_any_run(tmp_path: Path) -> None:
