@@ -37,8 +37,9 @@ def main() -> None:
     settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
     head += settings
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
+    told = section(text, "With and without the prior" if asked.full else "Clips that training never shows")
     into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name,
-         settings + section(text, "With and without the prior" if asked.full else "Clips that training never shows"))  # fmt: skip
+         settings + told if told.strip() else "Not run yet.\n")  # fmt: skip
     if not asked.full:
         into(ROOT / "README.md", "grasp", Path(__file__).name, short(found["metrics"]))
         shutil.copyfile(report / "curves.png", ROOT / "docs" / "pictures" / "grasp_curves.png")
