@@ -10,7 +10,7 @@ import numpy as np
 
 from afford.backends.hands import LEFT, RIGHT, TOUCHED, Find
 from afford.detect.follow import Track, follow
-from afford.detect.looks import Looks, look
+from afford.detect.looks import Looks, look, spread
 from afford.detect.names import names
 from afford.detect.refine import along_edges, coloured, steadied
 from afford.detect.sides import Bearing, hands_of, sided, usual
@@ -78,12 +78,7 @@ def _united(tracks: Sequence[Track]) -> dict[int, np.ndarray]:
 
 def _keys(looks: Looks, every_s: float) -> list[int]:
     """The looks that become key frames: the first and the last of every stretch, and those about `every_s` apart between."""
-    chosen: list[int] = []
-    for stretch in looks.stretches:
-        time_s = looks.time_s[stretch.start : stretch.stop]
-        wanted = np.linspace(time_s[0], time_s[-1], max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1)
-        chosen += (np.unique(np.abs(time_s[:, None] - wanted).argmin(0)) + stretch.start).tolist()
-    return chosen
+    return [stretch[i] for stretch in looks.stretches for i in spread(looks.time_s[stretch.start : stretch.stop], every_s)]
 
 
 def _key_frame(

@@ -42,7 +42,7 @@ class Looks:
 
 def look(frames: Frames, every_s: float) -> Looks:
     """Frames about `every_s` apart, the first and the last of every unbroken stretch among them."""
-    chosen = [_spread(frames, part, every_s) for part in runs(frames.frame, 1)]
+    chosen = [spread(frames.time_ns[part] / 1e9, every_s) + part.start for part in runs(frames.frame, 1)]
     at = np.concatenate(chosen)
     grey = [cv2.cvtColor(_half(rgb), cv2.COLOR_RGB2GRAY) for rgb in frames.rgb[at]]
     starts = set(np.cumsum([0, *map(len, chosen)]).tolist())
@@ -50,11 +50,11 @@ def look(frames: Frames, every_s: float) -> Looks:
     return Looks(at, frames.rgb[at], frames.time_ns[at] / 1e9, back, forth)
 
 
-def _spread(frames: Frames, part: slice, every_s: float) -> np.ndarray:
-    time_s = frames.time_ns[part] / 1e9
+def spread(time_s: np.ndarray, every_s: float) -> np.ndarray:
+    """Positions among times (n,), ascending, that are about `every_s` apart; the first and the last are among them."""
     count = max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1
     wanted = np.linspace(time_s[0], time_s[-1], count)
-    return np.unique(np.abs(time_s[:, None] - wanted).argmin(0)) + part.start
+    return np.unique(np.abs(time_s[:, None] - wanted).argmin(0))
 
 
 def _half(rgb: np.ndarray) -> np.ndarray:
