@@ -29,19 +29,25 @@ ROOT = Path(__file__).resolve().parent.parent
 SIZES = {"t": 3, "h": 6, "w": 8, "n": 2, "m": 4, "s": 5, "b": 7}
 
 
+LIMITS = {("HandLessons", "labels"): 5}
+"""(schema, field) -> values are below it, where a schema checks that"""
+
+
 def example(kind: type, seed: int) -> Any:
     """A value of any schema, filled from its own field declarations."""
     rng = np.random.default_rng(seed)
     hints = typing.get_type_hints(kind, vars(sys.modules[kind.__module__]) | {"np": np})
     fields = dataclasses.fields(kind)
-    return kind(**{f.name: array(f.metadata, rng) if "shape" in f.metadata else plain(hints[f.name], seed) for f in fields})
+    limit = {f.name: LIMITS.get((kind.__name__, f.name), 100) for f in fields}
+    return kind(**{f.name: array(f.metadata, rng, limit[f.name]) if "shape" in f.metadata else plain(hints[f.name], seed)
+                   for f in fields})  # fmt: skip
 
 
-def array(meta: Any, rng: np.random.Generator) -> np.ndarray:
+def array(meta: Any, rng: np.random.Generator, limit: int) -> np.ndarray:
     shape = [int(word) if word.isdigit() else SIZES.get(word, 2) for word in meta["shape"].split()]
     if meta["dtype"] == "bool":
         return rng.random(shape) < 0.5
-    values = rng.integers(0, 5, shape).astype(meta["dtype"])
+    values = rng.integers(0, limit, shape).astype(meta["dtype"])
     if values.dtype.kind == "f" and values.size:
         values.flat[0] = np.nan
     return values
