@@ -55,7 +55,7 @@ EXAMINED = {TEACHER: LEVELS, NO_NEGATIVE: LEVELS, STUDENT: LEVELS, POSITIVE: LEV
 """row -> levels; every other row only on what it learned on"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """other ways to examine a teacher, on what it learned on: objects that fell at random; pushes in the air"""
-SHAPES, SIZES, BALLAST = 4, (0.85, 1.15), 6.0
+SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
 """of each category to learn on; how much smaller and larger these are on the level of other sizes; how many times as dense what is
 forbidden is in half of the lessons: steel on wood, so that hands also learn to hold a thing beside its centre of mass"""
 FROM_ABOVE: dict[str, Any] = {

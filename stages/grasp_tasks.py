@@ -35,7 +35,7 @@ class Params:
     """thinnest and thickest: the second extent across its length"""
     ballast: tuple[float, ...] = (1.0,)
     """how many times as dense as the rest forbidden parts are: 1 is as it was built, 6 a blade of steel on a handle of wood"""
-    within_m: float = 0.06
+    within_m: float = 0.05
     """farthest that forbidden points may be from the centre of mass along the object: where they are farther, a hand that grasps
     near that centre meets none of them, and the task asks nothing"""
 
