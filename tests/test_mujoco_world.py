@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pytest
 
 from afford.sim.mujoco_world import MujocoWorld
 from tests.made_scenes import away, commands, scene
@@ -23,3 +24,42 @@ def test_steps_that_come_to_nothing_are_taken_anew_on_a_dense_jacobian() -> None
     assert np.array_equal(falls(sparse, 1), falls(dense, 1))
     assert np.allclose(falls(sparse, 100), falls(dense, 100), atol=1e-3)
     assert not np.array_equal(falls(sparse, 100), falls(dense, 100))
+
+
+class Refusing(MujocoWorld):
+    """A world whose next moves come to nothing, so many of them."""
+
+    refused = 0
+
+    def _moved(self) -> bool:
+        done = super()._moved()
+        self.refused -= 1
+        return done and self.refused < 0
+
+
+@pytest.mark.parametrize("refused", [1, 2])
+def test_a_step_that_diverges_is_taken_anew_and_then_in_smaller_ones(refused: int) -> None:
+    """Wherever the others were refused, a block that falls is where it would be, and the next steps are as they ever were."""
+    plain, other = MujocoWorld(scene()), Refusing(scene())
+    ends = []
+    for world in (plain, other):
+        world.reset(away(), np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0]))
+        other.refused = refused
+        ends.append(np.stack([world.step(commands(away()), 0.05).body for _ in range(3)]))
+    assert other.refused < 0
+    assert np.allclose(*ends, atol=1e-4)
+    assert other.model.opt.timestep == plain.model.opt.timestep
+
+
+def test_a_world_that_diverges_however_small_the_step_says_so_and_begins_again_as_new() -> None:
+    block = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
+    world, fresh = MujocoWorld(scene()), MujocoWorld(scene())
+    world.reset(away(), block)
+    world.push(np.array([1e13, 0.0, 0.0]), 0.05)
+    with pytest.raises(RuntimeError, match=r"diverged.*a rate above"):
+        world.step(commands(away()), 0.05)
+    ends = []
+    for one in (world, fresh):
+        one.reset(away(), block)
+        ends.append(one.step(commands(away()), 0.05).body)
+    assert np.array_equal(*ends)

@@ -31,6 +31,10 @@ COUPLING_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 IMPRATIO = 3.0
 """friction is this much stiffer than the normal direction, or what is held creeps"""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+LOST = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+"""warnings after which MuJoCo has begun again by itself"""
+FINER = 8
+"""smaller steps in place of one that diverges"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,7 @@ class MujocoWorld:
         self._limits = limits_of(scene)
         self._force, self._left = np.zeros(3), 0
         self._before = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        self._lost = [self._data.warning[kind] for kind in LOST]
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
@@ -76,23 +81,36 @@ class MujocoWorld:
             self._data.xfrc_applied[self._object, :3] = self._force if self._left else 0.0
             self._left = max(0, self._left - 1)
             self._advance()
-        if self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
-            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and began again; more iterations than "
-                               f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
         mujoco.mj_kinematics(self.model, self._data)
         return self.state()
 
     def _advance(self) -> None:
         """One step of the solver. Newton on a sparse Jacobian takes half the time, but once in many thousand steps it comes to
-        nothing where contacts slide; that step is then taken anew on a dense one."""
+        nothing where contacts slide; that step is then taken anew on a dense one, and where that diverges too, in smaller ones."""
         mujoco.mj_getState(self.model, self._data, self._before, STATE)
-        mujoco.mj_step(self.model, self._data)
-        if self._data.solver_niter[: max(1, self._data.nisland)].max() < self.model.opt.iterations:
+        if self._moved() and self._data.solver_niter[: max(1, self._data.nisland)].max() < self.model.opt.iterations:
             return
-        mujoco.mj_setState(self.model, self._data, self._before, STATE)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        mujoco.mj_step(self.model, self._data)
+        done = self._again() or self._again(FINER)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+        if not done:
+            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and began again; more iterations than "
+                               f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
+
+    def _again(self, parts: int = 1) -> bool:
+        """The step once more, in equal parts."""
+        for warning in self._lost:
+            warning.number = 0
+        mujoco.mj_setState(self.model, self._data, self._before, STATE)
+        self.model.opt.timestep = 1.0 / self.scene.physics.rate_hz / parts
+        done = all(self._moved() for _ in range(parts))
+        self.model.opt.timestep = 1.0 / self.scene.physics.rate_hz
+        return done
+
+    def _moved(self) -> bool:
+        """Whether a step was taken, and MuJoCo did not begin again."""
+        mujoco.mj_step(self.model, self._data)
+        return not any(warning.number for warning in self._lost)
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """A force on the object for a time."""
