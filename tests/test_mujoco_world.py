@@ -63,3 +63,14 @@ def test_a_world_that_diverges_however_small_the_step_says_so_and_begins_again_a
         one.reset(away(), block)
         ends.append(one.step(commands(away()), 0.05).body)
     assert np.array_equal(*ends)
+
+
+def test_nothing_is_faster_after_a_step_than_bullet_lets_it() -> None:
+    """Forces that drive the block to the bound, and to half of it."""
+    world = MujocoWorld(scene())
+    reached = []
+    for newtons in (1.0, 0.5, 100.0):
+        world.reset(away(), np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0]))
+        world.push(np.array([newtons * world.scene.body.mass_kg * 100.0 / 0.05, 0.0, 0.0]), 0.05)
+        reached.append(float(world.step(commands(away()), 0.05).velocity[0]))
+    assert np.allclose(reached, [100.0, 50.0, 100.0], atol=1.5)

@@ -33,6 +33,9 @@ IMPRATIO = 3.0
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 LOST = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 """warnings after which MuJoCo has begun again by itself"""
+FASTEST = 100.0
+"""rad/s and m/s: nothing is faster after a step, as in Bullet; a motor at its full effort drives a joint without a load beyond all
+bounds"""
 FINER = 8
 """smaller steps in place of one that diverges"""
 
@@ -60,6 +63,7 @@ class MujocoWorld:
         self._limits = limits_of(scene)
         self._force, self._left = np.zeros(3), 0
         self._before = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        self._speed = self._data.qvel
         self._lost = [self._data.warning[kind] for kind in LOST]
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
@@ -110,6 +114,7 @@ class MujocoWorld:
     def _moved(self) -> bool:
         """Whether a step was taken, and MuJoCo did not begin again."""
         mujoco.mj_step(self.model, self._data)
+        np.maximum(np.minimum(self._speed, FASTEST, out=self._speed), -FASTEST, out=self._speed)
         return not any(warning.number for warning in self._lost)
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
