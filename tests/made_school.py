@@ -12,6 +12,7 @@ SCHOOL = Settings(
     view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
     scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1),
     object_solids=replace(Settings.object_solids, points=128, hulls=8),
+    grasp_tasks=replace(Settings.grasp_tasks, within_m=1.0),
     grasp_targets=replace(Settings.grasp_targets, places=2),
     hand_imitation=replace(Settings.hand_imitation, cloning=2, alone=1, worlds=2, hidden=(16,), proofs=0),
     rl_grasp_refinement=replace(Settings.rl_grasp_refinement, updates=2, worlds=2, iterations=20),

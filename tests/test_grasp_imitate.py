@@ -109,9 +109,9 @@ def test_the_palms_velocity_is_how_its_pose_changes() -> None:
     for action in ACTIONS[:, 0]:
         made.step(action)
     state, hand = made.core.state(), shadow()
-    before, after = (forward(hand.joints, q)[0, hand.palm] for q in (state.q, state.q + h * state.qd))
-    linear = (after[:3, 3] - before[:3, 3]) / h
-    angular = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec() / h
+    before, after = (forward(hand.joints, q)[0, hand.palm] for q in (state.q - h * state.qd, state.q + h * state.qd))
+    linear = (after[:3, 3] - before[:3, 3]) / (2 * h)
+    angular = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec() / (2 * h)
     assert np.linalg.norm(angular) > 0.05
     found, wanted = made.core.tracking(), made.core.clips.at("palm_twist", np.zeros(1, int), np.array([12]))[0]
     assert found.linear_m_s[0] + wanted[:3] == pytest.approx(linear, abs=1e-4)
