@@ -25,7 +25,7 @@ from torch import nn
 
 from afford.backends.inpaint.lama import fill as fill_lama
 from afford.models.lama.generator import Generator, LamaConfig
-from afford.models.place import device_of, dtype_of
+from afford.models.pretrained import device_of, dtype_of
 from afford.models.vidm.config import VidmConfig
 from afford.models.vidm.model import Vidm
 from afford.models.vidm.model import fill as fill_vidm

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,41 @@ def test_a_room_imports_only_what_the_table_allows(room: str) -> None:
     for path in sources(room):
         found = {name.split(".")[0] for name in imported(path)} & set(ROOMS)
         assert found <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {sorted(found - MAY_IMPORT[room])}"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_is_imported_of_ours_is_there(room: str) -> None:
+    """Modules, and what is taken out of them; also in scripts that no test runs."""
+    for path in sources(room):
+        missing = {name for name in imported(path, runtime_only=False) if name.split(".")[0] in ROOMS and not there(name)}
+        assert not missing, f"{path.relative_to(ROOT)} imports {sorted(missing)}"
+
+
+def there(name: str) -> bool:
+    """Whether a full name is that of a file, of a folder, or of something that a file names at its outermost level."""
+    path = ROOT.joinpath(*name.split("."))
+    if path.is_dir() or path.with_suffix(".py").is_file():
+        return True
+    homes = [file for file in (path.parent.with_suffix(".py"), path.parent / "__init__.py") if file.is_file()]
+    return any(path.name in outermost(home) for home in homes)
+
+
+@cache
+def outermost(path: Path) -> set[str]:
+    """What a file defines or imports outside of functions and classes."""
+    names = set[str]()
+    nodes = list[ast.AST](ast.parse(path.read_text()).body)
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        else:
+            nodes += ast.iter_child_nodes(node)
+    return names
 
 
 def test_stages_never_import_each_other() -> None:
