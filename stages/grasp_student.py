@@ -23,7 +23,7 @@ from schemas.training import Trained
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "pillow", "safetensors",
              "protobuf", "blake3", "pybullet")
 THREADS = 1
-MEMORY_GIB = 2.0
+MEMORY_GIB = 3.0
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class Params:
     """of the policy and its curves"""
     seed: int = 0
     """of weights, places, yaws and minibatches"""
-    rounds: int = 16
+    rounds: int = 40
     """episodes of every world, each followed by learning"""
     worlds: int = 16
     """computed side by side, at least one for each task; tasks are taken in turn"""
-    updates: int = 80
+    updates: int = 120
     """minibatches after a round"""
     batch: int = 128
     """moments in a minibatch"""
-    buffer: int = 24000
+    buffer: int = 80000
     """moments that are remembered"""
     led: int = 4
     """rounds over which the teacher's share of the worlds falls to none"""
