@@ -7,8 +7,8 @@ from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
-NAA = 2.0
-"""times the negative terms of a set of rewards, of every row that has NAA"""
+NAA = 1.0
+"""times the negative terms of a set of rewards, of every row that has NAA: as the set has them (docs/decisions/014)"""
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
 ALONE: dict[str, Any] = {"base": "none", "std": 0.5, "std_along": 0.5}
 """without a base that holds anything there is nothing to lose by noise, and everything to find"""
