@@ -35,13 +35,15 @@ def run(
     only: Annotated[str | None, typer.Option(help="run one stage on its last inputs; says when they are stale")] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run")] = None,
     store: Store = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
     rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,
     json: Json = False,
 ) -> None:
     """Make a target. What was made before from the same code, parameters and inputs is not made again."""
-    request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash)
+    request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
+                       minutes=minutes)
     if dry_run:
         from commands.store import dry_run as plan
 
@@ -278,9 +280,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _exit_code(error: Exception) -> int:
     """Say what went wrong in one sentence; what nobody foresaw is raised again. Nobody waits for the runner's errors before."""
-    from runner import StoreError, UnknownNameError, UnknownShardError
+    from runner import NothingToLeaveError, StoreError, UnknownNameError, UnknownShardError
 
-    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, StoreError)):
+    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingToLeaveError, StoreError)):
         sys.stderr.write(f"error: {error}\n")
         return 1 if isinstance(error, StoreError) else 2
     if not hasattr(error, "exit_code"):  # click's own usage errors carry one

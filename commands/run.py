@@ -49,6 +49,7 @@ class Request:
     store: Path | None = None
     rehash: bool = False
     json: bool = False
+    minutes: float | None = None
 
 
 @dataclass
@@ -59,6 +60,7 @@ class Summary:
     ran: dict[str, int] = field(default_factory=dict)
     cached: dict[str, int] = field(default_factory=dict)
     failed: dict[str, int] = field(default_factory=dict)
+    left: dict[str, int] = field(default_factory=dict)
     outputs: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
@@ -78,14 +80,15 @@ def run(request: Request) -> int:
     graph, names = built(target, place, weighted)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
     with observer(quiet=False) as shown:
-        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown)
+        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown,
+                            limit_s=None if request.minutes is None else 60 * request.minutes)
         try:
             outputs, metrics = _published(runner, report, place, names)
         except LostError:  # a blob was damaged between the check and its use; it has been set aside and can be made again
             report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
             outputs, metrics = _published(runner, report, place, names)
     _refused(report, source)
-    summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3))
+    summary = Summary(target, report.ran, report.cached, report.failed, report.left, outputs, metrics, round(report.seconds, 3))
     _show(summary, report, source)
     if request.json:
         sys.stdout.write(json.dumps(vars(summary), sort_keys=True) + "\n")
@@ -205,6 +208,9 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     if source and source.missing:
         console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"
                       + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
+    if report.left:
+        console.print(f"time is over: {sum(report.left.values())} task(s) left, of {', '.join(report.left)}; run again to go on",
+                      highlight=False)
     for note in report.stale:
         console.print(f"[yellow]stale[/] {escape(note)}", highlight=False)
     _show_failures(console, report.failures)

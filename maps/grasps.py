@@ -13,7 +13,7 @@ from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
-from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasksShown
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.grasp_task import LEVELS, GraspTask
@@ -116,15 +116,15 @@ def uses(g: Graph, of: str, made: tuple[ObjectSpec, GraspObject], params: grasp_
     return g.named(f"{of}_tasks").add(grasp_tasks.run, spec=made[0], body=made[1], params=params)
 
 
-def naa(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...]:
+def naa(g: Graph, s: Shop, p: Settings) -> tuple[GraspTask, ...]:
     """Tasks of new shapes, told where a hand must not go as the chain of negative affordances predicts it."""
     x       = negatives.look_at(g, "naa", s.spec[NEW], p.view_render, p)
     found   = negatives.judge(g, x, negatives.teach(g, p), p, "naa_").found
-    return g.collect(g.named("naa_tasks").add(grasp_tasks_predicted.run, tasks=s.each[NEW], mesh=x.mesh, negatives=found,
-                                              params=grasp_tasks_predicted.Params()))
+    return g.named("naa_tasks").add(grasp_tasks_predicted.run, tasks=s.each[NEW], mesh=x.mesh, negatives=found,
+                                    params=grasp_tasks_predicted.Params())
 
 
-def positive(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...]:
+def positive(g: Graph, s: Shop, p: Settings) -> tuple[GraspTask, ...]:
     """Tasks to learn on, told where hands belong as the two-hand model of `run train` predicts it."""
     model   = g.pick(twohands.learn(g, twohands.stills_to_train(g, p), p), lambda t: t.files)
     x       = negatives.look_at(g, "positive", s.spec[LESSONS], p.view_render, p)
@@ -132,8 +132,8 @@ def positive(g: Graph, s: Shop, p: Settings) -> tuple[tuple[GraspTask, ...], ...
                                                 **weights(g, p, "part_describe"))
     found   = g.add(positive_affordance_projection.run, mesh=x.mesh, views=x.views, descriptions=told, model=model,
                     params=p.positive_affordance_projection, ctx=g.ctx)
-    return g.collect(g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
-                                                   params=grasp_tasks_predicted.Params()))
+    return g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
+                                         params=grasp_tasks_predicted.Params())
 
 
 def hand(g: Graph, p: Settings) -> HandModel:
@@ -204,11 +204,11 @@ def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
 
 
 def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels: Sequence[str], p: Settings,
-            **changes: Any) -> list[GraspEpisodes]:  # fmt: skip
+            **changes: Any) -> list[tuple[GraspExam, GraspEpisodes]]:  # fmt: skip
     """A policy on levels, in both engines; `changes` of what is asked."""
-    return [g.named(f"{name}_{seed}_{level}_{engine}").add(
+    return [(GraspExam(f"{name}-{seed}-{level}-{engine}", name, level, engine), g.named(f"{name}_{seed}_{level}_{engine}").add(
                 grasp_evaluate.run, hand=s.hand, tasks=s.shop.tasks[level], policy=policy, references=s.references,
-                params=replace(p.grasp_evaluate, policy=name, engine=engine, **changes), ctx=g.ctx)
+                params=replace(p.grasp_evaluate, policy=name, engine=engine, **changes), ctx=g.ctx))
             for level in levels for engine in p.grasp_report.engines]  # fmt: skip
 
 
@@ -216,7 +216,7 @@ def examine(g: Graph, s: School, policy: FileTree, name: str, seed: int, levels:
 class Played:
     """What policies have done."""
 
-    episodes: list[GraspEpisodes]
+    episodes: list[tuple[GraspExam, GraspEpisodes]]
     logs: list[TrainingLog]
     """of their trainings"""
     twice: list[TwoTasksShown]
@@ -260,23 +260,25 @@ def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     report(g, "grasp", s, played, follow(g, s, beside), p)
 
 
-def alone(g: Graph, s: School, p: Settings) -> list[GraspEpisodes]:
+def alone(g: Graph, s: School, p: Settings) -> list[tuple[GraspExam, GraspEpisodes]]:
     """The prior without any teacher, on what they learn on."""
     return examine(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p)
 
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
-    """all rows of the tables of grasping, over several seeds; go on at will"""
+    """all rows of the tables of grasping, over several seeds; with --minutes, what is finished by then; go on at will"""
     s, predicted = school(g, p), {}
     if POSITIVE in p.grasp_report.rows:
-        predicted["positives"] = s.shop.tasks[POSITIVE] = positive(g, s.shop, p)
+        drawn = positive(g, s.shop, p)
+        s.shop.tasks[POSITIVE], predicted["positives"] = g.collect(drawn), g.collect(drawn, partial=True)
     played = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), EXAMINED, p)
     for name, changes in CONDITIONS.items() if s.teachers else ():
         policy = g.pick(s.teachers[0], lambda t: t.files)
         played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
     if s.teachers and p.grasp_report.naa:
-        predicted["predicted"] = naa(g, s.shop, p)
-        told = s._replace(shop=s.shop._replace(tasks={NEW: predicted["predicted"]}))
+        found = naa(g, s.shop, p)
+        told    = s._replace(shop=s.shop._replace(tasks={NEW: g.collect(found)}))
+        predicted["predicted"] = g.collect(found, partial=True)
         played.episodes.extend(examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p))
     played.episodes.extend(alone(g, s, p))
     report(g, "grasp-full", s, played, follow(g, s, p), p, **predicted)
@@ -292,14 +294,16 @@ def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[Gr
 
 def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[ClipsFollowed], p: Settings,
            **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
-    """Tables and curves; a recording, a film and a sheet of the first policy."""
-    pairs   = tuple(g.pick(one, lambda t: t.pairs) for one in played.twice)
-    sheets  = tuple(g.pick(one, lambda t: t.sheet) for one in played.twice[:1])
-    first   = played.episodes[0]
+    """Tables and curves; a recording, a film and a sheet of the first policy. They are made of what is finished."""
+    planned, episodes = zip(*played.episodes, strict=True)
+    pairs   = g.finished("pairs", [g.pick(one, lambda t: t.pairs) for one in played.twice])
+    sheets  = g.finished("sheets", [g.pick(one, lambda t: t.sheet) for one in played.twice[:1]])
+    logs    = g.finished("logs", [g.pick(s.prior, lambda t: t.log), *played.logs])
+    first   = episodes[0]
     judged  = asked(g, s, first, p)
-    page    = g.add(grasp_report.run,       episodes=tuple(played.episodes), logs=(g.pick(s.prior, lambda t: t.log), *played.logs),
-                    followed=tuple(followed), pairs=pairs, sheets=sheets, judged=judged, params=p.grasp_report, ctx=g.ctx,
-                    **predicted)
+    page    = g.add(grasp_report.run,       episodes=g.finished("episodes", episodes), logs=logs, pairs=pairs, sheets=sheets,
+                    followed=g.finished("followed", followed), judged=judged, params=p.grasp_report, ctx=g.ctx,
+                    planned=g.leaf("planned", planned), **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)
     g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))

@@ -89,8 +89,8 @@ def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ..
 
 def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings) -> tuple[
         InteractionScores, ...]:  # fmt: skip
-    """What each of them gets right."""
-    return g.collect(g.named(f"{kind(planned)}sor3d_evaluate").add(
+    """What each of them gets right, of those that are finished."""
+    return g.collect(partial=True, value=g.named(f"{kind(planned)}sor3d_evaluate").add(
         sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files), params=p.sor3d_evaluate, ctx=g.ctx))
 
 
@@ -109,7 +109,8 @@ def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
-    """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds; go on at will"""
+    """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds, or with --minutes what is finished by
+    then; go on at will"""
     mine    = replace(p.sor3d_report, ablation=True)
     x       = lessons(g, origin, p)
     planned = recipes(mine.rows, range(mine.seeds), p.sor3d_train.variant)

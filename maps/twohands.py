@@ -119,7 +119,8 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
-    """what each part of the model is worth: rows of trainings over several seeds, on held-out stills"""
+    """what each part of the model is worth: rows of trainings over several seeds, on held-out stills; with --minutes, what is
+    finished by then"""
     planned = recipes(p.ablation_report.rows, p.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
@@ -141,4 +142,4 @@ def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe,
     said    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
                                                 params=replace(p.predict_cases, name=""), ctx=g.ctx)
     scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)
-    return g.collect(scores)
+    return g.collect(scores, partial=True)

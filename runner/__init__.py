@@ -2,7 +2,7 @@
 
     graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, target
     runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.worker:prepare", jobs=2, memory_gib=6.0)
-    report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None)  -> RunReport
+    report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None, limit_s=None)  -> RunReport
     runner.plan(graph, "dataset")                           -> list[TaskPlan], nothing is executed
     runner.explain(graph, "dataset", stage=None, shard=None)-> list[TaskPlan], with the reason of every task
     runner.load(digest) / runner.files(digest)              -> value / {name: verified path}
@@ -23,15 +23,16 @@ if TYPE_CHECKING:
     from runner.codec import Codec
     from runner.graph import Graph, GraphError, Handle
     from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
-    from runner.runner import Runner, UnknownNameError
+    from runner.runner import NothingToLeaveError, Runner, UnknownNameError
     from runner.source import SourceError
     from runner.store import LostError, StoreError
     from runner.walk import UnknownShardError
 
-__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "Observer", "Reason", "RunReport", "Runner",
-           "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingToLeaveError", "Observer", "Reason",
+           "RunReport", "Runner", "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]
 HOMES = {"codec": ("Codec",), "graph": ("Graph", "GraphError", "Handle"), "source": ("SourceError",),
-         "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"), "runner": ("Runner", "UnknownNameError"),
+         "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"),
+         "runner": ("NothingToLeaveError", "Runner", "UnknownNameError"),
          "store": ("LostError", "StoreError"), "walk": ("UnknownShardError",)}  # fmt: skip
 """module -> its names; each is imported when first asked for, so that the map can be read without the engine"""
 

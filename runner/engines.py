@@ -31,6 +31,9 @@ class Engine(Protocol):
     def wait(self, timeout_s: float | None) -> list[Message]:
         """What happened, at least one message unless the time is over."""
 
+    def end(self, key: str) -> None:
+        """Stop a job that was submitted; nothing more is said of it."""
+
     def close(self) -> None:
         """End what still runs; nothing finished is lost."""
 
@@ -53,6 +56,10 @@ class Inline:
         job, messages = self._jobs.popleft(), []
         done = execute(job, self._place, self._store, lambda n, of: messages.append(("progress", job.key, (n, of))))
         return [*messages, ("done", job.key, done)]
+
+    def end(self, key: str) -> None:
+        """It has not begun: what has, has ended."""
+        self._jobs = deque(job for job in self._jobs if job.key != key)
 
     def close(self) -> None:
         """Nothing runs outside `wait`."""
@@ -106,6 +113,12 @@ class Pool:
             worker.job = None if what == "done" else worker.job
         return messages
 
+    def end(self, key: str) -> None:
+        """Kill the worker that is at it, its lease with it; what the stage has put aside stays for the next time."""
+        for worker in [worker for worker in self._workers if worker.job is not None and worker.job.key == key]:
+            _kill(worker.process)
+            self._drop(worker)
+
     def close(self) -> None:
         """Idle workers leave by themselves; busy ones are killed, their leases with them."""
         for worker in self._workers:
@@ -134,12 +147,16 @@ class Pool:
         assert worker.job is not None
         status = worker.process.wait()
         _kill(worker.process)
-        worker.jobs.close()
-        os.close(worker.lifeline)
-        self._workers.remove(worker)
+        self._drop(worker)
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
         hint = "; the usual cause is that memory ran out: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
         return Done(worker.job.key, "failed", message=f"its worker process ended with {how} before the task was done{hint}")
+
+    def _drop(self, worker: _Worker) -> None:
+        worker.process.wait()
+        worker.jobs.close()
+        os.close(worker.lifeline)
+        self._workers.remove(worker)
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:

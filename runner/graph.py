@@ -40,6 +40,8 @@ class Node:
     """leaf: the value; stage: the function; pick: the field"""
     params: Any = None
     wants_ctx: bool = False
+    partial: bool = False
+    """collect, gather: made of what is there, also when the rest is left for another run"""
 
 
 class Handle:
@@ -135,10 +137,17 @@ class Graph:
             self._axes[source.id] = self._new("each", f"each {source.name}", (("", source.id),), axes)
         return cast(T, self._axes[source.id])
 
-    def collect(self, value: T) -> tuple[T, ...]:
-        """All elements over all axes again, in order; those that failed are left out and listed in the report."""
+    def collect(self, value: T, partial: bool = False) -> tuple[T, ...]:
+        """All elements over all axes again, in order; those that failed are left out and listed in the report. `partial`: so are
+        those that a run with a limit has left for another one, even all of them; without, the list then is left too."""
         source = self._node(value, "g.collect")
-        return cast("tuple[T, ...]", self._new("collect", f"collect {source.name}", (("", source.id),)))
+        return cast("tuple[T, ...]", self._new("collect", f"collect {source.name}", (("", source.id),), partial=partial))
+
+    def finished(self, name: str, values: Iterable[T]) -> tuple[T, ...]:
+        """Of these handles those that could be made, in order; what failed or was left for another run is left out."""
+        parts = tuple(values)
+        inputs = self._parts(parts, name) if parts else ()
+        return cast("tuple[T, ...]", self._new("gather", name, inputs, self._join(inputs, name), partial=True))
 
     def pick(self, value: T, field: Callable[[T], U]) -> U:
         """One field of an output that the codec splits into its fields (a bundle): `g.pick(h, lambda v: v.files)`."""
@@ -170,6 +179,16 @@ class Graph:
                 stack += [source for _, source in self.nodes[at].inputs]
         return [self.nodes[i] for i in sorted(need)]
 
+    def spare(self, wanted: Iterable[Node]) -> frozenset[int]:
+        """Ids of what `wanted` can do without: all that is asked of it goes through something partial."""
+        need, stack = set[int](), [node.id for node in wanted]
+        while stack:
+            node = self.nodes[stack.pop()]
+            if node.id not in need:
+                need.add(node.id)
+                stack += () if node.partial else [source for _, source in node.inputs]
+        return frozenset(node.id for node in self.upstream(wanted)) - need
+
     def stages(self) -> list[Node]:
         """Every stage, in the order written."""
         return [node for node in self.nodes if node.sort == "stage"]
@@ -194,10 +213,13 @@ class Graph:
         """The node of an argument; a tuple of handles becomes a node that gathers them."""
         if not (isinstance(value, (tuple, list)) and value and all(isinstance(item, Handle) for item in value)):
             return self._node(value, where)
-        parts = [self._node(item, where) for item in value]
-        names = [f"{i:03d}_{part.name}" for i, part in enumerate(parts)]
-        inputs = tuple((name, part.id) for name, part in zip(names, parts, strict=True))
+        inputs = self._parts(value, where)
         return cast(Node, self._new("gather", where, inputs, self._join(inputs, where)).__dict__["_node"])
+
+    def _parts(self, values: Sequence[Any], where: str) -> tuple[tuple[str, int], ...]:
+        """Nodes of the elements of a tuple, under names that keep their order."""
+        parts = [self._node(item, where) for item in values]
+        return tuple((f"{i:03d}_{part.name}", part.id) for i, part in enumerate(parts))
 
     def _join(self, inputs: Sequence[tuple[str, int]], where: str) -> tuple[int, ...]:
         """The longest axes of the inputs; GraphError when another input is not on a prefix of them."""
@@ -238,7 +260,7 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
 
 def _same(a: Node, b: Node) -> bool:
     """Whether two nodes compute the same, whatever they are called. (An `each` is told by its axis.)"""
-    return a.sort == b.sort != "each" and (a.inputs, a.value, a.params) == (b.inputs, b.value, b.params)
+    return a.sort == b.sort != "each" and (a.inputs, a.value, a.params, a.partial) == (b.inputs, b.value, b.params, b.partial)
 
 
 def _is_frozen(params: Any) -> bool:

@@ -32,6 +32,10 @@ class Planner:
         """Nothing fails in a plan."""
         raise AssertionError(f"{node.name} {path}: {cause} failed in a plan")
 
+    def left(self, node: Node, path: Path_) -> None:
+        """Nothing is left in a plan."""
+        raise AssertionError(f"{node.name} {path} was left in a plan")
+
     def pending(self, node: Node, path: Path_) -> None:
         """It may run, or not, according to what comes out above."""
         self.plans.append(TaskPlan(node.name, "/".join(path), "pending", Reason("upstream pending")))

@@ -7,7 +7,7 @@ from typing import Any, Literal, Protocol
 
 Why = Literal["first run", "input changed", "parameter changed", "code changed", "schema changed", "library version changed",
               "threads changed", "output lost", "output damaged", "forced", "upstream pending"]
-Result = Literal["ran", "cached", "failed", "blocked"]
+Result = Literal["ran", "cached", "failed", "blocked", "left"]
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,8 @@ class RunReport:
     cached: dict[str, int] = field(default_factory=dict)
     failed: dict[str, int] = field(default_factory=dict)
     blocked: dict[str, int] = field(default_factory=dict)
+    left: dict[str, int] = field(default_factory=dict)
+    """what a run with a limit has left for the next one"""
     failures: list[Failure] = field(default_factory=list)
     outputs: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
     stale: list[str] = field(default_factory=list)

@@ -19,10 +19,10 @@ from runner.lease import Lease
 from runner.modules import Modules
 from runner.planner import Planner
 from runner.report import Observer, Reason, RunReport, Silent, TaskPlan
-from runner.schedule import Budget, Schedule
+from runner.schedule import Budget, Limit, Schedule
 from runner.store import Store, StoreError, prepare_store
 from runner.traces import Traces, failures
-from runner.walk import Walk
+from runner.walk import FAILED, NOTHING, Walk
 
 
 class Runner:
@@ -46,16 +46,18 @@ class Runner:
     # -- run -------------------------------------------------------------------------------------------------------
 
     def run(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None, only: str | None = None,
-            force: Iterable[str] = (), observer: Observer | None = None) -> RunReport:
+            force: Iterable[str] = (), observer: Observer | None = None, limit_s: float | None = None) -> RunReport:
         """Make a target (its name, a handle, or handles). `shards` limits fan-outs to the elements named; `only` runs one
-        stage on its last recorded inputs; `force` names stages to make again. UnknownNameError, UnknownShardError;
+        stage on its last recorded inputs; `force` names stages to make again; `limit_s`: after so long, what the target can do
+        without is left for the next run (NothingToLeaveError when there is no such thing). UnknownNameError, UnknownShardError;
         SourceError when code cannot be followed. Failures of shards are in the report, not raised."""
         began = time.monotonic()
+        limit = Limit() if limit_s is None else self._limit(graph, target, began + limit_s)
         self._check_names(graph, [*force, *([only] if only else [])])
         report = RunReport(target if isinstance(target, str) else "")
         with self._session() as engine:
             desk = Desk(self.store, self.traces, self.modules, force)
-            schedule = Schedule(desk, engine, self._budget, observer or Silent(), report)
+            schedule = Schedule(desk, engine, self._budget, observer or Silent(), report, limit)
             walk = Walk(graph, self._wanted(graph, target), desk, schedule, shards or ())
             schedule.walk = walk
             if only:
@@ -189,7 +191,7 @@ class Runner:
         schedule.loop(lambda: None)
         outcome = schedule.walk.outcome
         report.outputs[name] = [(shard, outcome[node.id, tuple(shard.split("/")) if shard else ()]) for shard in made]
-        report.outputs[name] = [(shard, digest) for shard, digest in report.outputs[name] if digest != "failed"]
+        report.outputs[name] = [(shard, digest) for shard, digest in report.outputs[name] if digest not in NOTHING]
 
     def _again(self, node: Node, path: tuple[str, ...], inputs: dict[str, str], schedule: Schedule) -> str:
         desk = schedule.walk.desk
@@ -202,18 +204,29 @@ class Runner:
             schedule.needed(task, Reason(reason.why, reason.detail))
         return task.key
 
+    def _limit(self, graph: Graph, target: Any, end: float) -> Limit:
+        spare = graph.spare(self._wanted(graph, target))
+        if not spare:
+            name = target if isinstance(target, str) else "this"
+            raise NothingToLeaveError(f"{name} is made whole or not at all: a run has nothing of it to leave for the next one")
+        return Limit(end, spare)
+
     def _wanted(self, graph: Graph, target: Any) -> list[Node]:
         return [graph.node_of(handle) for handle in _handles(graph, target)]
 
     def _outputs(self, graph: Graph, target: Any, walk: Walk) -> dict[str, list[tuple[str, str]]]:
         return {node.name: [("/".join(path), walk.outcome[node.id, path]) for path in walk._ordered(node.axes)
-                            if walk.outcome.get((node.id, path), "failed") != "failed"] for node in self._wanted(graph, target)}
+                            if walk.outcome.get((node.id, path), FAILED) not in NOTHING] for node in self._wanted(graph, target)}
 
     def _check_names(self, graph: Graph, names: Iterable[str]) -> None:
         valid = [node.name for node in graph.stages()]
         for name in names:
             if name not in valid:
                 raise UnknownNameError(f"there is no stage {name!r}; the nearest are {_nearest(name, valid)}")
+
+
+class NothingToLeaveError(ValueError):
+    """A run with a limit of a target that is made whole or not at all."""
 
 
 class UnknownNameError(ValueError):

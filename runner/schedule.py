@@ -1,6 +1,7 @@
 """A run: tasks that must be made go to an engine within a budget of cores and memory, and what they make goes back to the walk.
 
-Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning.
+Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning; of equally deep ones,
+those that were known first. When the time of a run with a limit is over, what the target can do without is left for the next run.
 """
 
 from __future__ import annotations
@@ -8,14 +9,14 @@ from __future__ import annotations
 import heapq
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from runner.desk import Desk, Path_, Task
 from runner.engines import Engine
 from runner.execute import Done
 from runner.graph import Node
 from runner.report import Failure, Observer, Reason, RunReport, count
-from runner.walk import FAILED, Walk
+from runner.walk import FAILED, LATE, Walk
 
 PATIENCE_S = 0.05
 HEALS = 3  # so often is a task given new inputs when those it has cannot be read
@@ -29,11 +30,29 @@ class Budget:
     memory_gib: float
 
 
+@dataclass(frozen=True)
+class Limit:
+    """When a run is to end, on the clock of time.monotonic, and the nodes that can then be left for another one."""
+
+    end: float = float("inf")
+    spare: frozenset[int] = field(default_factory=frozenset)
+
+    def left_s(self) -> float | None:
+        """How long until then; None when there is no limit, or it is over."""
+        left = self.end - time.monotonic()
+        return left if 0 < left < float("inf") else None
+
+    def over(self, node: Node) -> bool:
+        """Whether it is too late for this one."""
+        return node.id in self.spare and time.monotonic() >= self.end
+
+
 class Schedule:
     """The listener of a walk that makes what is needed."""
 
-    def __init__(self, desk: Desk, engine: Engine, budget: Budget, observer: Observer, report: RunReport) -> None:
-        self._desk, self._engine, self._budget = desk, engine, budget
+    def __init__(self, desk: Desk, engine: Engine, budget: Budget, observer: Observer, report: RunReport,
+                 limit: Limit | None = None) -> None:
+        self._desk, self._engine, self._budget, self._limit = desk, engine, budget, limit or Limit()
         self._observer, self.report = observer, report
         self._ready: list[tuple[int, int, Task, Reason]] = []
         self._running: dict[str, tuple[Task, Reason]] = {}
@@ -55,7 +74,10 @@ class Schedule:
     def needed(self, task: Task, reason: Reason) -> None:
         """Keep it until cores and memory allow."""
         self._plan(task)
-        self._push(task, reason)
+        if self._limit.over(task.node):
+            self._leave(task)
+        else:
+            self._push(task, reason)
 
     def blocked(self, node: Node, path: Path_, cause: str) -> None:
         """It cannot run; the run goes on."""
@@ -63,6 +85,13 @@ class Schedule:
         count(self.report.blocked, node.name)
         self._observer.planned(node.name, shard)
         self._observer.finished(node.name, shard, "blocked", 0.0, 0.0, f"its input {cause} could not be made")
+
+    def left(self, node: Node, path: Path_) -> None:
+        """It is for the next run."""
+        shard = "/".join(path)
+        count(self.report.left, node.name)
+        self._observer.planned(node.name, shard)
+        self._observer.finished(node.name, shard, "left", 0.0, 0.0, "")
 
     def pending(self, node: Node, path: Path_) -> None:
         """Never in a run: every input is made."""
@@ -73,9 +102,11 @@ class Schedule:
     def loop(self, follow: Callable[[], None]) -> None:
         """Until nothing is left to do; `follow` takes outcomes down the graph."""
         while self._ready or self._running or self._parked:
+            self._leave_late()
             self._unpark()
             self._fill()
-            messages = self._engine.wait(PATIENCE_S if self._parked else None)
+            patience = PATIENCE_S if self._parked else self._limit.left_s()
+            messages = self._engine.wait(patience) if self._running else []
             for what, key, said in messages:
                 if what == "done":
                     self._done(*self._running.pop(key), said)
@@ -88,7 +119,7 @@ class Schedule:
 
     def _push(self, task: Task, reason: Reason) -> None:
         self._order += 1
-        heapq.heappush(self._ready, (-task.node.id, self._order, task, reason))
+        heapq.heappush(self._ready, (-self.walk.depth[task.node.id], self._order, task, reason))
 
     def _fill(self) -> None:
         """Start whatever fits, deepest first; something always runs, however much it asks for."""
@@ -121,6 +152,28 @@ class Schedule:
         self._parked = [entry for entry in self._parked if entry[0] > now]
         for _, task, reason in due:
             self._push(task, reason)
+
+    def _leave_late(self) -> None:
+        """Once the time is over: stop what the target can do without, and begin no more of it."""
+        for task, reason in [entry for entry in self._running.values() if self._limit.over(entry[0].node)]:
+            self._engine.end(task.key)
+            del self._running[task.key]
+            for twin in self._twins.pop(task.key, []):
+                self._push(twin, reason)
+            self._leave(task)
+        late = [task for _, _, task, _ in self._ready if self._limit.over(task.node)]
+        late += [task for _, task, _ in self._parked if self._limit.over(task.node)]
+        gone = {id(task) for task in late}
+        self._ready = [entry for entry in self._ready if id(entry[2]) not in gone]
+        self._parked = [entry for entry in self._parked if id(entry[1]) not in gone]
+        heapq.heapify(self._ready)
+        for task in late:
+            self._leave(task)
+
+    def _leave(self, task: Task) -> None:
+        count(self.report.left, task.node.name)
+        self._observer.finished(task.node.name, task.shard, "left", 0.0, 0.0, "")
+        self.walk.publish(task.node, task.path, LATE)
 
     # -- what an engine says ---------------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """Which task comes next: outcomes flow down the graph as they become known, one shard at a time, with no barrier but `collect`.
 
-A place is (node, path): one shard of a node. Its outcome is an artifact digest, FAILED, or (in a plan) UNKNOWN. Whoever walks
+A place is (node, path): one shard of a node. Its outcome is an artifact digest, FAILED, LATE, or (in a plan) UNKNOWN. Whoever walks
 is told through a `Listener` what to do with tasks whose inputs are known; it answers, now or later, with `publish`.
 """
 
@@ -15,7 +15,8 @@ from runner.desk import Desk, Path_, Task
 from runner.graph import Graph, Node
 from runner.report import Reason
 
-FAILED, UNKNOWN = "failed", "unknown"
+FAILED, LATE, UNKNOWN = "failed", "late", "unknown"
+NOTHING = (FAILED, LATE)
 Place_ = tuple[int, Path_]
 
 
@@ -34,6 +35,9 @@ class Listener(Protocol):
 
     def blocked(self, node: Node, path: Path_, cause: str) -> None:
         """An input failed; `cause` says which."""
+
+    def left(self, node: Node, path: Path_) -> None:
+        """An input is left for another run, and so is this."""
 
     def pending(self, node: Node, path: Path_) -> None:
         """An input is not known in this plan."""
@@ -56,7 +60,9 @@ class Walk:
         self._known: dict[int, int] = defaultdict(int)
         self._asked: dict[Place_, dict[str, str]] = {}
         self._queue: deque[Place_] = deque()
+        self.depth: dict[int, int] = {}
         for node in self.nodes:
+            self.depth[node.id] = 1 + max((self.depth[source] for _, source in node.inputs), default=0)
             for source in dict.fromkeys(source for _, source in node.inputs):
                 self._users[source].append(node)
 
@@ -142,8 +148,14 @@ class Walk:
         if inputs is None or self._asked.get((node.id, path)) == inputs:
             return
         self._asked[node.id, path] = inputs
+        if node.partial:
+            inputs = self._there(inputs)
         if FAILED in inputs.values():
             self._blocked(node, path, inputs)
+        elif LATE in inputs.values():
+            if node.sort == "stage":
+                self.listener.left(node, path)
+            self.publish(node, path, LATE)
         elif UNKNOWN in inputs.values():
             if node.sort == "stage":
                 self.listener.pending(node, path)
@@ -154,6 +166,11 @@ class Walk:
             self.publish(node, path, self.desk.store.put_tuple(list(inputs.items())))
         else:
             self._judge(self.desk.task(node, path, inputs))
+
+    def _there(self, inputs: dict[str, str]) -> dict[str, str]:
+        """What of it could be made, which may be nothing yet; all of it when there is nothing because it failed."""
+        found = {name: outcome for name, outcome in inputs.items() if outcome not in NOTHING}
+        return found if found or FAILED not in inputs.values() else inputs
 
     def _judge(self, task: Task) -> None:
         output, reason = self.desk.judge(task)
@@ -178,7 +195,7 @@ class Walk:
     def _expand(self, node: Node, path: Path_) -> None:
         """A list is known: its elements become places, in order."""
         outcome = self.outcome[node.inputs[0][1], path]
-        elements = [] if outcome == FAILED else [("*", UNKNOWN)] if outcome == UNKNOWN else self._elements(node, outcome)
+        elements = [] if outcome in NOTHING else [("*", UNKNOWN)] if outcome == UNKNOWN else self._elements(node, outcome)
         siblings = {name for name, _ in elements}
         kept = [(name, digest) for name, digest in elements if self._wanted(node, path, name, siblings)]
         self._expanded[node.id].add(path)
@@ -216,18 +233,22 @@ class Walk:
         if any(outcome == UNKNOWN for _, outcome in outcomes):
             self._settle(node, UNKNOWN)
             return
-        good = [("/".join(path), outcome) for path, outcome in outcomes if outcome != FAILED]
-        failed = len(good) < len(outcomes) or self._failed_above(source) or bool(self._shards)
+        good = [("/".join(path), outcome) for path, outcome in outcomes if outcome not in NOTHING]
+        above = self._above(source)
+        if not node.partial and LATE in above.union(outcome for _, outcome in outcomes):
+            self._settle(node, LATE)
+            return
+        failed = any(outcome == FAILED for _, outcome in outcomes) or FAILED in above or bool(self._shards)
         self._settle(node, FAILED if failed and not good else self.desk.store.put_tuple(good))
 
     def _settle(self, node: Node, outcome: str) -> None:
         if self.outcome.get((node.id, ())) != outcome:
             self.publish(node, (), outcome)
 
-    def _failed_above(self, source: Node) -> bool:
-        """Whether some list above could not be made, so that nothing came of it."""
-        return any(self.outcome.get((self.graph.nodes[axis].inputs[0][1], path)) == FAILED
-                   for axis in source.axes for path in self._expanded[axis])
+    def _above(self, source: Node) -> set[str | None]:
+        """Outcomes of the lists above; of one that could not be made nothing came."""
+        return {self.outcome.get((self.graph.nodes[axis].inputs[0][1], path))
+                for axis in source.axes for path in self._expanded[axis]}
 
     def _complete(self, axes: tuple[int, ...]) -> bool:
         return not axes or (self._complete(axes[:-1]) and len(self._expanded[axes[-1]]) == len(self.paths[axes[:-1]]))

@@ -33,6 +33,16 @@ class GraspTrace(Schema):
 
 
 @dataclass(frozen=True)
+class GraspExam(Schema):
+    """One examination that a report is to tell of, finished or not."""
+
+    name: str = value("id, unique among its siblings: policy-seed-level-engine")
+    policy: str = value("as of its GraspEpisodes")
+    level: str = value("one of schemas.grasp_task.LEVELS")
+    engine: str = value("mujoco or bullet")
+
+
+@dataclass(frozen=True)
 class GraspEpisodes(Schema):
     """n episodes of one policy in one setting."""
 

@@ -2,6 +2,7 @@
 
 Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets;
         GraspJudgement of a policy; GraspTasks whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
+        GraspExam of all that was planned, finished or not
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png,
         two_tasks.png
 Method  means over episodes, then over seeds; Wilson's intervals; the teacher against the row without a prior (hti.*_with, _without)
@@ -14,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.context import Context
-from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasks
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.training import TrainingLog
@@ -43,9 +44,9 @@ class Params:
 def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], followed: tuple[ClipsFollowed, ...],
         pairs: tuple[TwoTasks, ...], sheets: tuple[FileTree, ...], judged: tuple[GraspJudgement, ...], params: Params, ctx: Context,
         predicted: tuple[tuple[GraspTask, ...], ...] = (),
-        positives: tuple[tuple[GraspTask, ...], ...] = ()) -> FileTree:  # fmt: skip
+        positives: tuple[tuple[GraspTask, ...], ...] = (), planned: tuple[GraspExam, ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
     from afford.grasp.report import Beside, write
 
     told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))
-    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, judged, told, drawn), ctx.scratch)
+    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, judged, told, drawn, planned), ctx.scratch)

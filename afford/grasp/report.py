@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +17,7 @@ from afford.dataset.files import empty_folder, tree, write_json
 from afford.grasp import agreement, report_clips, report_pairs
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
-from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspJudgement, TwoTasks
+from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import LEVELS, GraspTask
 from schemas.training import TrainingLog
@@ -35,6 +37,8 @@ class Cell(NamedTuple):
     level: str
     engine: str
     runs: tuple[GraspEpisodes, ...]
+    planned: int = 0
+    """how many were to be; 0: those that there are"""
 
     def mean(self, name: str, successes: bool = False) -> float:
         """Of a figure, over episodes of each seed, then over seeds; NaN where no episode has it."""
@@ -60,18 +64,31 @@ class Cell(NamedTuple):
         return float(ci.low), float(ci.high)
 
     @property
+    def missing(self) -> int:
+        """How many seeds are not finished."""
+        return max(0, self.planned - len(self.runs))
+
+    @property
+    def done(self) -> str:
+        """How many seeds, for people."""
+        return f"{len(self.runs)} of {self.planned}, not finished" if self.missing else str(len(self.runs))
+
+    @property
     def episodes(self) -> int:
         """How many, over all seeds."""
         return sum(len(one.task) for one in self.runs)
 
 
-def cells(episodes: Sequence[GraspEpisodes]) -> list[Cell]:
-    """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS."""
-    policies, levels = list(dict.fromkeys(one.policy for one in episodes)), dict.fromkeys((*LEVELS, *(e.level for e in episodes)))
-    engines = list(dict.fromkeys((MAIN, *(one.engine for one in episodes))))
-    keys = [(policy, level, engine) for policy in policies for level in levels for engine in engines]
-    found = [Cell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key)) for key in keys]
-    return [cell for cell in found if cell.runs]
+def cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[Cell]:
+    """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS; those that were planned
+    also where none is finished."""
+    every: tuple[GraspEpisodes | GraspExam, ...] = (*planned, *episodes)
+    policies, levels = dict.fromkeys(one.policy for one in every), dict.fromkeys((*LEVELS, *(one.level for one in every)))
+    engines = dict.fromkeys((MAIN, *(one.engine for one in every)))
+    wanted = Counter((one.policy, one.level, one.engine) for one in planned)
+    keys = product(policies, levels, engines)
+    found = [Cell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key), wanted[key]) for key in keys]
+    return [cell for cell in found if cell.runs or cell.planned]
 
 
 FIGURES: tuple[tuple[str, str, Callable[[Cell], float]], ...] = (
@@ -96,14 +113,16 @@ SHARES = ("succ", "succ_low", "succ_high", "succ_sd", "held")
 """percent in tables, shares in metrics"""
 
 
-def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
+def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> dict[str, float]:
     """Flat; names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes,
-    `.all` over all episodes. Rows of a group (lambda_half, transfer_hti) have it as their first word (lambda.half)."""
+    `.all` over all episodes; `seeds` are finished and `unfinished` are not. Rows of a group (lambda_half, transfer_hti) have it as
+    their first word (lambda.half)."""
     out = dict[str, float]()
-    for cell in cells(episodes):
+    for cell in cells(episodes, planned):
         row = GROUP.sub(r"\1.", cell.policy)
         prefix = f"{row}." if cell.engine == MAIN else f"{cell.engine}.{row}."
-        named = {name: of(cell) / (PCT if name in SHARES else 1.0) for name, _, of in FIGURES}
+        named = {name: of(cell) / (PCT if name in SHARES else 1.0) for name, _, of in FIGURES if cell.runs}
+        named |= {"seeds": float(len(cell.runs)), "unfinished": float(cell.missing)}
         out |= {f"{prefix}{name}.{cell.level}": value for name, value in named.items()}
         if cell.level == "train":
             out |= {f"{prefix}{name}": value for name, value in named.items()}
@@ -114,15 +133,15 @@ def metrics(episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = ()) -> str:
-    """All cells, `more` lines, the published rows, and the first policy task by task."""
+def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planned: Sequence[GraspExam] = ()) -> str:
+    """All cells, those that are not finished marked so, `more` lines, the published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
              "negative point at the last step. Physics is strict (100 iterations, 480 Hz); policies act by their mean.", "",
-             f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} |",
-             f"|---|---|---|{'--:|' * len(FIGURES)}"]  # fmt: skip
-    for cell in cells(episodes):
-        values = [_text(of(cell), 2 if "depth" in head or "contact" in head else 1) for _, head, of in FIGURES]
-        lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
+             f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} | seeds |",
+             f"|---|---|---|{'--:|' * (len(FIGURES) + 1)}"]  # fmt: skip
+    for cell in cells(episodes, planned):
+        values = [_text(of(cell), _digits(head)) if cell.runs else "" for _, head, of in FIGURES]
+        lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} | {cell.done} |")
     return "\n".join([*lines, "", *more, *_published(), "", *_tasks(episodes), ""])
 
 
@@ -149,6 +168,10 @@ def _tasks(episodes: Sequence[GraspEpisodes]) -> list[str]:
 def _mean(values: np.ndarray, chosen: np.ndarray | None) -> float:
     kept = values[np.isfinite(values) & (chosen if chosen is not None else True)]
     return float(kept.mean()) if len(kept) else float("nan")
+
+
+def _digits(head: str) -> int:
+    return 2 if "depth" in head or "contact" in head else 0 if head == "n" else 1
 
 
 def _text(value: float, digits: int) -> str:
@@ -178,6 +201,8 @@ class Beside(NamedTuple):
     """tasks whose N_t was predicted"""
     positives: Sequence[GraspTask] = ()
     """tasks whose A_t was"""
+    planned: Sequence[GraspExam] = ()
+    """of what was to be played"""
 
 
 def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch: Path) -> FileTree:
@@ -193,10 +218,11 @@ def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch:
     worth = agreement.metrics(beside.predicted, episodes) | agreement.positive_metrics(beside.positives)
     told = report_clips.tracking(beside.followed) | report_pairs.metrics(beside.pairs)
     more = last | marks | told | compared | worth
-    write_json(folder / "metrics.json", metrics(episodes) | {key: value for key, value in more.items() if np.isfinite(value)})
+    finite = {key: value for key, value in more.items() if np.isfinite(value)}
+    write_json(folder / "metrics.json", metrics(episodes, beside.planned) | finite)
     lines = [*report_clips.lines(beside.followed, compared), *report_pairs.lines(beside.pairs),
              *agreement.lines(beside.predicted, episodes), *agreement.positive_lines(beside.positives)]  # fmt: skip
-    (folder / "report.md").write_text(markdown(episodes, lines), encoding="utf-8")
+    (folder / "report.md").write_text(markdown(episodes, lines, beside.planned), encoding="utf-8")
     if runs := by_row(logs):
         write_curves(folder / "curves.png", runs)
     for sheet in beside.sheets[:1]:
