@@ -60,10 +60,11 @@ class Summary:
     ran: dict[str, int] = field(default_factory=dict)
     cached: dict[str, int] = field(default_factory=dict)
     failed: dict[str, int] = field(default_factory=dict)
-    left: dict[str, int] = field(default_factory=dict)
     outputs: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    left: dict[str, int] | None = None
+    """only of a run with --minutes"""
 
 
 def run(request: Request) -> int:
@@ -88,10 +89,12 @@ def run(request: Request) -> int:
             report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
             outputs, metrics = _published(runner, report, place, names)
     _refused(report, source)
-    summary = Summary(target, report.ran, report.cached, report.failed, report.left, outputs, metrics, round(report.seconds, 3))
+    summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
+                      None if request.minutes is None else report.left)
     _show(summary, report, source)
     if request.json:
-        sys.stdout.write(json.dumps(vars(summary), sort_keys=True) + "\n")
+        said = {name: value for name, value in vars(summary).items() if value is not None}
+        sys.stdout.write(json.dumps(said, sort_keys=True) + "\n")
     return 0 if report.ok else 1
 
 

@@ -41,6 +41,8 @@ def mine(made: Made, tmp_path: Path) -> Made:
         (("run", "dataset", "--clip", "P96_1"), "P96_01"),
         (("run", "dataset", "--jobs", "-1"), "expected 0"),
         (("run", "dataset", "--jobs", "many"), "not a valid int"),
+        (("run", "dataset", "--minutes", "5"), "dataset is made whole or not at all"),
+        (("run", "dataset", "--minutes", "-5"), "not in the range"),
         (("run", "dataset", "--dri-run"), "--dry-run"),
         (("status", "datset"), "did you mean 'dataset'"),
         (("explain", "mask_densfy"), "did you mean 'mask_densify'"),

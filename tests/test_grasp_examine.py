@@ -16,7 +16,7 @@ from afford.grasp.examine import FIGURES
 from afford.grasp.report import by_row, cells, markdown, metrics
 from afford.grasp.task import of
 from schemas.context import Context
-from schemas.episodes import GraspEpisodes
+from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.files import FileTree
 from schemas.grasp_task import GraspTask
 from schemas.mesh import ObjectSpec
@@ -102,6 +102,21 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     here = Scratch(tmp_path_factory.mktemp("report"))
     files = grasp_report.run((strict, script), (), (), (), (), (), grasp_report.Params(), here)
     assert [file.name for file in files.files] == ["metrics.json", "report.md"]
+
+
+def test_what_was_planned_and_is_not_finished_is_marked(script: GraspEpisodes, tmp_path: Path) -> None:
+    """A row of two seeds with one done, one without any; figures are of what is there."""
+    planned = tuple(GraspExam(f"{policy}-{seed}", policy, script.level, script.engine)
+                    for policy in (script.policy, "student") for seed in range(2))  # fmt: skip
+    found = metrics([script], planned)
+    assert (found[f"mujoco.{script.policy}.seeds"], found[f"mujoco.{script.policy}.unfinished"]) == (1, 1)
+    assert (found["mujoco.student.seeds"], found["mujoco.student.unfinished"]) == (0, 2) and "mujoco.student.succ" not in found
+    assert {name: value for name, value in found.items() if "student" not in name and "unfinished" not in name} == {
+        name: value for name, value in metrics([script]).items() if "unfinished" not in name}
+    lines = [line for line in markdown([script], (), planned).splitlines() if "not finished" in line]
+    assert [line.split("|")[-2].strip() for line in lines] == ["1 of 2, not finished", "0 of 2, not finished"]
+    files = grasp_report.run((script,), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path), planned=planned)
+    assert "0 of 2, not finished" in files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
 
 
 def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:

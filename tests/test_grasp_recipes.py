@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from afford.grasp.recipes import POSITIVE, ROWS, STUDENT, TEACHER, planned
+from maps.settings import Origin, Settings
+from pipeline import build
 from stages import grasp_report, rl_grasp_refinement
 
 
@@ -24,3 +26,13 @@ def test_what_is_unknown_or_out_of_order_is_refused() -> None:
     for rows, seeds in ((("teacher", "magic"), 1), ((STUDENT, TEACHER), 1), ((TEACHER,), 0)):
         with pytest.raises(ValueError, match="grasp rows"):
             planned(rows, seeds)
+
+
+def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -> None:
+    """The first policy is recorded, and the prior is an output; all others can wait, and so can what they are told."""
+    g = build("grasp-full", Origin("synthetic"), Settings())
+    spare = g.spare([g.node_of(handle) for handle in g.targets["grasp-full"]])
+    names = {node.name for node in g.stages() if node.id in spare}
+    assert {"teacher_1", "student_0", "no_negative_0", "teacher_0_unseen_size_bullet", "teacher_naa_0_unseen_object_mujoco",
+            "followed_train_bullet", "scorer_train", "teacher_0_two_tasks_bullet"} <= names
+    assert not {"teacher_0", "teacher_0_train_bullet", "hand_imitation", "grasp_report", "grasp_record"} & names
