@@ -21,7 +21,7 @@ from schemas.motion import GraspTarget, ReferenceSet
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
-THREADS = 1
+THREADS = 2
 MEMORY_GIB = 2.0
 
 
@@ -86,7 +86,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     from afford.training.state import State
 
     _check(params)
-    with repeatable(THREADS, "cpu"):
+    with repeatable(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
         lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
                                       params.proof_engines, params.worlds, params.seed)
         model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
@@ -101,7 +101,8 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
 def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a leaf's type, and leafs load inside `run`
     from afford.grasp.rehearse import Rehearsal
 
-    return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray)
+    return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray,
+                     threads=THREADS)
 
 
 def _plan(p: Params):  # type: ignore[no-untyped-def]  # as above
