@@ -1,6 +1,6 @@
 """Train and examine hands that grasp, and write how they do where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full] [--set STAGE.PARAM=VALUE ...]
+    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full] [--minutes N] [--set STAGE.PARAM=VALUE ...]
 
 Writes the results block of docs/grasping.md (with --full that of all rows), that of docs/imitation.md, the table of the README,
 docs/pictures/grasps.png, two_tasks.png and grasp_curves.png. Nothing in those is typed by hand.
@@ -27,9 +27,11 @@ def main() -> None:
     parser.add_argument("--store")
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--set", action="append", default=[], help="for fewer rows or seeds; it is written beside the table")
+    parser.add_argument("--minutes", help="with --full: rows that are not finished by then are marked so")
     asked = parser.parse_args()
     target = "grasp-full" if asked.full else "grasp"
-    found = make(target, asked.store, *(word for one in asked.set for word in ("--set", one)))
+    limit = ("--minutes", asked.minutes) if asked.minutes else ()
+    found = make(target, asked.store, *limit, *(word for one in asked.set for word in ("--set", one)))
     report = Path(found["outputs"]["report"])
     text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
     took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"

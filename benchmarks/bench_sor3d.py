@@ -33,11 +33,13 @@ def main() -> None:
     parser.add_argument("--rows", default=",".join(sor3d_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=sor3d_report.Params.seeds)
     parser.add_argument("--set", action="append", default=[])
+    parser.add_argument("--minutes", help="with --ablation: rows that are not finished by then are marked so")
     asked = parser.parse_args()
+    limit = ("--minutes", asked.minutes) if asked.minutes else ()
     sets = tuple(word for one in asked.set for word in ("--set", one))
     if asked.ablation:
         plan = ("--set", f"sor3d_report.rows={asked.rows}", "--set", f"sor3d_report.seeds={asked.seeds}")
-        found = make("sor3d-ablation", asked.store, *sets, *plan)
+        found = make("sor3d-ablation", asked.store, *limit, *sets, *plan)
         into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
         return
     made = make("sor3d", asked.store, *sets)
