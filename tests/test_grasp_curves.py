@@ -52,6 +52,16 @@ def test_seeds_that_stopped_early_end_the_mean(tmp_path: Path) -> None:
     assert drawn(tmp_path / "x.png").std() > 5
 
 
+def test_a_term_that_nobody_pays_has_no_panel(tmp_path: Path) -> None:
+    """0 in every run; where one run pays it, it is shown."""
+    at = np.arange(40)
+    curves = [(Curve("train.success", at, at / 40), Curve("train.reward/positive", at, np.full(40, paid))) for paid in (0.0, -0.1)]
+    unpaid, paid = (TrainingLog("x", found, 40, 40) for found in curves)
+    write_curves(tmp_path / "none.png", {"run": [unpaid]})
+    write_curves(tmp_path / "one.png", {"run": [unpaid], "other": [paid]})
+    assert drawn(tmp_path / "one.png").shape[1] == 2 * drawn(tmp_path / "none.png").shape[1]
+
+
 def test_nothing_to_draw_is_said(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="expected curves of success, AS or rewards, got none in run"):
         write_curves(tmp_path / "x.png", {"run": [log(0.9, 0, ("train.kl",))]})

@@ -84,8 +84,9 @@ def smoothed(value: np.ndarray) -> np.ndarray:
 
 
 def _shown(runs: Mapping[str, Sequence[TrainingLog]]) -> list[str]:
-    """Names of TITLES in their order, then rewards."""
-    known = sorted({curve.name for logs in runs.values() for log in logs for curve in log.curves})
+    """Names of TITLES in their order, then rewards that any run pays: a term without a weight is 0 throughout."""
+    curves = [curve for logs in runs.values() for log in logs for curve in log.curves]
+    known = sorted({curve.name for curve in curves if REWARD not in curve.name or np.any(curve.value)})
     first = [name for word in TITLES for name in known if _word(name) == word and REWARD not in name]
     return first + [name for name in known if REWARD in name]
 
