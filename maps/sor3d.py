@@ -87,11 +87,12 @@ def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ..
                                            ctx=g.ctx, **more)
 
 
-def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings) -> tuple[
-        InteractionScores, ...]:  # fmt: skip
-    """What each of them gets right, of those that are finished."""
-    return g.collect(partial=True, value=g.named(f"{kind(planned)}sor3d_evaluate").add(
-        sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files), params=p.sor3d_evaluate, ctx=g.ctx))
+def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings,
+            partial: bool = False) -> tuple[InteractionScores, ...]:  # fmt: skip
+    """What each of them gets right; `partial`: of those that are finished when a run with a limit ends."""
+    scores  = g.named(f"{kind(planned)}sor3d_evaluate").add(
+                sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files), params=p.sor3d_evaluate, ctx=g.ctx)
+    return g.collect(scores, partial)
 
 
 def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
@@ -116,7 +117,7 @@ def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     planned = recipes(mine.rows, range(mine.seeds), p.sor3d_train.variant)
     q       = replace(p, sor3d_train=replace(p.sor3d_train, steps=mine.steps or p.sor3d_train.steps))
     kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is late) for late in (False, True)]
-    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q), some, q) for some in kinds if some]
+    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q), some, q, True) for some in kinds if some]
     more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,
                     **moved(g, x, p))
