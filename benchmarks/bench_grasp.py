@@ -2,8 +2,9 @@
 
     PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full] [--minutes N] [--set STAGE.PARAM=VALUE ...]
 
-Writes the results block of docs/grasping.md (with --full that of all rows), that of docs/imitation.md, the table of the README,
-docs/pictures/grasps.png, two_tasks.png and grasp_curves.png. Nothing in those is typed by hand.
+Writes the results block of docs/grasping.md, that of docs/imitation.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png;
+with --full the block of all rows, that of the prior's worth where `naa_only` was asked for, and the table of the README. Nothing in
+those is typed by hand.
 """
 
 from __future__ import annotations
@@ -40,10 +41,11 @@ def main() -> None:
     head += settings
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
     told = section(text, "With and without the prior" if asked.full else "Clips that training never shows")
-    into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name,
-         settings + told if told.strip() else "Not run yet.\n")  # fmt: skip
-    if not asked.full:
+    if told.strip():
+        into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name, settings + told)
+    if asked.full:
         into(ROOT / "README.md", "grasp", Path(__file__).name, short(found["metrics"]))
+    else:
         shutil.copyfile(report / "curves.png", ROOT / "docs" / "pictures" / "grasp_curves.png")
         shutil.copyfile(report / "two_tasks.png", ROOT / "docs" / "pictures" / "two_tasks.png")
         sheet = next(Path(found["outputs"]["films"]).glob("*.png"))
@@ -56,13 +58,15 @@ def section(text: str, title: str) -> str:
 
 
 def short(metrics: dict[str, float]) -> str:
-    """A row for each policy and level in PyBullet."""
-    rows = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end |", "|---|---|--:|--:|--:|--:|"]
+    """A row for each policy and level in PyBullet, means over seeds."""
+    rows = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
+            "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for policy, level in product(SHOWN, LEVELS):
         if f"{policy}.succ.{level}" in metrics:
             succ, safe, hls, touch = (metrics.get(f"{policy}.{name}.{level}", float("nan")) for name in FIGURES)
             label = f"{policy.replace('_', ' ')} | {level.replace('_', ' ')}"
-            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} |")
+            seeds = metrics[f"{policy}.seeds.{level}"]
+            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {seeds:.0f} |")
     return "\n".join([*rows, ""])
 
 
