@@ -1,6 +1,7 @@
 """Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--ablation [--rows ROW,ROW] [--seeds N]]
+    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--ablation [--rows ROW,ROW]
+        [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
 alone, and what was asked for. Nothing in those is typed by hand.

@@ -81,12 +81,13 @@ def run(request: Request) -> int:
     graph, names = built(target, place, weighted)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
     with observer(quiet=False) as shown:
-        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown,
-                            limit_s=None if request.minutes is None else 60 * request.minutes)
+        limit_s = None if request.minutes is None else 60 * request.minutes
+        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown, limit_s=limit_s)
         try:
             outputs, metrics = _published(runner, report, place, names)
         except LostError:  # a blob was damaged between the check and its use; it has been set aside and can be made again
-            report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown)
+            left_s = None if limit_s is None else max(0.0, limit_s - report.seconds)
+            report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown, limit_s=left_s)
             outputs, metrics = _published(runner, report, place, names)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
