@@ -17,6 +17,7 @@ from afford.dataset.files import empty_folder, tree, write_json
 from afford.grasp import agreement, report_clips, report_pairs
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
+from afford.training.ablation import done
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp_task import LEVELS, GraspTask
@@ -67,11 +68,6 @@ class Cell(NamedTuple):
     def missing(self) -> int:
         """How many seeds are not finished."""
         return max(0, self.planned - len(self.runs))
-
-    @property
-    def done(self) -> str:
-        """How many seeds, for people."""
-        return f"{len(self.runs)} of {self.planned}, not finished" if self.missing else str(len(self.runs))
 
     @property
     def episodes(self) -> int:
@@ -141,7 +137,8 @@ def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planne
              f"|---|---|---|{'--:|' * (len(FIGURES) + 1)}"]  # fmt: skip
     for cell in cells(episodes, planned):
         values = [_text(of(cell), _digits(head)) if cell.runs else "" for _, head, of in FIGURES]
-        lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} | {cell.done} |")
+        values.append(done(len(cell.runs), cell.planned))
+        lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
     return "\n".join([*lines, "", *more, *_published(), "", *_tasks(episodes), ""])
 
 

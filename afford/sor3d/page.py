@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from afford.sor3d import published
 from afford.sor3d.recipes import ALL, WHOLE
-from afford.training.ablation import spread
+from afford.training.ablation import done, spread
 from schemas.interaction import AFFORDANCES
 
 MODES = {"video": "videos", "static": "pictures (the last frame alone)"}
@@ -74,8 +74,8 @@ def motion(numbers: Mapping[str, float]) -> str:
 
 
 def _row(name: str, seeds: Seeds, planned: int) -> str:
-    done = "not trained" if not planned else str(planned) if len(seeds) == planned else f"{len(seeds)} of {planned}, not finished"
-    return _line(name, [_cell(seeds, column) for column in COLUMNS], [done], _paper(published.ROWS.get(name, ("", ""))))
+    said = done(len(seeds), planned) if planned else "not trained"
+    return _line(name, [_cell(seeds, column) for column in COLUMNS], [said], _paper(published.ROWS.get(name, ("", ""))))
 
 
 def _cell(seeds: Seeds, name: str) -> str:

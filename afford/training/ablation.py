@@ -68,8 +68,12 @@ def table(rows: Values, planned: dict[str, int]) -> str:
 
 def _line(row: str, seeds: list[dict[str, float]], planned: int) -> str:
     cells = [_cell(seeds, name) for name in MEASURES]
-    done = str(planned) if len(seeds) == planned else f"{len(seeds)} of {planned}, not finished"
-    return f"| {row} | {' | '.join(cells)} | {done} |"
+    return f"| {row} | {' | '.join(cells)} | {done(len(seeds), planned)} |"
+
+
+def done(seeds: int, planned: int) -> str:
+    """How many seeds of a row are finished, and that it is not where some are missing."""
+    return str(seeds) if seeds >= planned else f"{seeds} of {planned}, not finished"
 
 
 def _cell(seeds: list[dict[str, float]], name: str) -> str:
