@@ -2,9 +2,9 @@
 
     PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full] [--minutes N] [--set STAGE.PARAM=VALUE ...]
 
-Writes the results block of docs/grasping.md, that of docs/imitation.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png;
-with --full the block of all rows, that of the prior's worth where `naa_only` was asked for, and the table of the README. Nothing in
-those is typed by hand.
+Writes the results block of docs/grasping.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png; with --full the block of
+all rows, how near the prior comes to clips and, where `naa_only` was asked for, what it is worth (docs/imitation.md), and the table
+of the README. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from schemas.grasp_task import LEVELS
 
 SHOWN = ("teacher", "no_negative", "prior", "student")
 """policies in the table of the README"""
+SECTIONS = {"followed": "Clips that training never shows", "full": "With and without the prior"}
+"""blocks of docs/imitation.md, and where the report has them"""
 FIGURES = ("succ", "as_violation_pct", "hls", "negative_contact_end")
 
 
@@ -40,9 +42,10 @@ def main() -> None:
     settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
     head += settings
     into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
-    told = section(text, "With and without the prior" if asked.full else "Clips that training never shows")
-    if told.strip():
-        into(ROOT / "docs" / "imitation.md", "full" if asked.full else "followed", Path(__file__).name, settings + told)
+    for name, title in SECTIONS.items() if asked.full else ():
+        told = section(text, title)
+        if told.strip():
+            into(ROOT / "docs" / "imitation.md", name, Path(__file__).name, settings * (name == "full") + told)
     if asked.full:
         into(ROOT / "README.md", "grasp", Path(__file__).name, short(found["metrics"]))
     else:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.markup import escape
@@ -27,6 +28,7 @@ from maps.static_sets import REPORTS
 from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
 
+T = TypeVar("T")
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
@@ -81,14 +83,9 @@ def run(request: Request) -> int:
     graph, names = built(target, place, weighted)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
     with observer(quiet=False) as shown:
-        limit_s = None if request.minutes is None else 60 * request.minutes
-        report = runner.run(graph, target, shards=request.clips or None, only=only, force=force, observer=shown, limit_s=limit_s)
-        try:
-            outputs, metrics = _published(runner, report, place, names)
-        except LostError:  # a blob was damaged between the check and its use; it has been set aside and can be made again
-            left_s = None if limit_s is None else max(0.0, limit_s - report.seconds)
-            report = runner.run(graph, target, shards=request.clips or None, only=only, observer=shown, limit_s=left_s)
-            outputs, metrics = _published(runner, report, place, names)
+        ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)
+        report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names),
+                                          force, None if request.minutes is None else 60 * request.minutes)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
                       None if request.minutes is None else report.left)
@@ -97,6 +94,19 @@ def run(request: Request) -> int:
         said = {name: value for name, value in vars(summary).items() if value is not None}
         sys.stdout.write(json.dumps(said, sort_keys=True) + "\n")
     return 0 if report.ok else 1
+
+
+def made(
+    ask: Callable[..., RunReport], publish: Callable[[RunReport], T], force: list[str], limit_s: float | None,
+) -> tuple[RunReport, T]:
+    """The report of a run and what was published of it. A blob that was damaged between its check and its use has been set aside:
+    what made it runs again, within what is left of the time."""
+    report = ask(force=force, limit_s=limit_s)
+    try:
+        return report, publish(report)
+    except LostError:
+        report = ask(limit_s=None if limit_s is None else max(0.0, limit_s - report.seconds))
+        return report, publish(report)
 
 
 def _published(runner: Runner, report: RunReport, place: Origin, names: Names) -> tuple[dict[str, str], dict[str, float]]:

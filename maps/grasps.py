@@ -255,9 +255,7 @@ def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settin
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
     s, beside = school(g, p), replace(p, grasp_report=replace(p.grasp_report, engines=p.grasp_report.engines[-1:]))
-    played = rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside)
-    played.episodes.extend(alone(g, s, beside))
-    report(g, "grasp", s, played, follow(g, s, beside), p)
+    report(g, "grasp", s, rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside), (), p)
 
 
 def alone(g: Graph, s: School, p: Settings) -> list[tuple[GraspExam, GraspEpisodes]]:

@@ -1,7 +1,9 @@
 """A run: tasks that must be made go to an engine within a budget of cores and memory, and what they make goes back to the walk.
 
 Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning; of equally deep ones,
-those that were known first. When the time of a run with a limit is over, what the target can do without is left for the next run.
+those that were known first. Before them go tasks that a collect waits for, other than the last: what uses it is not known yet, and
+the cores would have too little to do in the end. When the time of a run with a limit is over, what the target can do without is
+left for the next run.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ class Schedule:
                  limit: Limit | None = None) -> None:
         self._desk, self._engine, self._budget, self._limit = desk, engine, budget, limit or Limit()
         self._observer, self.report = observer, report
-        self._ready: list[tuple[int, int, Task, Reason]] = []
+        self._ready: list[tuple[tuple[int, int], int, Task, Reason]] = []
         self._running: dict[str, tuple[Task, Reason]] = {}
         self._parked: list[tuple[float, Task, Reason]] = []
         self._twins: dict[str, list[Task]] = {}
@@ -119,10 +121,10 @@ class Schedule:
 
     def _push(self, task: Task, reason: Reason) -> None:
         self._order += 1
-        heapq.heappush(self._ready, (-self.walk.depth[task.node.id], self._order, task, reason))
+        heapq.heappush(self._ready, (self.walk.rank[task.node.id], self._order, task, reason))
 
     def _fill(self) -> None:
-        """Start whatever fits, deepest first; something always runs, however much it asks for."""
+        """Start whatever fits, in the order of ranks; something always runs, however much it asks for."""
         waiting = []
         while self._ready:
             entry = heapq.heappop(self._ready)

@@ -60,11 +60,21 @@ class Walk:
         self._known: dict[int, int] = defaultdict(int)
         self._asked: dict[Place_, dict[str, str]] = {}
         self._queue: deque[Place_] = deque()
-        self.depth: dict[int, int] = {}
         for node in self.nodes:
-            self.depth[node.id] = 1 + max((self.depth[source] for _, source in node.inputs), default=0)
             for source in dict.fromkeys(source for _, source in node.inputs):
                 self._users[source].append(node)
+        self.rank = self._ranks()
+
+    def _ranks(self) -> dict[int, tuple[int, int]]:
+        """Node -> how early its tasks go, the smallest first: less the number of collects between it and the last one, which wait
+        for all of it while others wait for them; then less its depth."""
+        collects, depth = dict[int, int](), dict[int, int]()
+        for node in reversed(self.nodes):
+            ahead = (collects[user.id] + (user.sort in ("collect", "gather") and not user.axes) for user in self._users[node.id])
+            collects[node.id] = max(ahead, default=0)
+        for node in self.nodes:
+            depth[node.id] = 1 + max((depth[source] for _, source in node.inputs), default=0)
+        return {node.id: (-max(0, collects[node.id] - 1), -depth[node.id]) for node in self.nodes}
 
     def begin(self) -> None:
         """Read the code of every stage, bring in the leafs and follow everything that is known."""

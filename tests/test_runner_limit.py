@@ -115,3 +115,18 @@ def test_of_equally_deep_tasks_the_first_goes_first(project: Project) -> None:
     project.runner().run(graph("ab", "cd"), "all")
     order = [line.split()[0] for line in project.log.read_text().split("\n")[:4]]
     assert order == ["split", "shout", "pair", "shout"]
+
+
+def test_what_a_collect_before_the_last_waits_for_goes_first(project: Project) -> None:
+    """It is less deep than what stands beside it, but who uses the list cannot begin, and would be alone in the end."""
+    g = Graph()
+    quick, word = g.leaf("quick", Word("q", "x")), g.leaf("word", Word("w", "y"))
+    deep = g.named("deep").add(shout.run, part=g.named("first").add(shout.run, part=quick, word=quick, params=shout.Params()),
+                               word=quick, params=shout.Params())  # fmt: skip
+    late = g.named("late").add(shout.run, part=word, word=word, params=shout.Params())
+    joined = g.named("joined").add(join.run, words=g.collect(late))  # type: ignore[call-arg]
+    g.target("table", g.named("table").add(join.run, words=g.finished("rows", [deep, joined])))  # type: ignore[call-arg]
+    report = project.runner().run(g, "table")
+    assert report.ok
+    lines = [line.split()[:2] for line in project.log.read_text().split("\n") if line.startswith("shout")]
+    assert [name for _, name in lines] == ["w", "q", "q"]

@@ -63,8 +63,11 @@ class MujocoWorld:
         self._limits = limits_of(scene)
         self._force, self._left = np.zeros(3), 0
         self._before = np.empty(mujoco.mj_stateSize(self.model, STATE))
-        self._speed = self._data.qvel
-        self._lost = [self._data.warning[kind] for kind in LOST]
+        self._speed, self._fastest = self._data.qvel, np.full(self.model.nv, FASTEST)
+        self._slowest = -self._fastest
+        self._lost = tuple(self._data.warning[kind] for kind in LOST)
+        self._took = self._data.solver_niter
+        self._pushed = self._data.xfrc_applied[self._object, :3]
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
@@ -82,7 +85,7 @@ class MujocoWorld:
         u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._data.ctrl[self._motors] = u.clip(*self._limits.T)
         for _ in range(count):
-            self._data.xfrc_applied[self._object, :3] = self._force if self._left else 0.0
+            self._pushed[:] = self._force if self._left else 0.0
             self._left = max(0, self._left - 1)
             self._advance()
         mujoco.mj_kinematics(self.model, self._data)
@@ -92,7 +95,7 @@ class MujocoWorld:
         """One step of the solver. Newton on a sparse Jacobian takes half the time, but once in many thousand steps it comes to
         nothing where contacts slide; that step is then taken anew on a dense one, and where that diverges too, in smaller ones."""
         mujoco.mj_getState(self.model, self._data, self._before, STATE)
-        if self._moved() and self._data.solver_niter[: max(1, self._data.nisland)].max() < self.model.opt.iterations:
+        if self._moved() and max(self._took[: max(1, self._data.nisland)].tolist()) < self.scene.physics.iterations:
             return
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         done = self._again() or self._again(FINER)
@@ -114,8 +117,10 @@ class MujocoWorld:
     def _moved(self) -> bool:
         """Whether a step was taken, and MuJoCo did not begin again."""
         mujoco.mj_step(self.model, self._data)
-        np.maximum(np.minimum(self._speed, FASTEST, out=self._speed), -FASTEST, out=self._speed)
-        return not any(warning.number for warning in self._lost)
+        np.minimum(self._speed, self._fastest, out=self._speed)
+        np.maximum(self._speed, self._slowest, out=self._speed)
+        position, speed, acceleration = self._lost
+        return not (position.number or speed.number or acceleration.number)
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """A force on the object for a time."""

@@ -1,0 +1,42 @@
+"""A run whose output was damaged when it was published."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from commands.run import made
+from runner import LostError
+
+
+def _twice(limit_s: float | None, losses: int) -> tuple[list[dict], object]:  # type: ignore[type-arg]  # keywords
+    asked: list[dict] = []  # type: ignore[type-arg]
+
+    def ask(**how: object) -> SimpleNamespace:
+        asked.append(how)
+        return SimpleNamespace(number=len(asked), seconds=40.0)
+
+    def publish(report: SimpleNamespace) -> str:
+        if report.number <= losses:
+            raise LostError("0" * 64, True, "a blob of it")
+        return f"of run {report.number}"
+
+    return asked, made(ask, publish, ["frame_decode"], limit_s)  # type: ignore[arg-type]  # a report of two fields
+
+
+def test_what_is_whole_is_made_once() -> None:
+    asked, (report, out) = _twice(60.0, losses=0)  # type: ignore[misc]
+    assert (report.number, out) == (1, "of run 1") and asked == [{"force": ["frame_decode"], "limit_s": 60.0}]
+
+
+@pytest.mark.parametrize(("limit_s", "left_s"), [(60.0, 20.0), (30.0, 0.0), (None, None)])
+def test_what_is_damaged_is_made_again_within_what_is_left_of_the_time(limit_s: float | None, left_s: float | None) -> None:
+    """Nothing is forced the second time, and the limit is for both together."""
+    asked, (report, out) = _twice(limit_s, losses=1)  # type: ignore[misc]
+    assert (report.number, out) == (2, "of run 2") and asked[1:] == [{"limit_s": left_s}]
+
+
+def test_what_is_damaged_twice_is_an_error() -> None:
+    with pytest.raises(LostError):
+        _twice(60.0, losses=2)
