@@ -5,7 +5,8 @@ Writes  Clip with a key frame about every `every_s`: outlines of left and right 
 Method  the backend says of frames `look_s` apart how likely each pixel is left hand, right hand, touched object; optical flow
         carries that to the neighbours; the colours of what is surely hand in this clip draw the line to sleeve and wood, edges of
         the picture the outline. Parts are followed in time; each votes for one side with all its looks; short ones are dropped,
-        short gaps filled. An object is what the finder takes for one beside a hand, or moves as the hand does; a touch lasts
+        short gaps filled. An object is what the finder takes for one beside a hand, or what moves as the hand does, now or within
+        the next or last looks; colours of the look draw its outline (GrabCut); a touch lasts
 Fails   when the finder's files are missing, or are those of another model
 Paper   takes the place of VISOR's annotators where there are none
 """
@@ -55,8 +56,10 @@ class Params:
     """weight of the clip's own colours of hands, against 1 for what the finder says (log odds)"""
     motion: float = 4.0
     """weight of moving as the hand does, against 1 for what the finder says of objects (log odds)"""
+    lasting: float = 0.8
+    """weight of what is known of objects from one look to the next, against 1 for what is seen there"""
     edge_px: int = 4
-    """radius within which outlines are drawn to edges of the picture"""
+    """radius within which outlines of hands are drawn to edges of the picture"""
     link_min_iou: float = 0.2
     """overlap from which a part of one look is the one of the look before"""
     gap_looks: int = 4

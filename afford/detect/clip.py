@@ -27,16 +27,22 @@ def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTre
     looks = look(frames, params.look_s)
     seen = steadied(_asked(looks, find, params, weights), looks, params.memory)
     hands = _hands(seen, looks, params)
-    width = looks.rgb.shape[2]
-    reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.edge_px, params.motion)
-    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.rest_looks, rests=True)
-    least = _least(looks, params.least_looks)
-    objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
-    touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
+    objects, touch = _things(seen, looks, hands, params)
     keys = _keys(looks, params.every_s)
     called = names(objects, touch, clip.narrations, frames.frame[looks.at])
     return replace(clip, key_frames=tuple(
         _key_frame(int(frames.frame[looks.at[k]]), looks, k, hands, objects, touch, called) for k in keys))
+
+
+def _things(seen: np.ndarray, looks: Looks, hands: Hands, params: Any) -> tuple[list[Track], dict[Hand, np.ndarray]]:
+    """What hands touch, and for each side which of these at which look."""
+    width = looks.rgb.shape[2]
+    reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.motion, params.lasting)
+    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.rest_looks, rests=True)
+    least = _least(looks, params.least_looks)
+    objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
+    touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
+    return objects, touch
 
 
 def _area(looks: Looks) -> int:
