@@ -86,7 +86,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     from afford.training.state import State
 
     _check(params)
-    with repeatable(1, "cpu"):  # other processes compute worlds; nothing else has begun that could use their core
+    with repeatable(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
         lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
                                       params.proof_engines, params.worlds, params.seed)
         model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
@@ -102,7 +102,7 @@ def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a lea
     from afford.grasp.rehearse import Rehearsal
 
     return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray,
-                     processes=THREADS)
+                     threads=THREADS)
 
 
 def _plan(p: Params):  # type: ignore[no-untyped-def]  # as above

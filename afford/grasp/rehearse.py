@@ -57,8 +57,8 @@ class Rehearsal:
     """standard deviations of the hand's beginning beside the clip's: m of the wrist, rad of the wrist, rad of the fingers"""
     tolerance_m: float = STRICT_M
     """mean error of a level from which an episode fails"""
-    processes: int = 1
-    """that compute worlds, each with a share of them"""
+    threads: int = 1
+    """that compute worlds"""
 
     def __post_init__(self) -> None:
         stageable(self.engine)
@@ -79,7 +79,7 @@ class Rehearsing:
         start = tuple(self._u[0][0].tolist())
         self.grasping = Grasping(hand, tasks, Config(
             engine=config.engine, physics=config.physics, base="prior", posture=start, role="prior", start="anywhere",
-            steps=config.steps, lift_m=config.lift_m, xy_m=config.xy_m, processes=config.processes))  # fmt: skip
+            steps=config.steps, lift_m=config.lift_m, xy_m=config.xy_m, threads=config.threads))  # fmt: skip
         self._of_world = [[k] if alone else _clips_of(one, self.clips.references) for k, one in enumerate(tasks)]
         n = len(tasks)
         self._now = _Rehearsed(np.zeros(n, int), np.zeros(n, int), np.zeros((n, 3)), np.zeros((n, 3)))
