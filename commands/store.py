@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -105,18 +106,20 @@ def graph(request: Request, out: Path | None) -> int:
         raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
     from afford.report.drawing import draw
 
-    edges = [(_stage_of(drawn, source), node.name) for node in drawn.stages() for _, source in node.inputs]
-    draw([node.name for node in drawn.stages()], sorted({edge for edge in edges if edge[0]}), out)
+    edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
+    draw([node.name for node in drawn.stages()], sorted(edges), out)
     sys.stdout.write(f"{out}\n")
     return 0
 
 
-def _stage_of(graph: Graph, at: int) -> str:
-    """The stage that a node's value comes from, '' for a leaf."""
+def _stages_of(graph: Graph, at: int) -> Iterator[str]:
+    """The stages that a node's value comes from; none for a leaf and for an empty list."""
     node = graph.nodes[at]
-    while node.sort not in ("stage", "leaf"):
-        node = graph.nodes[node.inputs[0][1]]
-    return node.name if node.sort == "stage" else ""
+    if node.sort == "stage":
+        yield node.name
+        return
+    for _, source in node.inputs:
+        yield from _stages_of(graph, source)
 
 
 def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
