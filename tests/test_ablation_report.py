@@ -43,11 +43,18 @@ def test_means_and_spreads(tmp_path: Path) -> None:
     assert lines[-3].startswith("| full | 0.600 ± 0.141 |")
 
 
-def test_strangers_and_nothing_are_refused(tmp_path: Path) -> None:
-    """Scores of another plan do not slip in; no score at all is an error."""
-    for done in ((), (scores("other-0", 0.5),)):
-        with pytest.raises(ValueError, match="expected scores of full-0"):
-            ablation_report.run(recipes(("full",), 1), done, ablation_report.Params(), Scratch(tmp_path))
+def test_strangers_are_refused(tmp_path: Path) -> None:
+    """Scores of another plan do not slip in."""
+    with pytest.raises(ValueError, match="expected scores of full-0, got other-0"):
+        ablation_report.run(recipes(("full",), 1), (scores("other-0", 0.5),), ablation_report.Params(), Scratch(tmp_path))
+
+
+def test_before_anything_is_finished_the_plan_is_told(tmp_path: Path) -> None:
+    """A run that had too little time for a single row."""
+    tree = ablation_report.run(recipes(("full", "k1"), 2), (), ablation_report.Params(), Scratch(tmp_path))
+    metrics = json.loads(tree.find("metrics.json").path.read_text())
+    assert metrics == {"full.seeds": 0, "full.unfinished": 2, "k1.seeds": 0, "k1.unfinished": 2}
+    assert tree.find("ablation.md").path.read_text().count("0 of 2, not finished") == 2
 
 
 def test_recipes_begin_with_every_row() -> None:

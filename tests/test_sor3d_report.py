@@ -114,6 +114,16 @@ def test_strangers_and_nothing_are_refused(tmp_path: Path) -> None:
             sor3d_report.run(recipes(("rgb",), (0,)), done, sor3d_report.Params(), Scratch(tmp_path))
 
 
+def test_before_anything_is_finished_the_plan_is_told(tmp_path: Path) -> None:
+    """A run that had too little time for a single row; there is nothing to draw."""
+    planned = recipes(("rgb", PRETRAINED), (0, 1))
+    found = sor3d_report.run(planned, (), sor3d_report.Params(ablation=True), Scratch(tmp_path))
+    assert json.loads(read(found, "metrics.json")) == {f"{row}.{name}": value for row in ("rgb", PRETRAINED)
+                                                       for name, value in (("seeds", 0), ("unfinished", 2))}  # fmt: skip
+    assert read(found, "report.md").count("0 of 2, not finished") == 2
+    assert {Path(file.name).name for file in found.files} == {"metrics.json", "scores.json", "report.md"}
+
+
 def test_recipes_begin_with_every_row() -> None:
     """The first seed of all rows comes before the second of any; the pretrained one is the whole model."""
     planned = recipes(("rgb", PRETRAINED), range(2))

@@ -33,15 +33,15 @@ class Found(NamedTuple):
 
 
 def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> None:
-    """Everything, into an empty folder; the sheet is of the whole model, where it is finished. ValueError when
-    nothing was scored, or scores are of another plan."""
+    """Everything, into an empty folder; the sheet is of the whole model, where it is finished. By row, a table of what was planned
+    is written also when nothing is finished yet. ValueError when nothing else is there to tell, or scores are of another plan."""
     done = {one.name: figures(one) for one in found.scores}
     planned = [recipe.name for recipe in found.recipes]
     strange = sorted(done.keys() - set(planned))
-    if strange or not done:
+    if strange or not (done or by_row):
         raise ValueError(f"sor3d_report: expected scores of {', '.join(planned)}, got {', '.join(strange) or 'none'}")
-    first = min(found.scores, key=lambda one: (not one.name.startswith(f"{WHOLE}-"), planned.index(one.name)))
-    if by_row:
+    first = min(found.scores, key=lambda one: (not one.name.startswith(f"{WHOLE}-"), planned.index(one.name)), default=None)
+    if by_row or first is None:
         rows, wanted = by_label(found.recipes, done), plan(found.recipes)
         numbers, text = ablation.metrics(rows, wanted), page.ablation(rows, wanted)
     else:
@@ -52,7 +52,7 @@ def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> 
     write_json(root / "metrics.json", numbers)
     write_json(root / "scores.json", done | others)
     (root / "report.md").write_text(text + page.methods(others) + page.motion(motion), encoding="utf-8", newline="\n")
-    if first.shown:
+    if first is not None and first.shown:
         (root / "sheet.png").write_bytes(png(cv2.cvtColor(sheet.draw(first), cv2.COLOR_RGB2BGR)).tobytes())
 
 

@@ -19,11 +19,11 @@ Values = dict[str, list[dict[str, float]]]
 
 
 def write(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores]) -> None:
-    """metrics.json, ablation.json and ablation.md."""
+    """metrics.json, ablation.json and ablation.md; of nothing but what was planned, where nothing is finished yet. ValueError for
+    scores of another plan."""
     done = {one.name: measures(one) for one in scores}
-    strange = sorted(done.keys() - {recipe.name for recipe in recipes})
-    if strange or not done:
-        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {strange or 'none'}")
+    if strange := sorted(done.keys() - {recipe.name for recipe in recipes}):
+        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(strange)}")
     rows = {row: [done[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in done]
             for row in dict.fromkeys(recipe.row for recipe in recipes)}  # fmt: skip
     planned = {row: sum(recipe.row == row for recipe in recipes) for row in rows}
