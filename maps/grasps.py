@@ -226,15 +226,25 @@ class Played:
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings,
          beside: Settings | None = None) -> Played:  # fmt: skip
     """Policies, trained and examined on `levels`, those that have none there on what they learned on; the teacher and the one
-    without negative terms also on one object, two tasks, by `beside` where it is said."""
-    made, other = Played([], [], []), beside or p
+    without negative terms also on one object, two tasks, by `beside` where it is said. All that the slow engine plays comes before
+    what the fast one does, so that the last tasks of a run are short and no core waits for another."""
+    other, policies, logs = beside or p, list[tuple[str, int, FileTree]](), list[TrainingLog]()
     for row, seed in wanted:
         trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
-        policy = g.pick(trained, lambda t: t.files)
-        made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), p))
-        made.twice.extend(twice(g, s, policy, row, seed, other) if row in (TEACHER, NO_NEGATIVE) and seed == 0 else ())
-        made.logs.append(g.pick(trained, lambda t: t.log))
+        policies.append((row, seed, g.pick(trained, lambda t: t.files)))
+        logs.append(g.pick(trained, lambda t: t.log))
+    made = Played([], logs, [])
+    for engine in p.grasp_report.engines:
+        for row, seed, policy in policies:
+            made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), within(p, engine)))
+            if row in (TEACHER, NO_NEGATIVE) and seed == 0 and engine in other.grasp_report.engines:
+                made.twice.extend(twice(g, s, policy, row, seed, within(other, engine)))
     return made
+
+
+def within(p: Settings, engine: str) -> Settings:
+    """The same, in one engine alone."""
+    return replace(p, grasp_report=replace(p.grasp_report, engines=(engine,)))
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
@@ -254,7 +264,7 @@ def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settin
 
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
-    s, beside = school(g, p), replace(p, grasp_report=replace(p.grasp_report, engines=p.grasp_report.engines[-1:]))
+    s, beside = school(g, p), within(p, p.grasp_report.engines[-1])
     report(g, "grasp", s, rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside), (), p)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from afford.detect.looks import Looks
 from afford.morphology import dilate
+from afford.nearest import filled
 
 NEAR_PX = 6.0
 """px of flow: a hand moves as it does within this distance; its arm may turn another way"""
@@ -39,10 +40,7 @@ def _nearest(own: np.ndarray, mine: np.ndarray) -> np.ndarray:
     """(h, w, 2) the motion of the nearest pixel of a hand, a mean of what is near that one."""
     share = cv2.GaussianBlur(mine.astype(np.float32), (0, 0), NEAR_PX)
     mean = cv2.GaussianBlur(own * mine[..., None], (0, 0), NEAR_PX) / np.maximum(share, 1e-6)[..., None]
-    _, nearest = cv2.distanceTransformWithLabels((~mine).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    table = np.zeros((nearest.max() + 1, 2), np.float32)
-    table[nearest[mine]] = mean[mine]
-    return table[nearest]
+    return filled(mean, mine)
 
 
 def background(flow: np.ndarray, free: np.ndarray) -> np.ndarray:

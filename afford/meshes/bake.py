@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import cv2
 import numba
 import numpy as np
+
+from afford.nearest import filled
 
 ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""
@@ -18,15 +19,7 @@ def bake(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
     inside = face >= 0
     out = np.zeros((side, side, 3), np.uint8)
     out[inside] = colour_at(face[inside].astype(np.int64), bary[inside])
-    return _spread(out, inside)
-
-
-def _spread(image: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The image with unknown texels like the nearest known ones."""
-    _, label = cv2.distanceTransformWithLabels((~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    by_label = np.zeros((int(label.max()) + 1, 3), np.uint8)
-    by_label[label[known]] = image[known]
-    return by_label[label]
+    return filled(out, inside)
 
 
 @numba.njit(cache=True)
