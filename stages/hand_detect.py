@@ -56,12 +56,16 @@ class Params:
     """weight of the clip's own colours of hands, against 1 for what the finder says (log odds)"""
     motion: float = 4.0
     """weight of moving as the hand does, against 1 for what the finder says of objects (log odds)"""
+    sleeve: float = 8.0
+    """weight of being a sleeve against being an object (log odds)"""
     lasting: float = 0.8
     """weight of what is known of objects from one look to the next, against 1 for what is seen there"""
     edge_px: int = 4
     """radius within which outlines of hands are drawn to edges of the picture"""
     link_min_iou: float = 0.2
     """overlap from which a part of one look is the one of the look before"""
+    leap: float = 0.25
+    """farthest that a hand moves from one look to the next, as a share of the picture's width"""
     gap_looks: int = 4
     """looks for which something may be out of sight and still be the same"""
     rest_looks: int = 15

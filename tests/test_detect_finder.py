@@ -32,7 +32,7 @@ def pictures(count: int = 3, height: int = 60, width: int = 100) -> np.ndarray:
 def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
     """The two hands share a pixel's chance to be a hand."""
     found = find(pictures(), model)
-    assert found.shape == (3, 60, 100, 3) and found.dtype == np.float32
+    assert found.shape == (3, 60, 100, 4) and found.dtype == np.float32
     assert found.min() >= 0 and found.max() <= 1 and found[..., :2].sum(-1).max() <= 1 + 1e-6 and found.std() > 0
 
 
@@ -40,7 +40,7 @@ def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
     """Exactly where the network works at the picture's own size: it is asked both ways."""
     seen = pictures(2, TINY.height_px, TINY.width_px)
     plain, mirrored = find(seen, model), find(np.ascontiguousarray(seen[:, :, ::-1]), model)
-    assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2]], atol=1e-5)
+    assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2, 3]], atol=1e-5)
     assert not np.allclose(plain[..., 0], plain[..., 1], atol=1e-3)
 
 
@@ -49,7 +49,7 @@ def test_pictures_do_not_know_each_other(model: Path) -> None:
     seen = pictures(10)
     together, alone = find(seen, model), np.concatenate([find(seen[n : n + 1], model) for n in range(10)])
     assert np.allclose(together, alone, atol=1e-5) and np.array_equal(together, find(seen, model))
-    assert find(seen[:0], model).shape == (0, 60, 100, 3)
+    assert find(seen[:0], model).shape == (0, 60, 100, 4)
 
 
 @pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.backends.hands import LEFT, RIGHT, TOUCHED, Find
+from afford.backends.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
 from afford.detect.clip import detect
 from afford.metrics.masks import iou
 from afford.morphology import dilate
@@ -38,7 +38,7 @@ def finder(frames: Frames, masks: Masks, noise: float = 0.0, blind: tuple[int, .
     known = {picture.tobytes(): t for t, picture in enumerate(frames.rgb)}
 
     def find(rgb: np.ndarray, params: Any, weights: Any = None) -> np.ndarray:
-        out = np.zeros(rgb.shape, np.float32)
+        out = np.zeros((*rgb.shape[:3], 4), np.float32)
         for n, picture in enumerate(rgb):
             t = known[picture.tobytes()]
             for column, mask in masks.items():
@@ -92,6 +92,14 @@ def test_a_hand_touches_what_it_holds() -> None:
                 assert iou(drawn(key, thing), masks[TOUCHED][key.frame - 1]) > 0.5
         assert all({a.contact for a in key.annotations if not a.side} <= {""} for key in found.key_frames)
     assert touches >= 2
+
+
+def test_what_the_finder_takes_for_a_sleeve_is_not_touched() -> None:
+    """However much it goes along with the hand, and whatever else the finder takes it for."""
+    clip, masks = made()
+    for said, touched in ((masks, True), ({**masks, SLEEVE: masks[TOUCHED]}, False)):
+        found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, said), PARAMS)
+        assert any(one.contact not in NOT_IN_CONTACT for key in found.key_frames for one in of(key, "right")) == touched
 
 
 def test_what_alone_is_touched_has_the_name_of_the_narration() -> None:

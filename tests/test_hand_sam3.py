@@ -37,9 +37,9 @@ def params(model: Path, **more: object) -> Params:
 
 
 def test_other_weights_other_answers_and_the_same_bytes_twice(model: Path, tmp_path: Path) -> None:
-    """Probabilities of three things for every pixel, whatever a picture is looked at with."""
+    """Probabilities of four things for every pixel, whatever a picture is looked at with."""
     found = find(pictures(), params(model))
-    assert found.shape == (3, 48, 80, 3) and found.dtype == np.float32 and found.min() >= 0 and found.max() <= 1
+    assert found.shape == (3, 48, 80, 4) and found.dtype == np.float32 and found.min() >= 0 and found.max() <= 1
     assert found.tobytes() == find(pictures(), params(model)).tobytes()
     assert np.allclose(found[:1], find(pictures(1), params(model)), atol=1e-4)
     assert not np.array_equal(found, find(pictures(), params(save_sam3(tmp_path / "other", seed=5))))

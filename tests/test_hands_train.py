@@ -62,7 +62,7 @@ def test_the_side_is_asked_only_where_hands_are() -> None:
     """What is said of sides elsewhere costs nothing; that a hand is there, or not, does."""
     mine, labels = task(), np.zeros((1, 4, 6), np.uint8)
     labels[0, :2, :3], labels[0, 2:, 3:] = LEFT_HAND, RIGHT_HAND
-    said = torch.zeros(1, 3, 4, 6)
+    said = torch.zeros(1, 4, 4, 6)
     elsewhere, there = said.clone(), said.clone()
     elsewhere[:, SIDE, :2, 3:], there[:, SIDE, :2, :3] = 5.0, 5.0
     batch = np.zeros((1, 4, 6, 3), np.uint8), labels
@@ -75,11 +75,11 @@ def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
     trained = hands_train.run(LESSONS, SMALL_TRAINING, Scratch(tmp_path))
     names = {file.name for file in trained.files.files}
     assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
-    assert {"train.hand", "train.side", "train.touched", "val.iou", "val.sides", "val.touched_iou"} <= {
-        curve.name for curve in trained.log.curves}  # fmt: skip
+    assert {"train.hand", "train.side", "train.touched", "train.sleeve", "val.iou", "val.sides", "val.touched_iou",
+            "val.sleeve_iou"} <= {curve.name for curve in trained.log.curves}  # fmt: skip
     folder = root(trained.files)
     assert "16 rendered pictures of 2 rooms" in (folder / "card.md").read_text()
-    assert find(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 3)
+    assert find(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 4)
     assert files.read(folder).config == HandsConfig()
 
 

@@ -34,7 +34,7 @@ def by_colour(pictures: np.ndarray, trained: FileTree) -> np.ndarray:
     """A finder that knows the toy's colours; it must be given trained files all the same."""
     assert trained.find("model.safetensors")
     smooth = np.stack([cv2.GaussianBlur(picture, (0, 0), 3) for picture in pictures]).astype(np.float32)
-    out = np.zeros(pictures.shape, np.float32)
+    out = np.zeros((*pictures.shape[:3], 4), np.float32)
     for column, colour in ((RIGHT, HAND), (TOUCHED, CARD)):
         out[..., column] = np.abs(smooth - np.array(colour, np.float32)).max(-1) < 35
     return out

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from afford.backends.hands import LEFT, RIGHT, TOUCHED, Find
+from afford.backends.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
 from afford.detect.follow import Track, follow
 from afford.detect.looks import Looks, look, spread
 from afford.detect.names import names
@@ -36,9 +36,10 @@ def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTre
 
 def _things(seen: np.ndarray, looks: Looks, hands: Hands, params: Any) -> tuple[list[Track], dict[Hand, np.ndarray]]:
     """What hands touch, and for each side which of these at which look."""
-    width = looks.rgb.shape[2]
-    reach = Reach(params.reach_px, params.far * width, params.least_object * _area(looks), params.motion, params.lasting)
-    found = follow(held(seen[..., TOUCHED], looks, hands, reach), looks, params.link_min_iou, params.rest_looks, rests=True)
+    width, least_px = looks.rgb.shape[2], params.least_object * _area(looks)
+    reach = Reach(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
+    parts = held(seen[..., TOUCHED], seen[..., SLEEVE], looks, hands, reach)
+    found = follow(parts, looks, params.link_min_iou, params.rest_looks, rests=True)
     least = _least(looks, params.least_looks)
     objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
     touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
@@ -50,7 +51,7 @@ def _area(looks: Looks) -> int:
 
 
 def _asked(looks: Looks, find: Find, params: Any, weights: FileTree | None) -> np.ndarray:
-    """What the finder says of every look, (k, h, w, 3) float16. A person seen from the front is turned round: the arms then come
+    """What the finder says of every look, (k, h, w, 4) float16. A person seen from the front is turned round: the arms then come
     from below, the left one from the left."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = looks.rgb[:, turn, turn], params.batch
@@ -61,12 +62,12 @@ def _asked(looks: Looks, find: Find, params: Any, weights: FileTree | None) -> n
 
 def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
     """Side -> look -> mask."""
-    left, right = seen[..., LEFT], seen[..., RIGHT]
+    left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
     bearing = Bearing(params.viewpoint == "facing", params.order, params.entry)
     likely = coloured(np.minimum(left + right, 1), looks.rgb, params.colour)
     found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
                       params.least_hand * _area(looks), params.least_part, bearing) for k in range(len(looks.at))]
-    tracks = follow(found, looks, params.link_min_iou, params.gap_looks)
+    tracks = follow(found, looks, params.link_min_iou, params.gap_looks, leap_px=params.leap * looks.rgb.shape[2])
     real = usual(tracks, _least(looks, params.least_looks), params.least_like)
     chosen = sided(real, bearing, params.near * looks.rgb.shape[2])
     return {side: _united(chosen[side]) for side in SIDES}

@@ -1,4 +1,4 @@
-"""Pictures -> where the left hand, the right hand and what they touch probably are, each picture by itself.
+"""Pictures -> where the left hand, the right hand, what they touch and sleeves probably are, each picture by itself.
 
 The person is taken to be on the near side, as a head-worn camera has it: who faces the camera is turned by 180 degrees first,
 pictures by whoever asks. Left and right are looked at twice, the second time in a mirror, so that a mirrored picture has its
@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from afford.models.hands import files
-from afford.models.hands.model import HAND, SIDE, TOUCHED, Hands, HandsConfig
+from afford.models.hands.model import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
 from afford.models.weights import stamp
 from schemas.files import FileTree
 
@@ -29,9 +29,9 @@ GRID = 16
 
 
 def find(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
-    """(n, H, W, 3) uint8 RGB and the files of a trained finder -> (n, H, W, 3) float32 probabilities 0..1 of left hand, right
-    hand and touched thing; those of the two hands sum to at most 1."""
-    found = np.zeros((*pictures.shape[:3], 3), np.float32)
+    """(n, H, W, 3) uint8 RGB and the files of a trained finder -> (n, H, W, 4) float32 probabilities 0..1 of left hand, right
+    hand, touched thing and sleeve; those of the two hands sum to at most 1."""
+    found = np.zeros((*pictures.shape[:3], 4), np.float32)
     network = _network(model, stamp(model) if isinstance(model, Path) else None)
     for at, small in _batches(pictures, network.config):
         for n, answer in enumerate(said(network, small).permute(0, 2, 3, 1).numpy(), at):
@@ -41,12 +41,12 @@ def find(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
 
 @torch.inference_mode()
 def said(network: Hands, pictures: Tensor) -> Tensor:
-    """(b, 3, h, w) of small pictures (b, 3, h, w): as they are, and in a mirror."""
+    """(b, 4, h, w) of small pictures (b, 3, h, w): as they are, and in a mirror."""
     plain, mirrored = network(pictures), network(pictures.flip(3)).flip(3)
     mirrored[:, SIDE] *= -1
     chance = ((plain + mirrored) / 2).sigmoid()
     hand, right = chance[:, HAND], chance[:, SIDE]
-    return torch.stack([hand * (1 - right), hand * right, chance[:, TOUCHED]], 1)
+    return torch.stack([hand * (1 - right), hand * right, chance[:, TOUCHED], chance[:, SLEEVE]], 1)
 
 
 def size(height: int, width: int, config: HandsConfig) -> tuple[int, int]:

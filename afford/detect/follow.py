@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from afford.detect.looks import Looks
 from afford.metrics.masks import iou
+
+
+GROWN = 0.2
+"""of the larger one's size, that the smaller of two looks of the same thing has"""
+COVERED, ALIKE = 0.6, 0.5
+"""of two things by one part, for them to have met there; of the larger one's size, that the smaller one has then"""
 
 
 @dataclass(frozen=True)
@@ -47,16 +54,22 @@ class Track:
         return max(int(piece.mask.sum()) for piece in self.pieces.values())
 
 
-def follow(found: Sequence[Sequence[Piece]], looks: Looks, min_iou: float, gap: int, rests: bool = False) -> list[Track]:
+def follow(found: Sequence[Sequence[Piece]], looks: Looks, min_iou: float, gap: int, rests: bool = False,
+           leap_px: float = 0.0) -> list[Track]:  # fmt: skip
     """Tracks through the parts of every look. A part continues the track that overlaps it most, by `min_iou`, after motion; a track
-    that finds none is carried on for up to `gap` looks, and ends where it was last seen, or (`rests`) with these looks."""
+    that finds none is carried on for up to `gap` looks, and ends where it was last seen, or (`rests`) with these looks.
+
+    leap_px: things that are quicker than motion can be followed, as hands are: what is of like size within this distance is the
+    same, and where two meet in one part each keeps the share that is nearer to it. 0: neither.
+    """
     done: list[Track] = []
     for stretch in looks.stretches:
         live: list[Track] = []
         for k in stretch:
             waiting = [track for track in live if k - _last_seen(track) <= gap + 1]
             _carry(waiting, looks, k)
-            new = [Track({k: piece}) for piece in _unclaimed(waiting, found[k], k, min_iou)]
+            parts = _shared(waiting, found[k], k) if leap_px else found[k]
+            new = [Track({k: piece}) for piece in _unclaimed(waiting, parts, k, min_iou, leap_px)]
             done += new
             live = [track for track in (*waiting, *new) if k in track.pieces]
     return done if rests else [_trimmed(track) for track in done]
@@ -75,17 +88,50 @@ def _carry(tracks: Sequence[Track], looks: Looks, k: int) -> None:
             track.pieces[k] = Piece(moved > 0.5, seen=False)
 
 
-def _unclaimed(tracks: Sequence[Track], found: Sequence[Piece], k: int, min_iou: float) -> list[Piece]:
+def _unclaimed(tracks: Sequence[Track], found: Sequence[Piece], k: int, min_iou: float, leap_px: float) -> list[Piece]:
     """Hands the parts of look k to the tracks that lie there; gives those that no track claims."""
     here = [track for track in tracks if k in track.pieces]
-    overlap = np.array([[iou(track.pieces[k].mask, piece.mask) for piece in found] for track in here])
-    overlap = overlap.reshape(len(here), len(found))
+    likeness = np.array([[_likeness(track.pieces[k].mask, piece.mask, min_iou, leap_px) for piece in found] for track in here])
+    likeness = likeness.reshape(len(here), len(found))
     claimed = set()
-    for i, j in zip(*linear_sum_assignment(-overlap), strict=True):
-        if overlap[i, j] >= min_iou:
+    for i, j in zip(*linear_sum_assignment(-likeness), strict=True):
+        if likeness[i, j] > 0:
             here[i].pieces[k] = found[j]
             claimed.add(j)
     return [piece for j, piece in enumerate(found) if j not in claimed]
+
+
+def _likeness(here: np.ndarray, part: np.ndarray, min_iou: float, leap_px: float) -> float:
+    """1 and more for what overlaps enough; below, how near what is of like size lies; 0 for what is another thing."""
+    overlap = iou(here, part)
+    if overlap >= min_iou or not leap_px:
+        return 1 + overlap if overlap >= min_iou else 0.0
+    sizes = sorted((int(here.sum()), int(part.sum())))
+    apart_px = np.hypot(*(_middle(here) - _middle(part)))
+    return max(0.0, 1 - float(apart_px) / leap_px) if sizes[0] >= GROWN * sizes[1] else 0.0
+
+
+def _middle(mask: np.ndarray) -> np.ndarray:
+    return np.array([at.mean() for at in np.nonzero(mask)])
+
+
+def _shared(tracks: Sequence[Track], found: Sequence[Piece], k: int) -> list[Piece]:
+    """The parts of look k; one in which two things of like size have met is parted between them, and says nothing of their sides."""
+    out = list[Piece]()
+    for piece in found:
+        inside = [one for track in tracks if k in track.pieces and _within(one := track.pieces[k].mask, piece.mask)]
+        sizes = sorted(int(one.sum()) for one in inside)
+        if len(inside) != 2 or sizes[0] < ALIKE * sizes[1]:
+            out.append(piece)
+            continue
+        away = [cv2.distanceTransform((~one).astype(np.uint8), cv2.DIST_L2, 3) for one in inside]
+        halves = (piece.mask & (away[0] <= away[1]), piece.mask & (away[0] > away[1]))
+        out += [replace(piece, mask=half, lean=0.0, mass=piece.mass * half.sum() / piece.mask.sum()) for half in halves]
+    return out
+
+
+def _within(one: np.ndarray, part: np.ndarray) -> bool:
+    return bool(one.any() and (one & part).sum() >= COVERED * one.sum())
 
 
 def _trimmed(track: Track) -> Track:

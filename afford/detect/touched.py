@@ -37,25 +37,30 @@ class Reach:
     """smallest part that is an object"""
     motion: float
     """of motion, against 1 for what the finder says, in log odds"""
+    sleeve: float
+    """against a thing where a sleeve is sure, in log odds"""
     lasting: float
     """of what is known from one look to the next"""
 
 
-def held(seen: np.ndarray, looks: Looks, hands: Hands, reach: Reach) -> list[list[Piece]]:
-    """The parts of every look that are objects beside a hand. seen: (k, h, w) probability of a touched object."""
+def held(seen: np.ndarray, cloth: np.ndarray, looks: Looks, hands: Hands, reach: Reach) -> list[list[Piece]]:
+    """The parts of every look that are objects beside a hand. seen, cloth: (k, h, w) probability of a touched object, and of a
+    sleeve, which goes along with the hand as a thing does."""
     mine = [[hands[side][k] for side in SIDES if k in hands[side]] for k in range(len(looks.at))]
-    own = [_evidence(seen[k], looks, k, mine[k], reach) for k in range(len(looks.at))]
+    own = [_evidence(seen[k], cloth[k], looks, k, mine[k], reach) for k in range(len(looks.at))]
     odds = remembered(own, looks, reach.lasting)
     return [_held(odds[k], seen[k], looks.rgb[k], np.any(mine[k], axis=0), reach) if mine[k] else [] for k in range(len(looks.at))]
 
 
-def _evidence(p: np.ndarray, looks: Looks, k: int, hands: Sequence[np.ndarray], reach: Reach) -> np.ndarray:
+def _evidence(
+    p: np.ndarray, cloth: np.ndarray, looks: Looks, k: int, hands: Sequence[np.ndarray], reach: Reach,
+) -> np.ndarray:
     """(h, w) log odds of a held object by what the finder says of look k and how things move in it."""
     if not hands:
         return np.zeros(p.shape, np.float32)
     hand, sure = np.any(hands, axis=0), np.clip(p.astype(np.float32), DOUBT, 1 - DOUBT)
     along = [moves_along(looks, k, one, hand, reach.far_px) for one in hands]
-    return np.log(sure / (1 - sure)) + reach.motion * np.sum(along, axis=0)
+    return np.log(sure / (1 - sure)) + reach.motion * np.sum(along, axis=0) - reach.sleeve * cloth.astype(np.float32)
 
 
 def _held(odds: np.ndarray, p: np.ndarray, rgb: np.ndarray, hand: np.ndarray, reach: Reach) -> list[Piece]:

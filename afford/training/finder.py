@@ -1,4 +1,5 @@
-"""The task of the finder of hands: lessons in many disguises in; hand or not, which side, and what is touched out."""
+"""The task of the finder of hands: lessons in many disguises in; hand or not, which side, what is touched and what is a sleeve
+out."""
 
 from __future__ import annotations
 
@@ -12,14 +13,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from afford.models.hands.model import HAND, SIDE, TOUCHED, Hands, HandsConfig
+from afford.models.hands.model import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
 from afford.palette import LEFT, RIGHT
 from afford.recording.pictures import jpeg
 from afford.training.disguise import Disguise, disguised
+from schemas import hand_lessons as truth_of
 from schemas.hand_lessons import LEFT_HAND, RIGHT_HAND, HandLessons
-from schemas.hand_lessons import TOUCHED as TOUCHED_THING
 
-TOUCHED_WEIGHT, SIDE_WEIGHT = 0.3, 0.7
+WEIGHTS = {"touched": 0.3, "sleeve": 1.0, "side": 0.7}
 """of these losses beside that of the hand"""
 AT_ONCE = 8
 """judging pictures in one pass"""
@@ -90,26 +91,29 @@ class FinderTask:
         return _stack(self._learned, number, self._batch, self._size, (self._seed, 0))
 
     def loss(self, model: nn.Module, batch: Batch) -> dict[str, Tensor]:
-        """Cross-entropy and overlap of hands and of touched things; cross-entropy of the side, where hands are."""
+        """Cross-entropy and overlap of hands, of touched things and of sleeves; cross-entropy of the side, where hands are."""
         logits = model(_pixels(batch[0]))
         labels = torch.from_numpy(batch[1])
         hand = ((labels == LEFT_HAND) | (labels == RIGHT_HAND)).float()
-        held, right = (labels == TOUCHED_THING).float(), (labels == RIGHT_HAND).float()
+        held, cloth, right = ((labels == one).float() for one in (truth_of.TOUCHED, truth_of.SLEEVE, RIGHT_HAND))
         side = binary_cross_entropy_with_logits(logits[:, SIDE], right, reduction="none")
         losses = {"hand": _region(logits[:, HAND], hand), "touched": _region(logits[:, TOUCHED], held),
+                  "sleeve": _region(logits[:, SLEEVE], cloth),
                   "side": (side * hand).sum() / hand.sum().clamp(min=1)}  # fmt: skip
-        return {"total": losses["hand"] + TOUCHED_WEIGHT * losses["touched"] + SIDE_WEIGHT * losses["side"], **losses}
+        return {"total": losses["hand"] + sum(weight * losses[name] for name, weight in WEIGHTS.items()), **losses}
 
     def validate(self) -> dict[str, float]:
-        """IoU of all hands' pixels and of all touched ones, and the share of true hand pixels whose side is told."""
+        """IoU of the pixels of hands, of touched things and of sleeves, and the share of true hand pixels whose side is told."""
         logits = [self._net(_pixels(pictures)).float().numpy() for pictures, _ in self._judged]
         self._said = logits
         labels = [labels for _, labels in self._judged]
         hands = [(found[:, HAND] > 0, np.isin(label, (LEFT_HAND, RIGHT_HAND))) for found, label in zip(logits, labels, strict=True)]
-        held = [(found[:, TOUCHED] > 0, label == TOUCHED_THING) for found, label in zip(logits, labels, strict=True)]
+        held, cloth = ([(found[:, plane] > 0, label == what) for found, label in zip(logits, labels, strict=True)]
+                       for plane, what in ((TOUCHED, truth_of.TOUCHED), (SLEEVE, truth_of.SLEEVE)))
         right = [((found[:, SIDE] > 0) == (label == RIGHT_HAND))[true]
                  for found, label, (_, true) in zip(logits, labels, hands, strict=True)]
-        return {"iou": _iou(hands), "touched_iou": _iou(held), "sides": float(np.concatenate(right).mean())}
+        return {"iou": _iou(hands), "touched_iou": _iou(held), "sleeve_iou": _iou(cloth),
+                "sides": float(np.concatenate(right).mean())}  # fmt: skip
 
     def preview(self, folder: Path, step: int) -> None:
         """A sheet of judging pictures: what was said filled in the colours of the hands, what is true outlined."""

@@ -1,4 +1,4 @@
-"""SAM 3 is asked in words: a hand, the left one, the right one, what is held."""
+"""SAM 3 is asked in words: a hand, the left one, the right one, what is held, a sleeve."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from afford.models.weights import placed
 from schemas.files import FileTree
 
 WEIGHTS = "a Sam3Model with its tokenizer.json: folder of save_pretrained, or hub id as facebook/sam3"
-PHRASES = ("hand", "left hand", "right hand", "object held in a hand")
+PHRASES = ("hand", "left hand", "right hand", "object held in a hand", "sleeve")
 DOUBT = 0.05
 """added to both sides: a hand that is neither the left one nor the right one in words is half of each"""
 
@@ -19,7 +19,7 @@ DOUBT = 0.05
 def find(rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
     """Reads `model`, `device`, `dtype` and `threshold`."""
     model = load_model(placed(params, weights).model, params.device, params.dtype)
-    hand, left, right, thing = see(model, rgb, PHRASES, params.threshold)
+    hand, left, right, thing, sleeve = see(model, rgb, PHRASES, params.threshold)
     any_hand = np.maximum(hand, np.maximum(left, right))
-    share = (left + DOUBT) / (left + right + 2 * DOUBT)
-    return np.stack([any_hand * share, any_hand * (1 - share), thing * (1 - any_hand)], -1).astype(np.float32)
+    share, none = (left + DOUBT) / (left + right + 2 * DOUBT), 1 - any_hand
+    return np.stack([any_hand * share, any_hand * (1 - share), thing * none, sleeve * none], -1).astype(np.float32)

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from afford.models.hands.model import Hands, HandsConfig
 from schemas.files import FileTree
 
-CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-1"
+CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-2"
 KEPT = ("tensorboard", "previews")
 
 

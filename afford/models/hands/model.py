@@ -1,4 +1,5 @@
-"""A small fully convolutional network with skips: a picture in; hand, side and touched thing of every pixel out.
+"""A small fully convolutional network with skips: a picture in; hand, side, touched thing and sleeve of every
+pixel out.
 
 Normalised over the batch after every convolution (docs/decisions/017): pictures of rooms have much in common, and a norm within a
 picture would keep what is common. Every pixel knows its place in the picture, because left hands are mostly at the left, and arms
@@ -14,8 +15,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-HAND, SIDE, TOUCHED = range(3)
-"""planes of the logits: a hand or not; the right hand rather than the left one, where there is a hand; a thing that is touched"""
+HAND, SIDE, TOUCHED, SLEEVE = range(4)
+"""planes of the logits: a hand or not; the right hand rather than the left one, where there is a hand; a thing that is touched;
+cloth on an arm"""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class HandsConfig:
 
 
 class Hands(nn.Module):
-    """Pictures (b, 3, h, w), RGB 0..1, of any size -> logits (b, 3, h, w)."""
+    """Pictures (b, 3, h, w), RGB 0..1, of any size -> logits (b, 4, h, w)."""
 
     def __init__(self, config: HandsConfig) -> None:
         super().__init__()
@@ -41,7 +43,7 @@ class Hands(nn.Module):
         self.down = nn.ModuleList(nn.Sequential(_layer(a, b, 2), _Residual(b)) for a, b in zip(config.widths, rest, strict=False))
         self.whole = nn.Linear(config.widths[-1], config.widths[-1])
         self.up = nn.ModuleList(_layer(a + b, b) for a, b in zip(rest[::-1], config.widths[-2::-1], strict=True))
-        self.head = nn.Conv2d(first, 3, 1)
+        self.head = nn.Conv2d(first, 4, 1)
 
     def forward(self, pictures: Tensor) -> Tensor:
         """The last features are at half the size; their logits are brought to that of the pictures."""
