@@ -20,7 +20,7 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
-    rooms: int = 36
+    rooms: int = 96
     """rooms to learn from"""
     val_rooms: int = 4
     """rooms that judge"""

@@ -25,7 +25,7 @@ MEMORY_GIB = 3.0
 
 @dataclass(frozen=True)
 class Params:
-    steps: int = 1900
+    steps: int = 4000
     """steps of the optimiser"""
     batch: int = 16
     """pictures in a step"""
@@ -39,7 +39,7 @@ class Params:
     """steps of linear warm-up"""
     weight_decay: float = 0.02
     """of AdamW"""
-    validate_every: int = 475
+    validate_every: int = 1000
     """steps between two validations"""
     judged: int = 96
     """disguised pictures of the validation rooms that judge"""

@@ -12,7 +12,6 @@ from scipy.optimize import linear_sum_assignment
 from afford.detect.looks import Looks
 from afford.metrics.masks import iou
 
-
 GROWN = 0.2
 """of the larger one's size, that the smaller of two looks of the same thing has"""
 COVERED, ALIKE = 0.6, 0.5
@@ -116,7 +115,7 @@ def _middle(mask: np.ndarray) -> np.ndarray:
 
 
 def _shared(tracks: Sequence[Track], found: Sequence[Piece], k: int) -> list[Piece]:
-    """The parts of look k; one in which two things of like size have met is parted between them, and says nothing of their sides."""
+    """The parts of look k; one in which two things of like size have met is parted between them and says nothing of sides."""
     out = list[Piece]()
     for piece in found:
         inside = [one for track in tracks if k in track.pieces and _within(one := track.pieces[k].mask, piece.mask)]
