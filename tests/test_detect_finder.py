@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.detect.finder import GRID, find, size
+from afford.detect.finder import GRID, MEAN, exposed, find, size
 from afford.models.hands import files
 from afford.models.hands.model import Hands, HandsConfig
 
@@ -60,6 +60,18 @@ def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: i
     assert down % GRID == across % GRID == 0
     assert down * across == pytest.approx(config.height_px * config.width_px, rel=0.25)
     assert across / down == pytest.approx(width / height, rel=0.25)
+    assert size(2 * height, 2 * width, config) == (down, across) and size(height, width, config, 2.0)[1] > 1.8 * across
+
+
+def test_pictures_are_brought_to_one_exposure() -> None:
+    """As far as a gamma goes; black stays black, white white, and what is brighter stays brighter."""
+    plain = np.sort(pictures(1)[0].ravel()).reshape(60, 100, 3)
+    for gamma in (0.4, 0.6, 1.8):
+        lit = (255 * (plain / 255) ** gamma + 0.5).astype(np.uint8)
+        seen = exposed(lit)
+        assert seen.dtype == np.float32 and abs(seen.mean() - MEAN) < 0.5 * abs(lit.mean() / 255 - MEAN)
+        assert seen.min() == 0 and seen.max() == 1 and (np.diff(seen.ravel()) >= 0).all()
+    assert exposed(np.full((2, 2, 3), 1, np.uint8)).max() < MEAN / 2
 
 
 def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[
 
 def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
     """Tracks by side, what is most of a hand first. Each votes with all its looks. Of two at a time that vote alike, the lesser is
-    another part of the same hand where they are near and both sure, else it has the other side; a third is no hand."""
+    another part of the same hand where they are near and both sure, else it has the other side; a third is no hand meanwhile."""
     votes = [sum(_votes(track, tracks, bearing.sign * bearing.order)) for track in tracks]
     out: dict[Hand, list[Track]] = {side: [] for side in SIDES}
     for i in sorted(range(len(tracks)), key=lambda i: (-tracks[i].mass, i)):
@@ -94,6 +94,8 @@ def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Han
             out[first].append(tracks[i])
         elif not _meets(tracks[i], out[other]):
             out[other].append(tracks[i])
+        elif free := _without(tracks[i], out[first]):
+            out[first].append(Track(free))
     return out
 
 
@@ -108,6 +110,11 @@ def _before(piece: Piece, other: Piece) -> float:
     """1 for what lies to the left of another, -1 to the right."""
     x, y = (np.flatnonzero(one.mask.any(0)).mean() for one in (piece, other))
     return float(np.sign(y - x))
+
+
+def _without(track: Track, others: Sequence[Track]) -> dict[int, Piece]:
+    """What is left of a track at looks that have none of `others`."""
+    return {k: piece for k, piece in track.pieces.items() if not any(k in other.pieces for other in others)}
 
 
 def _meets(track: Track, others: Sequence[Track]) -> bool:
