@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from afford.detect.follow import Piece, Track
-from afford.detect.sides import Bearing, sided
+from afford.detect.sides import Bearing, hands_of, sided
 
 SIZE = (60, 120)
 EGO = Bearing(False, 0.0, 0.0)
@@ -67,3 +67,17 @@ def test_where_the_arm_comes_in(facing: bool) -> None:
     mask[40:, 10:30] = True
     there = mask[::-1, ::-1] if facing else mask
     assert bearing.enters(there) > 0.5 and bearing.enters(there[:, ::-1]) == pytest.approx(-bearing.enters(there))
+
+
+def test_who_has_a_side_of_its_own_goes_before_who_would_take_the_other() -> None:
+    """Even where that one is more of a hand."""
+    sure, more, unsure = track(range(4), 0.9, 4, 0), track(range(4), -0.9, 9, 30), track(range(4), -0.6, 7, 60)
+    found = sided([unsure, more, sure], EGO, 1)
+    assert found["left"] == [sure] and found["right"] == [more]
+
+
+def test_what_moves_is_more_of_a_hand() -> None:
+    """Than the same at rest, which is one nevertheless."""
+    p, side = np.where(box(30), 0.9, 0.1).astype(np.float32), np.zeros(SIZE, np.float32)
+    rests, moves = (hands_of(p, side, side, np.full(SIZE, speed, np.float32), 10, 0.2, EGO)[0] for speed in (0, 3))
+    assert moves.mass > 4 * rests.mass > 0 and np.array_equal(moves.mask, rests.mask)

@@ -11,6 +11,7 @@ import numpy as np
 from afford.backends.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
 from afford.detect.follow import Track, follow
 from afford.detect.looks import Looks, look, spread
+from afford.detect.moving import own_motion
 from afford.detect.names import names
 from afford.detect.refine import along_edges, coloured, steadied
 from afford.detect.sides import Bearing, hands_of, sided, usual
@@ -65,8 +66,9 @@ def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
     left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
     bearing = Bearing(params.viewpoint == "facing", params.order, params.entry)
     likely = coloured(np.minimum(left + right, 1), looks.rgb, params.colour)
+    least_px, parted = params.least_hand * _area(looks), params.least_part
     found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
-                      params.least_hand * _area(looks), params.least_part, bearing) for k in range(len(looks.at))]
+                      own_motion(looks, k), least_px, parted, bearing) for k in range(len(looks.at))]
     tracks = follow(found, looks, params.link_min_iou, params.gap_looks, leap_px=params.leap * looks.rgb.shape[2])
     real = usual(tracks, _least(looks, params.least_looks), params.least_like)
     chosen = sided(real, bearing, params.near * looks.rgb.shape[2])

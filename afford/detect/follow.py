@@ -27,7 +27,7 @@ class Piece:
     lean: float = 0.0
     """hands: from -1, surely right, to 1, surely left"""
     mass: float = 0.0
-    """hands: how much of a hand it is: what its pixels are surer of than one half, summed"""
+    """hands: how much of a hand it is: what its pixels are surer of than one half, summed, rest counting less than motion"""
     seen: bool = True
     """False where motion alone says so"""
 

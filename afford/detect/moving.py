@@ -36,6 +36,15 @@ def moves_along(looks: Looks, k: int, hand: np.ndarray, hands: np.ndarray, far_p
     return says * (cv2.distanceTransform((~hand).astype(np.uint8), cv2.DIST_L2, 3) < far_px)
 
 
+def own_motion(looks: Looks, k: int) -> np.ndarray:
+    """(h, w) float32: how fast what look k shows moves before the background, px of the half size; 0 where nobody knows."""
+    flow = looks.forth[k] if looks.forth[k] is not None else looks.back[k]
+    if flow is None:
+        return np.zeros(looks.rgb.shape[1:3], np.float32)
+    own = flow - background(flow, np.ones(flow.shape[:2], bool))
+    return cv2.resize(np.hypot(own[..., 0], own[..., 1]), looks.rgb.shape[2:0:-1])
+
+
 def _nearest(own: np.ndarray, mine: np.ndarray) -> np.ndarray:
     """(h, w, 2) the motion of the nearest pixel of a hand, a mean of what is near that one."""
     share = cv2.GaussianBlur(mine.astype(np.float32), (0, 0), NEAR_PX)

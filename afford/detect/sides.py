@@ -17,6 +17,9 @@ BLUR_PX = 6.0
 SURE = 0.3
 """lean from which a part is sure of its side"""
 
+RESTING, PACE_PX = 0.05, 1.0
+"""what a pixel that rests counts as a hand's, against one that moves by so much from look to look"""
+
 
 @dataclass(frozen=True)
 class Bearing:
@@ -42,13 +45,14 @@ class Bearing:
         return float(self.sign * np.clip(2 - 4 * x.mean() / (width - 1), -1, 1)) if len(x) else 0.0
 
 
-def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float, least_part: float,
+def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, speed_px: np.ndarray, least_px: float, least_part: float,
              bearing: Bearing) -> list[Piece]:  # fmt: skip
     """The hands of one look. Two that touch are parted where the side changes, if both are sure of it and each is at least
     `least_part` of both.
 
-    p: (h, w) probability of a hand; left, right: (h, w) of each side, as the finder has it.
+    p: (h, w) probability of a hand; left, right: (h, w) of each side, as the finder has it; speed_px: (h, w) motion of its own.
     """
+    weight = (p - 0.5) * (RESTING + (1 - RESTING) * np.minimum(speed_px / PACE_PX, 1))
     lean = _lean(left, right)
     found: list[Piece] = []
     for part in pieces(p > 0.5, least_px):
@@ -57,7 +61,7 @@ def hands_of(p: np.ndarray, left: np.ndarray, right: np.ndarray, least_px: float
         for one in map(_largest, halves) if two else [part]:
             if one.sum() >= least_px:
                 side = float(lean[one].mean()) + bearing.entry * bearing.enters(one)
-                found.append(Piece(one, side, float((p[one] - 0.5).sum())))
+                found.append(Piece(one, side, float(weight[one].sum())))
     return found
 
 
@@ -84,18 +88,23 @@ def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[
 
 
 def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
-    """Tracks by side, what is most of a hand first. Each votes with all its looks. Of two at a time that vote alike, the lesser is
-    another part of the same hand where they are near and both sure, else it has the other side; a third is no hand meanwhile."""
-    votes = [sum(_votes(track, tracks, bearing.sign * bearing.order)) for track in tracks]
+    """Tracks by side. Each votes with all its looks; what is most of a hand, and surest of a side, comes first. What finds its side
+    taken is another part of the same hand where they are near and both sure, else it has the other side where that is free, as a
+    rule; a third at a time is no hand meanwhile."""
+    leans = [float(np.clip(np.mean(_votes(track, tracks, bearing.sign * bearing.order)), -1, 1)) for track in tracks]
+    bids = [(-track.mass * (1 + sign * lean) / 2, i, side) for i, (track, lean) in enumerate(zip(tracks, leans, strict=True))
+            for side, sign in zip(SIDES, (1, -1), strict=True)]  # fmt: skip
     out: dict[Hand, list[Track]] = {side: [] for side in SIDES}
-    for i in sorted(range(len(tracks)), key=lambda i: (-tracks[i].mass, i)):
-        first, other = SIDES if votes[i] > 0 else SIDES[::-1]
-        if not _meets(tracks[i], out[first]) or _same(tracks[i], out[first], near_px):
-            out[first].append(tracks[i])
-        elif not _meets(tracks[i], out[other]):
-            out[other].append(tracks[i])
-        elif free := _without(tracks[i], out[first]):
-            out[first].append(Track(free))
+    placed = set[int]()
+    for _, i, side in sorted(bids):
+        alike = (leans[i] > 0) == (side == SIDES[0])
+        if i not in placed and (not _meets(tracks[i], out[side]) or (alike and _same(tracks[i], out[side], near_px))):
+            out[side].append(tracks[i])
+            placed.add(i)
+    for i, track in enumerate(tracks):
+        side = SIDES[0] if leans[i] > 0 else SIDES[1]
+        if i not in placed and (free := _without(track, out[side])):
+            out[side].append(Track(free))
     return out
 
 
