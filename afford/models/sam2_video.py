@@ -105,7 +105,7 @@ def _forget(made: Sam2VideoInferenceSession, keep: set[int]) -> None:
 
 def _prompt(model: Sam2VideoModel, made: Sam2VideoInferenceSession, position: int, masks: np.ndarray, size: int) -> None:
     """Tell the session the masks of all objects in one frame, and let it remember them."""
-    scaled = interpolate(torch.from_numpy(masks).float()[:, None], (size, size), mode="bilinear", antialias=True)
+    scaled = interpolate(torch.from_numpy(np.array(masks)).float()[:, None], (size, size), mode="bilinear", antialias=True)
     for entity in range(len(masks)):
         index = made.obj_id_to_idx(entity)
         made.add_mask_inputs(index, position, (scaled[entity : entity + 1] >= 0.5).float())
@@ -127,6 +127,6 @@ class _Frames(dict[int, torch.Tensor]):
 
     def __getitem__(self, at: int) -> torch.Tensor:
         """(3, size, size), ImageNet-normalised; the aspect ratio is not kept, as published."""
-        image = torch.from_numpy(np.ascontiguousarray(self._rgb[at])).to(self._device).permute(2, 0, 1)[None].float() / 255
+        image = torch.from_numpy(np.array(self._rgb[at])).to(self._device).permute(2, 0, 1)[None].float() / 255
         image = interpolate(image, (self._size, self._size), mode="bilinear", align_corners=False, antialias=True)[0]
         return ((image - self._mean) / self._deviation).to(self._dtype)
