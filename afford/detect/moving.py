@@ -20,7 +20,7 @@ MOST = 8.0
 def moves_along(looks: Looks, k: int, hand: np.ndarray, hands: np.ndarray, far_px: float) -> np.ndarray:
     """(h, w) float32: near 1 for what moves as the nearest part of a hand that moves, near -1 for what rests as the background
     does, else 0; 0 farther than `far_px` from the hand. hands (h, w) bool: all hands of look k."""
-    flow = looks.forth[k] if looks.forth[k] is not None else looks.back[k]
+    flow = _flow(looks, k)
     if flow is None:
         return np.zeros(hand.shape, np.float32)
     size = flow.shape[1::-1]
@@ -38,11 +38,16 @@ def moves_along(looks: Looks, k: int, hand: np.ndarray, hands: np.ndarray, far_p
 
 def own_motion(looks: Looks, k: int) -> np.ndarray:
     """(h, w) float32: how fast what look k shows moves before the background, px of the half size; 0 where nobody knows."""
-    flow = looks.forth[k] if looks.forth[k] is not None else looks.back[k]
+    flow = _flow(looks, k)
     if flow is None:
         return np.zeros(looks.rgb.shape[1:3], np.float32)
     own = flow - background(flow, np.ones(flow.shape[:2], bool))
     return cv2.resize(np.hypot(own[..., 0], own[..., 1]), looks.rgb.shape[2:0:-1])
+
+
+def _flow(looks: Looks, k: int) -> np.ndarray | None:
+    """To the look after, at the last one to the look before; None where there is only one."""
+    return looks.back[k] if looks.forth[k] is None else looks.forth[k]
 
 
 def _nearest(own: np.ndarray, mine: np.ndarray) -> np.ndarray:

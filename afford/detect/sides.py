@@ -16,9 +16,8 @@ BLUR_PX = 6.0
 """over which it is averaged what side a pixel has"""
 SURE = 0.3
 """lean from which a part is sure of its side"""
-
 RESTING, PACE_PX = 0.05, 1.0
-"""what a pixel that rests counts as a hand's, against one that moves by so much from look to look"""
+"""what a pixel that rests counts as a hand's, against one that moves by so much (px of half the size) from look to look"""
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,8 @@ def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[
 
 def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
     """Tracks by side. Each votes with all its looks; what is most of a hand, and surest of a side, comes first. What finds its side
-    taken is another part of the same hand where they are near and both sure, else it has the other side where that is free, as a
-    rule; a third at a time is no hand meanwhile."""
+    taken is another part of the same hand where they are near and both sure, else it has the other side where that is free; a third
+    at a time is no hand meanwhile."""
     leans = [float(np.clip(np.mean(_votes(track, tracks, bearing.sign * bearing.order)), -1, 1)) for track in tracks]
     bids = [(-track.mass * (1 + sign * lean) / 2, i, side) for i, (track, lean) in enumerate(zip(tracks, leans, strict=True))
             for side, sign in zip(SIDES, (1, -1), strict=True)]  # fmt: skip
