@@ -6,6 +6,8 @@ under the digest of its code, its parameters and the content of its inputs.
 
 from __future__ import annotations
 
+import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from afford.registry import load
@@ -44,6 +46,9 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
 
 
 if __name__ == "__main__":
+    if find_spec("typer") is None:
+        raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
+                         "or .venv/bin/python")  # fmt: skip
     from commands.cli import main
 
     raise SystemExit(main())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -15,6 +17,7 @@ from schemas.scene import SceneSpec
 from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS
 
+ROOT = Path(__file__).resolve().parent.parent
 STAGES = {*PER_CLIP, *PER_RUN}
 
 
@@ -22,6 +25,13 @@ STAGES = {*PER_CLIP, *PER_RUN}
 def mine(made: Made, tmp_path: Path) -> Made:
     """A source and a store to change."""
     return made.copy(tmp_path)
+
+
+def test_a_python_without_the_libraries_is_told_where_they_are() -> None:
+    bare = [sys.executable, "-S", "pipeline.py", "--help"]
+    done = subprocess.run(bare, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr and ".venv/bin/activate" in done.stderr
 
 
 # -- usage errors ------------------------------------------------------------------------------------------------------
