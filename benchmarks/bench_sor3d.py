@@ -1,15 +1,17 @@
 """Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--ablation [--rows ROW,ROW]
+    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--static | --ablation [--rows ROW,ROW]
         [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
-alone, and what was asked for. Nothing in those is typed by hand.
+alone, and what was asked for; with --static the model beside the detector on single pictures, alone. Nothing in those is typed by
+hand.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,10 @@ SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
+METHODS = {"static_sor3d": "the model of sequences", "static_boxes": "detector, its own boxes",
+           "static_true_boxes": "detector, true boxes"}  # fmt: skip
+"""reports of single pictures"""
+PAPER = {"its model": published.MODEL["static"], "AffordanceNet": published.AFFORDANCENET}
 CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
 
 
@@ -31,6 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--store")
     parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--static", action="store_true")
     parser.add_argument("--rows", default=",".join(sor3d_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=sor3d_report.Params.seeds)
     parser.add_argument("--set", action="append", default=[])
@@ -43,6 +50,9 @@ def main() -> None:
         found = make("sor3d-ablation", asked.store, *limit, *sets, *plan)
         into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
         return
+    if asked.static:
+        into(PAGE, "static", SELF, pictures(Path(make("static-sets", asked.store, *sets)["outputs"]["report"])))
+        return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
     into(PAGE, "model", SELF, f"{took(made)}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
@@ -53,6 +63,15 @@ def main() -> None:
 def told(asked: argparse.Namespace) -> str:
     """What was asked for beside the rows."""
     return f"Asked for: `{' '.join([*asked.set, f'--seeds {asked.seeds}'])}`.\n\n"
+
+
+def pictures(report: Path) -> str:
+    """A line for each method, the paper's two below."""
+    found = {words: json.loads((report / name / "metrics.json").read_text()) for name, words in METHODS.items()}
+    ours = [[words, *(f"{one[key]:.3f}" for key in FIGURES)] for words, one in found.items()]
+    paper = [[f"paper, its data: {words}", *(f"{value:.2f}" for value in figures)] for words, figures in PAPER.items()]
+    lines = "".join(f"| {' | '.join(cells)} |\n" for cells in (*ours, *paper))
+    return f"| | IoU | F | weighted F |\n|---|--:|--:|--:|\n{lines}"
 
 
 def took(made: dict[str, Any]) -> str:

@@ -34,6 +34,7 @@ class InteractionScores(Schema):
     object_type: tuple[str, ...] = value("of each, what is used")
     affordance: tuple[str, ...] = value("of each, what it is used for: the true action")
     pixels: np.ndarray = array("n m 3 9", "int64", "pixels of every affordance: found and true, found, true")
+    region: np.ndarray = array("n m", "int64", "pixels found and true, whichever affordance they are called")
     action: np.ndarray = array("n m 9", "float32", "probability of every action")
     shown: tuple[ShownAnswer, ...] = value("some of the sequences, spread over all")
 

@@ -15,10 +15,10 @@ from afford.models.sor3d import files
 from afford.models.sor3d.config import Sor3dConfig, row
 from afford.models.sor3d.model import Sor3d, build
 from afford.sor3d.examine import ask, spread
-from afford.sor3d.figures import figures, intervals, pooled
+from afford.sor3d.figures import figures, intervals, pooled, regions
 from afford.training.sequence_batches import last
 from schemas.files import FileTree
-from schemas.interaction import AFFORDANCES
+from schemas.interaction import AFFORDANCES, BACKGROUND
 from schemas.interaction_scores import InteractionScores
 from stages import interaction_pack, sor3d_evaluate
 from tests.made_samples import Scratch
@@ -57,13 +57,14 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
         at = scores.clip.index(one.clip)
         found = measures.counts(one.label[0], one.truth)
         assert (scores.pixels[at, 0] == [found.hit, found.found, found.true]).all()
+        assert scores.region[at, 0] == np.count_nonzero((one.label[0] < BACKGROUND) & (one.truth < BACKGROUND))
         assert one.attention.shape == (2, SIZE // 8, SIZE // 8) and one.confidence.min() >= 0.1
     assert np.allclose(scores.action.sum(-1), 1, atol=1e-5)
 
 
 def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
     """Pooled pixels of halves add up to those of all, and figures are of the sums."""
-    listed = ("clip", "object_type", "affordance", "pixels", "action")
+    listed = ("clip", "object_type", "affordance", "pixels", "region", "action")
     half = [replace(scores, **{name: getattr(scores, name)[at] for name in listed}) for at in (slice(0, 1), slice(1, None))]
     for mode in scores.mode:
         whole, parts = pooled(scores, mode), pooled(half[0], mode) + pooled(half[1], mode)
@@ -78,11 +79,24 @@ def test_a_perfect_answer_scores_one(scores: InteractionScores) -> None:
     action = np.zeros_like(scores.action)
     for n, name in enumerate(scores.affordance):
         action[n, :, AFFORDANCES.index(name)] = 1
-    perfect = replace(scores, pixels=pixels, action=action)
+    perfect = replace(scores, pixels=pixels, region=pixels[:, :, 2].sum(-1), action=action)
     found = figures(perfect) | intervals(perfect, 50, 0)
     assert set(found.values()) == {1.0}
-    names = {"video.iou", "video.f", "static.fw", "video.iou.push", "action.accuracy", "action.accuracy.lift", "static.f.high"}
+    names = {"video.iou", "video.f", "static.fw", "video.iou.push", "action.accuracy", "action.accuracy.lift", "static.f.high",
+             "static.region_iou"}
     assert names <= found.keys()
+
+
+def test_regions_are_found_whatever_they_are_called(scores: InteractionScores) -> None:
+    """A found region with the name of another affordance has no IoU, and all of the region's; the parts of a set add up."""
+    pixels = scores.pixels.copy()
+    pixels[:, :, 0], pixels[:, :, 1] = 0, np.roll(pixels[:, :, 2], 1, axis=-1)
+    misnamed = replace(scores, pixels=pixels, region=pixels[:, :, 2].sum(-1))
+    found = figures(misnamed)
+    assert found["video.iou"] == 0 and found["video.region_iou"] == 1
+    everything = regions(scores, "video")
+    assert everything.hit.sum() == scores.region[:, 0].sum() and everything.true.sum() == scores.pixels[:, 0, 2].sum()
+    assert (everything.hit >= pooled(scores, "video").hit).all()
 
 
 def test_intervals_hold_the_figure(scores: InteractionScores) -> None:

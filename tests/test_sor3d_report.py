@@ -22,7 +22,7 @@ GRASP, PUSH = AFFORDANCES.index("grasp"), AFFORDANCES.index("push")
 
 def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")) -> InteractionScores:
     """Two sequences, of grasp and of push, with 100 true pixels each; `hit` of 100 found are right in videos, half as many in
-    pictures; the action of the first is right."""
+    pictures, and twice as many whatever they are called; the action of the first is right."""
     pixels = np.zeros((2, len(mode), 3, 9), np.int64)
     for n, kind in enumerate((GRASP, PUSH)):
         for m in range(len(mode)):
@@ -34,7 +34,8 @@ def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")
     shown = ShownAnswer("a", np.full((8, 8, 3), 90, np.uint8), label, np.stack([label, label[::-1]]),
                         np.stack([np.full((8, 8), 0.9), np.full((8, 8), 0.5)]).astype(np.float16),
                         np.ones((2, 2, 2), np.float32))  # fmt: skip
-    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, action, (shown,))
+    region = np.array([[min(2 * hit // (m + 1), 100) for m in range(len(mode))]] * 2, np.int64)
+    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, region, action, (shown,))
 
 
 def read(found: FileTree, name: str) -> str:
@@ -51,11 +52,12 @@ def test_one_model_by_hand(tmp_path: Path) -> None:
     assert numbers["video.iou"] == pytest.approx(50 / 150) and numbers["static.iou"] == pytest.approx(25 / 175)
     assert numbers["video.f"] == numbers["video.fw"] == pytest.approx(0.5) and numbers["video.iou.push"] == pytest.approx(1 / 3)
     assert (numbers["action.accuracy"], numbers["action.accuracy.grasp"], numbers["action.accuracy.push"]) == (0.5, 1.0, 0.0)
+    assert numbers["video.region_iou"] == pytest.approx(1.0) and numbers["static.region_iou"] == pytest.approx(50 / 150)
     assert (numbers["flow.epe_ratio"], numbers["flow.epe_ratio_moving"]) == (0.25, 0.5)
     assert numbers["flow.epe_mm"] == pytest.approx(2.5)
     assert numbers["video.iou.low"] == numbers["video.iou.high"] == pytest.approx(numbers["video.iou"])
     text = read(found, "report.md")
-    assert "0.333 (0.33 to 0.33) | 0.500 (0.50 to 0.50) | 0.500 (0.50 to 0.50) | 0.72 | 0.80 | 0.81 |" in text
+    assert "0.333 (0.33 to 0.33) | 0.500 (0.50 to 0.50) | 0.500 (0.50 to 0.50) | 1.000 | 0.72 | 0.80 | 0.81 |" in text
     assert "AffordanceNet" in text and "0.25 of that of optical flow" in text
     assert "| push | 0.333 | 0.500 | 0.143 | 0.250 | 0.000 |" in text
 
@@ -75,15 +77,17 @@ def test_what_is_not_finished_is_marked(tmp_path: Path) -> None:
     assert lines.keys() >= set(ALL) and "| 2 | 0.62 | 0.73 |" in lines["rgb"]
     assert "1 of 2, not finished" in lines["rgb_attention"] and "0 of 2, not finished" in lines["rgbd"]
     assert "not trained" in lines["rgbd_attention"] and lines[PRETRAINED].endswith("|  |  |")
-    assert lines["attention"] == f"| attention | {70 / 130 - np.mean(values):+.3f} | +0.03 |" and "depth" not in lines
+    where = 1 - np.mean([80 / 120, 1])
+    assert lines["attention"] == f"| attention | {70 / 130 - np.mean(values):+.3f} | {where:+.3f} | +0.000 | +0.03 |"
+    assert "depth" not in lines
     assert json.loads(read(found, "scores.json")).keys() == {"rgb-0", "rgb-1", "rgb_attention-0"}
 
 
 def test_what_each_part_adds_is_told_where_both_sides_are_known() -> None:
     """Also video beside pictures, and pre-training, which the paper has no figure for."""
-    seeds = [{"video.iou": 0.7, "static.iou": 0.5}]
-    text = page.steps({WHOLE: seeds, PRETRAINED: [{"video.iou": 0.75}], "rgb": []})
-    assert "| learning actions before | +0.050 |  |" in text and "| video | +0.200 | +0.18 |" in text
+    seeds = [{"video.iou": 0.7, "static.iou": 0.5, "action.accuracy": 0.9, "static.action": 0.3}]
+    text = page.steps({WHOLE: seeds, PRETRAINED: [{"video.iou": 0.75, "action.accuracy": 0.8}], "rgb": []})
+    assert "| learning actions before | +0.050 |  | -0.100 |  |" in text and "| video | +0.200 |  | +0.600 | +0.18 |" in text
     assert "attention" not in text and not page.steps({})
 
 

@@ -16,6 +16,7 @@ from afford.metrics.sor3d import counts
 from afford.models.sor3d.both_ways import both_ways
 from afford.models.sor3d.model import Sor3d
 from afford.training.sequence_batches import fitted, last, stack
+from schemas.interaction import BACKGROUND
 from schemas.interaction_scores import InteractionScores, ShownAnswer
 
 MODES = ("video", "static")
@@ -38,18 +39,19 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
             mirror: bool = False) -> InteractionScores:  # fmt: skip
     """Every sequence, one at a time, so that they may have any lengths; with `mirror` its mirror image too."""
     kept = spread(len(paths), shown)
-    rows, pixels, pictures = [], [], []
+    rows, pixels, regions, pictures = [], [], [], []
     for n, path in enumerate(paths):
         one = fitted(sequences.read(path, model.config.flow), model.config.size_px)
         said = ask(model, one, device, mirror), ask(model, last(one), device, mirror)
         found = [counts(answer.label, one.label) for answer in said]
         pixels.append([[of.hit, of.found, of.true] for of in found])
+        regions.append([in_both(answer.label, one.label) for answer in said])
         pictures += [_shown(one, said)] if n in kept else []
         rows.append((one.name, one.object_type, one.affordance, [answer.action for answer in said]))
         progress(n + 1, len(paths))
     names, types, affordances, actions = zip(*rows, strict=True)
-    return InteractionScores(name, MODES, names, types, affordances, np.array(pixels, np.int64), np.array(actions, np.float32),
-                             tuple(pictures))  # fmt: skip
+    return InteractionScores(name, MODES, names, types, affordances, np.array(pixels, np.int64), np.array(regions, np.int64),
+                             np.array(actions, np.float32), tuple(pictures))  # fmt: skip
 
 
 def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) -> Answer:
@@ -61,6 +63,11 @@ def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) 
         attention = torch.zeros(0, 0) if said.attention is None else said.attention[0, 0]
     return Answer(label.cpu().numpy().astype(np.uint8), confidence.cpu().numpy().astype(np.float16),
                   said.action[0].softmax(0).cpu().numpy(), attention.cpu().numpy())
+
+
+def in_both(found: np.ndarray, truth: np.ndarray) -> int:
+    """Pixels that have an affordance in both labels, be it the same or not."""
+    return int(np.count_nonzero((found != BACKGROUND) & (truth != BACKGROUND)))
 
 
 def spread(of: int, count: int) -> set[int]:

@@ -23,9 +23,10 @@ POOLED: dict[str, Callable[[Counts], float]] = {
 
 
 def figures(one: InteractionScores) -> dict[str, float]:
-    """<mode>.iou, .f, .fw, <mode>.iou.<category>, <mode>.f.<category>; action.accuracy, action.accuracy.<category> (of video) and
-    static.action; without what does not apply."""
+    """<mode>.iou, .f, .fw, <mode>.iou.<category>, <mode>.f.<category>, <mode>.region_iou; action.accuracy,
+    action.accuracy.<category> (of video) and static.action; without what does not apply."""
     out = {f"{mode}.{name}": value for mode in one.mode for name, value in measures.summary(pooled(one, mode)).items()}
+    out |= {f"{mode}.region_iou": measures.mean(measures.iou(regions(one, mode))) for mode in one.mode}
     if "static" in one.mode:
         out["static.action"] = float(right(one, "static").mean())
     if "video" in one.mode:
@@ -38,6 +39,14 @@ def figures(one: InteractionScores) -> dict[str, float]:
 def pooled(one: InteractionScores, mode: str) -> Counts:
     """Pixels of all sequences."""
     return Counts(*one.pixels[:, one.mode.index(mode)].sum(0))
+
+
+def regions(one: InteractionScores, mode: str) -> Counts:
+    """Pixels of any affordance, by what is used in truth: where, whatever it is called."""
+    at = one.mode.index(mode)
+    used = np.array([AFFORDANCES.index(name) for name in one.affordance])
+    each = one.region[:, at], one.pixels[:, at, 1].sum(-1), one.pixels[:, at, 2].sum(-1)
+    return Counts(*(np.array([of[used == kind].sum() for kind in range(len(AFFORDANCES))]) for of in each))
 
 
 def right(one: InteractionScores, mode: str) -> np.ndarray:

@@ -11,7 +11,8 @@ from schemas.interaction import AFFORDANCES
 
 MODES = {"video": "videos", "static": "pictures (the last frame alone)"}
 FIGURES = ("iou", "f", "fw")
-COLUMNS = ("video.iou", "video.f", "video.fw", "static.iou", "static.f", "static.fw", "action.accuracy")
+WHERE = ("iou", "f", "fw", "region_iou")
+COLUMNS = (*(f"{mode}.{name}" for mode in MODES for name in WHERE), "action.accuracy")
 """of a row of the ablation"""
 
 Seeds = Sequence[Mapping[str, float]]
@@ -19,13 +20,14 @@ Seeds = Sequence[Mapping[str, float]]
 
 def model(numbers: Mapping[str, float], clips: int) -> str:
     """One model: a table of both modes, one of categories."""
-    lines = [_line(MODES[mode], [_with_interval(numbers, f"{mode}.{name}") for name in FIGURES], _paper(published.MODEL[mode]))
+    lines = [_line(MODES[mode], [_with_interval(numbers, f"{mode}.{name}") for name in WHERE], _paper(published.MODEL[mode]))
              for mode in MODES if f"{mode}.iou" in numbers]  # fmt: skip
-    boxes = _line("AffordanceNet, pictures", [""] * 3, _paper(published.AFFORDANCENET))
+    boxes = _line("AffordanceNet, pictures", [""] * 4, _paper(published.AFFORDANCENET))
     action = f"Action named rightly: {_with_interval(numbers, 'action.accuracy')} of videos."
     return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels are pooled over all, figures averaged over categories; "
-            "in brackets 95 % intervals over sequences; the paper's figures are of its own data.\n\n"
-            "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+            "in brackets 95 % intervals over sequences; the paper's figures are of its own data. Region IoU: where something is "
+            "afforded, whatever it is called.\n\n"
+            "| | IoU | F | weighted F | region IoU | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|--:|\n"
             f"{''.join((*lines, boxes))}\n{action}\n\n{categories(numbers)}")  # fmt: skip
 
 
@@ -40,19 +42,23 @@ def categories(numbers: Mapping[str, float]) -> str:
 def ablation(rows: Mapping[str, Seeds], planned: Mapping[str, int]) -> str:
     """All rows of the paper beside it, those that are not finished or not asked for marked so; then what each part adds."""
     head = ("# Ablation of SOR3D-AFF\n\nMean and standard deviation over seeds, validation; the paper's figures (videos) are of "
-            "its own data.\n\n| row | video: IoU | F | weighted F | picture: IoU | F | weighted F | action | seeds "
-            f"| paper: IoU | F |\n|---|{'--:|' * 10}\n")  # fmt: skip
+            "its own data. Region IoU: where something is afforded, whatever it is called.\n\n| row | video: IoU | F | weighted F "
+            "| region IoU | picture: IoU | F | weighted F | region IoU | action | seeds | paper: IoU | F |\n"
+            f"|---|{'--:|' * 12}\n")  # fmt: skip
     return head + "".join(_row(name, rows.get(name, []), planned.get(name, 0)) for name in ALL) + "\n" + steps(rows)
 
 
 def steps(rows: Mapping[str, Seeds]) -> str:
-    """What every part adds to the IoU of videos, and video to pictures, where both sides have a finished seed."""
-    lines = [_line(what, [_gain(rows[without], rows[having], "video.iou", "video.iou")], [_paper_gain(without, having)])
+    """What every part adds to videos, and video to pictures, where both sides have a finished seed."""
+    video = {f"video.{name}": f"video.{name}" for name in ("iou", "region_iou")} | {"action.accuracy": "action.accuracy"}
+    static = {"static.iou": "video.iou", "static.region_iou": "video.region_iou", "static.action": "action.accuracy"}
+    lines = [_line(what, _gains(rows[without], rows[having], video), [_paper_gain(without, having)])
              for what, without, having in published.STEPS if rows.get(without) and rows.get(having)]  # fmt: skip
-    video, static = (published.MODEL[mode][0] for mode in ("video", "static"))
     if rows.get(WHOLE):
-        lines.append(_line("video", [_gain(rows[WHOLE], rows[WHOLE], "static.iou", "video.iou")], [f"{video - static:+.2f}"]))
-    return ("What a part adds to IoU:\n\n| | here | paper |\n|---|--:|--:|\n" + "".join(lines) + "\n") if lines else ""
+        paper = published.MODEL["video"][0] - published.MODEL["static"][0]
+        lines.append(_line("video", _gains(rows[WHOLE], rows[WHOLE], static), [f"{paper:+.2f}"]))
+    head = "What a part adds:\n\n| | IoU | region IoU | action | paper: IoU |\n|---|--:|--:|--:|--:|\n"
+    return head + "".join(lines) + "\n" if lines else ""
 
 
 def methods(others: Mapping[str, Mapping[str, float]]) -> str:
@@ -85,7 +91,14 @@ def _cell(seeds: Seeds, name: str) -> str:
     return f"{mean:.3f} ± {sd:.3f}" if len(seeds) > 1 else f"{mean:.3f}"
 
 
+def _gains(without: Seeds, having: Seeds, figures: Mapping[str, str]) -> list[str]:
+    """From the first figure of each pair, without, to the second, having; nothing where one of them is not known."""
+    return [_gain(without, having, *pair) for pair in figures.items()]
+
+
 def _gain(without: Seeds, having: Seeds, before: str, after: str) -> str:
+    if not (any(before in seed for seed in without) and any(after in seed for seed in having)):
+        return ""
     return f"{spread([dict(seed) for seed in having], after)[0] - spread([dict(seed) for seed in without], before)[0]:+.3f}"
 
 
