@@ -51,7 +51,7 @@ def main() -> None:
         into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
         return
     if asked.static:
-        into(PAGE, "static", SELF, pictures(Path(make("static-sets", asked.store, *sets)["outputs"]["report"])))
+        into(PAGE, "static", SELF, pictures(make("static-sets", asked.store, *sets)["outputs"]))
         return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
@@ -65,9 +65,9 @@ def told(asked: argparse.Namespace) -> str:
     return f"Asked for: `{' '.join([*asked.set, f'--seeds {asked.seeds}'])}`.\n\n"
 
 
-def pictures(report: Path) -> str:
+def pictures(reports: dict[str, str]) -> str:
     """A line for each method, the paper's two below."""
-    found = {words: json.loads((report / name / "metrics.json").read_text()) for name, words in METHODS.items()}
+    found = {words: json.loads((Path(reports[name]) / "metrics.json").read_text()) for name, words in METHODS.items()}
     ours = [[words, *(f"{one[key]:.3f}" for key in FIGURES)] for words, one in found.items()]
     paper = [[f"paper, its data: {words}", *(f"{value:.2f}" for value in figures)] for words, figures in PAPER.items()]
     lines = "".join(f"| {' | '.join(cells)} |\n" for cells in (*ours, *paper))

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.grasp.cells import cells
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
 from afford.grasp.evaluate import Still, play
 from afford.grasp.examine import FIGURES
-from afford.grasp.report import by_row, cells, markdown, metrics
+from afford.grasp.report import by_row, markdown, metrics
 from afford.grasp.task import of
 from schemas.context import Context
 from schemas.episodes import GraspEpisodes, GraspExam

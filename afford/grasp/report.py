@@ -4,87 +4,26 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 
 from afford.dataset.files import empty_folder, tree, write_json
-from afford.grasp import agreement, report_clips, report_pairs
+from afford.grasp import agreement, report_clips, report_pairs, report_tasks
+from afford.grasp.cells import MAIN, PCT, Cell, cells, number
 from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
 from afford.training.ablation import done
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
-from schemas.grasp_task import LEVELS, GraspTask
+from schemas.grasp_task import GraspTask
 from schemas.training import TrainingLog
 
-MAIN = "bullet"
-"""the engine whose figures have no prefix"""
-PCT = 100.0
 PRIOR = "prior"
 """name of the training whose last figures are called hti"""
 GROUP = re.compile("^(lambda|transfer)_")
-
-
-class Cell(NamedTuple):
-    """One policy on one level in one engine, over seeds."""
-
-    policy: str
-    level: str
-    engine: str
-    runs: tuple[GraspEpisodes, ...]
-    planned: int = 0
-    """how many were to be; 0: those that there are"""
-
-    def mean(self, name: str, successes: bool = False) -> float:
-        """Of a figure, over episodes of each seed, then over seeds; NaN where no episode has it."""
-        each = [_mean(one.figure(name), one.figure("success") > 0 if successes else None) for one in self.runs]
-        known = [x for x in each if np.isfinite(x)]
-        return float(np.mean(known)) if known else float("nan")
-
-    def spread(self, name: str) -> float:
-        """Standard deviation over seeds; NaN for one."""
-        each = [_mean(one.figure(name), None) for one in self.runs]
-        return float(np.std(each, ddof=1)) if len(each) > 1 else float("nan")
-
-    def depth_mm(self, percent: float) -> float:
-        """Percentile over all steps of all episodes in which hand and object touch; NaN where they never do."""
-        found = np.concatenate([one.depth_m.ravel() for one in self.runs])
-        found = found[np.isfinite(found)]
-        return float(1000 * np.percentile(found, percent)) if len(found) else float("nan")
-
-    def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of Succ, over all episodes."""
-        found = np.concatenate([one.figure("success") for one in self.runs])
-        ci = binomtest(int(found.sum()), len(found)).proportion_ci(method="wilson")
-        return float(ci.low), float(ci.high)
-
-    @property
-    def missing(self) -> int:
-        """How many seeds are not finished."""
-        return max(0, self.planned - len(self.runs))
-
-    @property
-    def episodes(self) -> int:
-        """How many, over all seeds."""
-        return sum(len(one.task) for one in self.runs)
-
-
-def cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[Cell]:
-    """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS; those that were planned
-    also where none is finished."""
-    every: tuple[GraspEpisodes | GraspExam, ...] = (*planned, *episodes)
-    policies, levels = dict.fromkeys(one.policy for one in every), dict.fromkeys((*LEVELS, *(one.level for one in every)))
-    engines = dict.fromkeys((MAIN, *(one.engine for one in every)))
-    wanted = Counter((one.policy, one.level, one.engine) for one in planned)
-    keys = product(policies, levels, engines)
-    found = [Cell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key), wanted[key]) for key in keys]
-    return [cell for cell in found if cell.runs or cell.planned]
 
 
 FIGURES: tuple[tuple[str, str, Callable[[Cell], float]], ...] = (
@@ -136,10 +75,11 @@ def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planne
              f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} | seeds |",
              f"|---|---|---|{'--:|' * (len(FIGURES) + 1)}"]  # fmt: skip
     for cell in cells(episodes, planned):
-        values = [_text(of(cell), _digits(head)) if cell.runs else "" for _, head, of in FIGURES]
+        values = [number(of(cell), _digits(head)) if cell.runs else "" for _, head, of in FIGURES]
         values.append(done(len(cell.runs), cell.planned))
         lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
-    return "\n".join([*lines, "", *more, *_published(), "", *_tasks(episodes), ""])
+    by_use, by_task = report_tasks.uses(cells(episodes)), report_tasks.tasks(episodes)
+    return "\n".join([*lines, "", *by_use, "", *more, *_published(), "", *by_task, ""])
 
 
 def _published() -> list[str]:
@@ -148,31 +88,8 @@ def _published() -> list[str]:
     return lines + [f"| {r.table} | {r.row} | {r.level} | {r.succ:g} | {r.hls:g} | {r.as_pct:g} |" for r in ROWS]
 
 
-def _tasks(episodes: Sequence[GraspEpisodes]) -> list[str]:
-    """Every task of the first policy in the main engine."""
-    mine = [one for one in episodes if one.policy == episodes[0].policy and one.engine == episodes[0].engine]
-    lines = [f"## {episodes[0].policy}, {episodes[0].engine}: task by task", "", "| level | task | n | Succ | AS %, successes |",
-             "|---|---|--:|--:|--:|"]  # fmt: skip
-    for one in mine:
-        for name in dict.fromkeys(one.task):
-            rows = np.array([task == name for task in one.task])
-            succ = one.figure("success")[rows]
-            safe = _mean(one.figure("as_violation_pct")[rows], succ > 0)
-            lines.append(f"| {one.level} | {name} | {rows.sum()} | {PCT * succ.mean():.0f} | {_text(safe, 1)} |")
-    return lines
-
-
-def _mean(values: np.ndarray, chosen: np.ndarray | None) -> float:
-    kept = values[np.isfinite(values) & (chosen if chosen is not None else True)]
-    return float(kept.mean()) if len(kept) else float("nan")
-
-
 def _digits(head: str) -> int:
     return 2 if "depth" in head or "contact" in head else 0 if head == "n" else 1
-
-
-def _text(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else ""
 
 
 def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
