@@ -1,11 +1,11 @@
 """Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--static | --ablation [--rows ROW,ROW]
-        [--seeds N] [--minutes N]]
+    PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--settings | --static | --ablation
+        [--rows ROW,ROW] [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
-alone, and what was asked for; with --static the model beside the detector on single pictures, alone. Nothing in those is typed by
-hand.
+alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how
+small and paper are trained, alone. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ import cv2
 
 from afford.sor3d import published
 from benchmarks.pages import ROOT, into, make
+from commands.settings import described
 from stages import sor3d_report
+from stages.model_train import SOR3D, SOR3D_PAPER
 
 SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
@@ -38,11 +40,15 @@ def main() -> None:
     parser.add_argument("--store")
     parser.add_argument("--ablation", action="store_true")
     parser.add_argument("--static", action="store_true")
+    parser.add_argument("--settings", action="store_true")
     parser.add_argument("--rows", default=",".join(sor3d_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=sor3d_report.Params.seeds)
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--minutes", help="with --ablation: rows that are not finished by then are marked so")
     asked = parser.parse_args()
+    if asked.settings:
+        into(PAGE, "settings", SELF, schedule())
+        return
     limit = ("--minutes", asked.minutes) if asked.minutes else ()
     sets = tuple(word for one in asked.set for word in ("--set", one))
     if asked.ablation:
@@ -63,6 +69,13 @@ def main() -> None:
 def told(asked: argparse.Namespace) -> str:
     """What was asked for beside the rows."""
     return f"Asked for: `{' '.join([*asked.set, f'--seeds {asked.seeds}'])}`.\n\n"
+
+
+def schedule() -> str:
+    """Every parameter of the training in which small and paper differ."""
+    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(type(SOR3D))]
+    lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
+    return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 
 
 def pictures(reports: dict[str, str]) -> str:

@@ -35,7 +35,8 @@ def run(
     only: Annotated[str | None, typer.Option(help="run one stage on its last inputs; says when they are stale")] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
-    minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run; inf: never; "
+                                                  "default: never, of grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
     rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,

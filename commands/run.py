@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -29,6 +30,8 @@ from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
 
 T = TypeVar("T")
+USUAL_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
+"""tables that take many hours: how long a run of them lasts where nothing is said; the next one goes on"""
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
@@ -66,7 +69,7 @@ class Summary:
     metrics: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     left: dict[str, int] | None = None
-    """only of a run with --minutes"""
+    """only of a run that ends after some time"""
 
 
 def run(request: Request) -> int:
@@ -82,18 +85,26 @@ def run(request: Request) -> int:
     place, source = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
     graph, names = built(target, place, weighted)
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
+    limit_s = limited(request, target)
     with observer(quiet=False) as shown:
         ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)
         report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names),
-                                          force, None if request.minutes is None else 60 * request.minutes)
+                                          force, limit_s)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
-                      None if request.minutes is None else report.left)
+                      None if limit_s is None else report.left)
     _show(summary, report, source)
     if request.json:
         said = {name: value for name, value in vars(summary).items() if value is not None}
         sys.stdout.write(json.dumps(said, sort_keys=True) + "\n")
     return 0 if report.ok else 1
+
+
+def limited(request: Request, target: str) -> float | None:
+    """Seconds after which the run ends: as it was asked for, `inf` being none; else as is usual for the target."""
+    usual = None if request.only else USUAL_MINUTES.get(target)
+    minutes = usual if request.minutes is None else request.minutes
+    return None if minutes is None or math.isinf(minutes) else 60 * minutes
 
 
 def made(

@@ -15,15 +15,18 @@ from pathlib import Path
 from typing import Any
 
 from commands.errors import UsageError, unknown
-from maps.settings import Settings
+from maps.settings import PRESETS, Settings
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 
 def settings(sets: Iterable[str], file: Path | None) -> Settings:
-    """The defaults, then the file, then each `--set` in order; UsageError names what does not exist or does not fit."""
-    chosen = Settings()
-    for stage, name, value in [*_from_file(file), *(_split(word) for word in sets)]:
+    """The defaults, or those of a preset that is named (a variant of a training), then the file, then each `--set` in order;
+    UsageError names what does not exist or does not fit."""
+    changes = [*_from_file(file), *(_split(word) for word in sets)]
+    named = {change[0]: PRESETS[change] for change in changes if isinstance(change[2], str) and change in PRESETS}
+    chosen = dataclasses.replace(Settings(), **named)
+    for stage, name, value in changes:
         chosen = _change(chosen, stage, name, value)
     return chosen
 

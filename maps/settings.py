@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
@@ -79,7 +79,7 @@ from stages import (
     train_plan,
     view_render,
 )
-from stages.model_train import SOR3D
+from stages.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
 from stages.model_train import Params as Training
 
 
@@ -160,6 +160,13 @@ class Settings:
     sor3d_train: Training = SOR3D
     sor3d_evaluate: sor3d_evaluate.Params = sor3d_evaluate.Params()
     sor3d_report: sor3d_report.Params = sor3d_report.Params()
+
+
+PRESETS: dict[tuple[str, str, str], Any] = {
+    ("sor3d_train", "variant", "paper"): SOR3D_PAPER,
+    ("sor3d_pretrain", "variant", "paper"): SOR3D_PAPER_ACTIONS,
+}
+"""stage, parameter, value -> what all parameters of the stage are where it has this value and nothing else is said"""
 
 
 class Origin(NamedTuple):

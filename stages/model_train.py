@@ -15,7 +15,7 @@ Paper   2HandedAfforder, training (LISA's optimiser and schedule; batch and lear
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from afford.registry import load
 from schemas.context import Context
@@ -75,9 +75,11 @@ class Params:
     accumulate: int = 2
     """micro-batches per step; those of small are computed at the same time on a CPU"""
     lr: float = 2e-3
-    """learning rate after the warm-up; it falls linearly to 0"""
+    """learning rate after the warm-up"""
     warmup: int = 100
     """steps of linear warm-up"""
+    decay: bool = True
+    """whether the learning rate falls linearly to 0 after the warm-up; false in the paper of SOR3D-AFF"""
     weight_decay: float = 0.01
     """of AdamW"""
     clip_norm: float = 1.0
@@ -131,9 +133,12 @@ SOR3D = Params(backend="sor3d", height_px=72, steps=1300, batch=16, accumulate=1
                balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.45)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
-                     weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0, coarse_share=0.0,
-                     dice_weight=0.0, flip_share=0.0, crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
-"""the paper's: 200 epochs of 962 sequences. Its rate is constant; here it falls linearly to 0"""
+                     decay=False, weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0,
+                     coarse_share=0.0, dice_weight=0.0, flip_share=0.0, crop_share=0.0, colour_share=0.0,
+                     device="cuda")  # fmt: skip
+"""the paper's: 200 epochs of 962 sequences"""
+SOR3D_PAPER_ACTIONS = replace(SOR3D_PAPER, backend="sor3d_actions", steps=4000, validate_every=400)
+"""the paper's first encoder before: 50 epochs of 160 clips, which is what action_pack leaves of UTKinect-Action3D to learn from"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,

@@ -154,3 +154,9 @@ def _iou(model: Boxes, batch: Learned, told: bool) -> float:
         said = torch.stack([painted(model, found.features[n : n + 1], boxes[n], (SIZE, SIZE)).argmax(0) for n in range(8)])
     on, true = said != BACKGROUND, batch.label != BACKGROUND
     return float((on & true).sum() / (on | true).sum())
+
+
+def test_a_gpu_is_refused(packed: FileTree, tmp_path: Path) -> None:
+    """In a sentence that says what to do; not in the middle of the first step."""
+    with pytest.raises(ValueError, match="expected device=cpu for the detector"):
+        model_train.run(packed, replace(PARAMS, device="cuda"), Scratch(tmp_path))

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from commands.run import made
+from commands.run import USUAL_MINUTES, Request, limited, made
+from pipeline import TARGETS
 from runner import LostError
 
 
@@ -35,6 +36,14 @@ def test_what_is_damaged_is_made_again_within_what_is_left_of_the_time(limit_s: 
     """Nothing is forced the second time, and the limit is for both together."""
     asked, (report, out) = _twice(limit_s, losses=1)  # type: ignore[misc]
     assert (report.number, out) == (2, "of run 2") and asked[1:] == [{"limit_s": left_s}]
+
+
+@pytest.mark.parametrize(("asked", "limit_s"), [({}, 75 * 60), ({"minutes": 2.0}, 120), ({"minutes": float("inf")}, None),
+                                                ({"only": "sor3d_report"}, None), ({"minutes": 0.0}, 0)])  # fmt: skip
+def test_tables_that_take_hours_end_by_themselves(asked: dict, limit_s: float | None) -> None:  # type: ignore[type-arg]  # keywords
+    """Unless something else is asked for; all other targets are made whole."""
+    assert limited(Request("sor3d-ablation", **asked), "sor3d-ablation") == limit_s
+    assert limited(Request("dataset"), "dataset") is None and set(TARGETS) >= USUAL_MINUTES.keys()
 
 
 def test_what_is_damaged_twice_is_an_error() -> None:

@@ -10,6 +10,7 @@ import pytest
 from commands.errors import UsageError
 from commands.settings import described, settings
 from maps.settings import Settings
+from stages.model_train import SOR3D_PAPER
 
 
 def test_nothing_said_gives_the_defaults() -> None:
@@ -31,6 +32,19 @@ def test_lists_are_written_with_commas_or_as_json() -> None:
     assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasp_report.rows == ("teacher", "student")
     with pytest.raises(UsageError, match=r"grasp_report\.rows: expected"):
         settings(['grasp_report.rows=["teacher"'], None)
+
+
+def test_a_variant_brings_its_schedule() -> None:
+    """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
+    besides holds, from the command line as from a file."""
+    paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
+    assert paper.sor3d_train == dataclasses.replace(SOR3D_PAPER, steps=7, device="cpu") and paper.sor3d_pretrain.variant == "small"
+    usual = settings(["sor3d_train.variant=paper"], None).sor3d_train
+    assert (usual.lr, usual.batch, usual.steps, usual.turn, usual.decay) == (2e-5, 2, 200 * 481, 0.75, False)
+    assert (usual.dice_weight, usual.foreground_weight, usual.static_share, usual.height_px) == (0.0, 1.0, 0.0, 300)
+    before = settings(["sor3d_pretrain.variant=paper"], None).sor3d_pretrain
+    assert (before.backend, before.steps * before.batch) == ("sor3d_actions", 50 * 160)
+    assert settings(["sor3d_train.variant=small"], None) == Settings()
 
 
 @pytest.mark.parametrize(

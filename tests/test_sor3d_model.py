@@ -16,10 +16,11 @@ from afford.models.sor3d.attention import Attention
 from afford.models.sor3d.config import ROWS, Sor3dConfig
 from afford.models.sor3d.encoder import CONVOLUTIONS, Encoder
 from afford.models.sor3d.inputs import Frames, Seen, frames
-from afford.models.sor3d.losses import LossParams, losses
+from afford.models.sor3d.losses import LossParams, losses, of_pixels, written_out
 from afford.models.sor3d.lstm import ConvLSTM
 from afford.models.sor3d.model import Said, Sor3d, build
 from afford.models.sor3d.pretrain import head
+from afford.training.repeatable import repeatable
 from schemas.interaction import BACKGROUND
 from tests.made_sequences import SIZE, STILL, seen
 
@@ -143,6 +144,31 @@ def test_paper_width_has_the_papers_shapes() -> None:
 
 def count(part: torch.nn.Module, kernel: int) -> int:
     return sum(isinstance(module, torch.nn.Conv2d) and module.kernel_size[0] == kernel for module in part.modules())
+
+
+def test_the_loss_of_pixels_written_out_is_the_librarys() -> None:
+    """Value and gradient, with weights; the one that a GPU takes is the one that a CPU takes."""
+    logits, label = torch.randn(2, 10, 6, 5, generator=torch.Generator().manual_seed(3)), torch.arange(60).view(2, 6, 5) % 10
+    weight = torch.linspace(0.5, 3.0, 10)
+    found = []
+    for way in (written_out, of_pixels):
+        asked = logits.clone().requires_grad_()
+        way(asked, label, weight).backward()
+        found.append((way(asked, label, weight), asked.grad))
+    assert all(torch.allclose(one, other, atol=1e-6) for one, other in zip(*found, strict=True))
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
+def test_a_training_step_on_a_gpu_gives_the_same_bytes_twice() -> None:
+    """Every operation of the model and of its losses has a kernel that does."""
+    grads = []
+    for _ in range(2):
+        with repeatable(1, "cuda"):
+            made = build(TINY, 0).cuda()
+            clip, label = frames([seen(n, 3, SIZE) for n in range(2)], TINY).to("cuda"), torch.full((2, SIZE, SIZE), BACKGROUND)
+            losses(made(clip), label.cuda(), torch.tensor([0, 1]).cuda(), LossParams(dice=1.0), 0.0)["total"].backward()
+            grads.append([parameter.grad.cpu() for parameter in made.parameters() if parameter.grad is not None])
+    assert all(torch.equal(one, other) for one, other in zip(*grads, strict=True))
 
 
 @pytest.mark.slow

@@ -116,6 +116,7 @@ def test_schedule_values() -> None:
     """By hand: 4 steps up, 6 equal steps down; it never reaches zero within the training."""
     found = [warmup_decay(step, 4, 10) for step in range(11)]
     assert found == pytest.approx([0.25, 0.5, 0.75, 1, 1, 5 / 6, 4 / 6, 3 / 6, 2 / 6, 1 / 6, 0])
+    assert [warmup_decay(step, 4, 10, decay=False) for step in (0, 3, 4, 9)] == [0.25, 1, 1, 1]
 
 
 def test_a_frozen_part_stays(tmp_path: Path) -> None:

@@ -43,6 +43,9 @@ boxes of things, and inside each box a mask of affordances. One picture goes in.
 
 
 def job(p: Any, recipe: Recipe | None, threads: int) -> BoxesJob:
-    """What the stage's parameters `p` say: of the row, whether depth is seen."""
+    """What the stage's parameters `p` say: of the row, whether depth is seen. ValueError for a GPU, which has no kernel that learns
+    through samples inside of boxes and gives the same result twice."""
+    if p.device != "cpu":
+        raise ValueError(f"model_train: expected device=cpu for the detector (backend=boxes), got {p.device!r}; it takes minutes")
     whole = sor3d(p, recipe, threads)
     return BoxesJob(replace(whole, config=replace(whole.config, flow="none", attention=False), static_share=1.0))

@@ -77,7 +77,7 @@ def _step(task: Task, model: nn.Module, batches: list[Any], optimiser: torch.opt
 
     found = together(loss, batches, model, plan.parallel) if plan.parallel > 1 else one_by_one(loss, batches, model, ranks)
     mean = {name: torch.stack([each[name].detach() for each in found]).mean() for name in found[0]}
-    lr = plan.lr * warmup_decay(step, plan.warmup, plan.steps)
+    lr = plan.lr * warmup_decay(step, plan.warmup, plan.steps, plan.decay)
     for group in optimiser.param_groups:
         group["lr"] = lr
     mean["grad_norm"] = nn.utils.clip_grad_norm_(task.model.parameters(), plan.clip_norm or float("inf"))

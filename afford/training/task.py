@@ -42,6 +42,8 @@ class Plan:
     weight_decay: float = 0.0
     clip_norm: float = 1.0
     warmup: int = 100
+    decay: bool = True
+    """whether the learning rate falls linearly to 0 after the warm-up"""
     accumulate: int = 1
     bf16: bool = False
     validate_every: int = 0
@@ -63,6 +65,6 @@ class Plan:
 
 def plan_of(p: Any, parallel: int) -> Plan:
     """What the parameters `p` of model_train say of the loop, whatever the model."""
-    return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, clip_norm=p.clip_norm,
-                accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every, patience=p.patience, seed=p.seed,
-                device=p.device, parallel=parallel)  # fmt: skip
+    return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), decay=p.decay, weight_decay=p.weight_decay,
+                clip_norm=p.clip_norm, accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every,
+                patience=p.patience, seed=p.seed, device=p.device, parallel=parallel)  # fmt: skip

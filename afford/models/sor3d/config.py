@@ -33,7 +33,8 @@ class Sor3dConfig:
     attention: bool = True
     """soft attention at the latent and after every upsampling of the decoder"""
     rescale: bool = True
-    """attention is multiplied by the number of positions: a mean of 1 keeps the scale of features; False is the bare softmax"""
+    """attention is multiplied by the number of positions: a mean of 1 keeps the scale of features; False, as the
+    paper: the bare softmax"""
     norm: str = "batch"
     """batch: normalisation over the batch after every convolution of encoders and decoder, and of what the memory is told, for
     training from nothing; none, as the paper"""
@@ -93,7 +94,7 @@ ROWS: dict[str, dict[str, Any]] = {
 def paper() -> Sor3dConfig:
     """The model at the width and size of the paper."""
     return Sor3dConfig(widths=WIDTHS["paper"], decoder_widths=DECODER_WIDTHS["paper"], size_px=300, norm="none",
-                       told=False, here=False, motion_power=1.0)  # fmt: skip
+                       rescale=False, told=False, here=False, motion_power=1.0)  # fmt: skip
 
 
 VARIANTS: dict[str, Callable[[], Sor3dConfig]] = {"small": Sor3dConfig, "paper": paper}

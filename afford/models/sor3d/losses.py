@@ -36,12 +36,27 @@ def losses(said: Said, label: Tensor, action: Tensor, params: LossParams, done: 
     """`label` (n, h, w) int64 of the last frame, `action` (n,) int64. Nothing else of a sequence has a label."""
     classes = torch.full((said.logits.shape[1],), params.foreground, device=said.logits.device)
     classes[BACKGROUND] = 1.0
-    pixels = cross_entropy(said.logits.float(), label, weight=classes)
+    pixels = of_pixels(said.logits.float(), label, classes)
     told = cross_entropy(said.action.float(), action)
     overlap = missed(said.logits.float(), label)
     first, second = params.weights(done)
     total = first * (pixels + params.dice * overlap) + second * told
     return {"total": total, "pixels": pixels, "dice": overlap, "action": told}
+
+
+def of_pixels(logits: Tensor, label: Tensor, weight: Tensor) -> Tensor:
+    """Weighted mean over pixels of -log p. CUDA has no kernel for it on pictures that gives the same sum twice: there it is
+    written out."""
+    if not logits.is_cuda:
+        return cross_entropy(logits, label, weight=weight)
+    return written_out(logits, label, weight)
+
+
+def written_out(logits: Tensor, label: Tensor, weight: Tensor) -> Tensor:
+    """The same as products and sums."""
+    log_p = (logits.log_softmax(1) * one_hot(label, logits.shape[1]).movedim(-1, 1)).sum(1)
+    share = weight[label]
+    return -(share * log_p).sum() / share.sum()
 
 
 def missed(logits: Tensor, label: Tensor) -> Tensor:
