@@ -11,7 +11,6 @@ small and paper are trained, alone. Nothing in those is typed by hand.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +26,6 @@ SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
-METHODS = {"static_sor3d": "the model of sequences", "static_boxes": "detector, its own boxes",
-           "static_true_boxes": "detector, true boxes"}  # fmt: skip
-"""reports of single pictures"""
-PAPER = {"its model": published.MODEL["static"], "AffordanceNet": published.AFFORDANCENET}
 CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
 
 
@@ -57,7 +52,7 @@ def main() -> None:
         into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
         return
     if asked.static:
-        into(PAGE, "static", SELF, pictures(make("static-sets", asked.store, *sets)["outputs"]))
+        into(PAGE, "static", SELF, body(Path(make("static-sets", asked.store, *sets)["outputs"]["static_report"])))
         return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
@@ -76,15 +71,6 @@ def schedule() -> str:
     rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(type(SOR3D))]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
-
-
-def pictures(reports: dict[str, str]) -> str:
-    """A line for each method, the paper's two below."""
-    found = {words: json.loads((Path(reports[name]) / "metrics.json").read_text()) for name, words in METHODS.items()}
-    ours = [[words, *(f"{one[key]:.3f}" for key in FIGURES)] for words, one in found.items()]
-    paper = [[f"paper, its data: {words}", *(f"{value:.2f}" for value in figures)] for words, figures in PAPER.items()]
-    lines = "".join(f"| {' | '.join(cells)} |\n" for cells in (*ours, *paper))
-    return f"| | IoU | F | weighted F |\n|---|--:|--:|--:|\n{lines}"
 
 
 def took(made: dict[str, Any]) -> str:

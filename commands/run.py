@@ -150,7 +150,7 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
-            elif stage in REPORTS:
+            elif stage in REPORTS or stage == "static_report":
                 out[stage] = str(publish(runner, digest, store / "reports" / place.name / stage))
             elif stage == "interaction_record":
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "interactions"))

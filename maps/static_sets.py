@@ -11,7 +11,7 @@ from maps.sor3d import lessons, teach, usual
 from runner import Graph
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSample
-from stages import model_train, static_evaluate, static_read
+from stages import model_train, static_evaluate, static_read, static_report
 
 REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
 """stages that report, in the order of Told: which model, whether it is told the box"""
@@ -58,4 +58,5 @@ def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
     held    = replace(p, static_evaluate=replace(p.static_evaluate, split=p.static_evaluate.split or HELD))
     found   = (told(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else
                told(g, g.collect(x.found.clip), model, boxes, held))  # fmt: skip
-    g.target("static-sets", *found, *(record_run(g, name, files) for name, files in zip(REPORTS, found, strict=True)))
+    table   = g.add(static_report.run,      reports=tuple(found),   params=static_report.Params(origin.name), ctx=g.ctx)
+    g.target("static-sets", *found, table, *(record_run(g, name, files) for name, files in zip(REPORTS, found, strict=True)))

@@ -1,7 +1,7 @@
 """scores of SOR3D-AFF's model, or of the rows of its ablation -> the report beside the paper's figures.
 
 Reads   the Recipes that were planned; InteractionScores of those that are trained and examined, named as their recipe; FlowScores
-        where the truth is known; InteractionScores of other methods
+        where the truth is known
 Writes  metrics.json (video.iou, static.f, flow.epe_ratio, action.accuracy, ...; of an ablation <row>.video.iou, ...), report.md,
         scores.json (seed by seed), sheet.png
 Method  pixels pooled over sequences, then a mean over categories (docs/sor3d.md); percentile intervals by resampling sequences; a
@@ -46,13 +46,12 @@ class Params:
 
 
 def run(recipes: tuple[Recipe, ...], scores: tuple[InteractionScores, ...], params: Params, ctx: Context,
-        more: tuple[InteractionScores, ...] = (), flows: tuple[FlowScore, ...] = (),
-        others: tuple[InteractionScores, ...] = ()) -> FileTree:  # fmt: skip
-    """One report of all; `more` are scores of a second group of trainings, `others` those of other methods."""
+        more: tuple[InteractionScores, ...] = (), flows: tuple[FlowScore, ...] = ()) -> FileTree:  # fmt: skip
+    """One report of all; `more` are scores of a second group of trainings."""
     from afford.dataset.files import empty_folder, tree
     from afford.sor3d.report import Found, write
 
     root = empty_folder(ctx.scratch / "report")
-    found = Found(recipes, (*scores, *more), flows, others)
+    found = Found(recipes, (*scores, *more), flows)
     write(root, found, params.ablation, params.resamples, params.seed)
     return tree("sor3d", root)

@@ -91,14 +91,13 @@ def test_what_each_part_adds_is_told_where_both_sides_are_known() -> None:
     assert "attention" not in text and not page.steps({})
 
 
-def test_a_second_group_and_other_methods_stand_in_the_report(tmp_path: Path) -> None:
-    """Pretrained rows come apart; methods of pictures have their own table."""
+def test_a_second_group_stands_in_the_report(tmp_path: Path) -> None:
+    """Pretrained rows come apart."""
     planned = recipes((WHOLE, PRETRAINED), (0,))
     found = sor3d_report.run(planned, (scores(planned[0].name),), sor3d_report.Params(ablation=True), Scratch(tmp_path),
-                             (scores(planned[1].name, 60),), others=(scores("boxes", 80, ("static",)),))  # fmt: skip
+                             (scores(planned[1].name, 60),))  # fmt: skip
     numbers = json.loads(read(found, "metrics.json"))
-    assert numbers["pretrained.video.f"] == pytest.approx(0.6) and numbers["boxes.static.f"] == pytest.approx(0.8)
-    assert "| boxes | 0.667 | 0.800 | 0.800 |" in read(found, "report.md") and "flow.epe_ratio" not in numbers
+    assert numbers["pretrained.video.f"] == pytest.approx(0.6) and "flow.epe_ratio" not in numbers
 
 
 def test_the_sheet_shows_only_what_is_sure(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_what_learns_is_what_target_sor3d_trains() -> None:
     shared = ours.keys() & theirs.keys()
     assert {"interaction_render", "scene_flow", "interaction_pack", "model_train"} <= shared
     assert all(ours[name].params == theirs[name].params and ours[name].value is theirs[name].value for name in shared)
-    assert ours.keys() - shared == {"boxes_train", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    assert ours.keys() - shared == {"boxes_train", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
     asked = replace(Settings(), sor3d_report=replace(Settings.sor3d_report, pretrained=True))
     assert stages("static-sets", Origin("x"), asked).keys() >= {"encoder_train", "pretrained_model_train"}
 
@@ -104,7 +104,8 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
                       json=True)  # fmt: skip
     assert run(request) == 0
     said = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert set(said["ran"]) == {"static_read", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    assert set(said["ran"]) == {"static_read", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    assert {"metrics.json", "report.md"} == {path.name for path in Path(said["outputs"]["static_report"]).iterdir()}
     for name in REPORTS:
         assert {"metrics.json", "report.md", "sheet.png"} == {path.name for path in Path(said["outputs"][name]).iterdir()}
         assert 0 <= said["metrics"][f"{name}.iou"] <= 1 and (Path(said["outputs"]["recordings"]) / f"{name}.mcap").exists()

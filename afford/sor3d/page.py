@@ -25,8 +25,8 @@ def model(numbers: Mapping[str, float], clips: int) -> str:
     boxes = _line("AffordanceNet, pictures", [""] * 4, _paper(published.AFFORDANCENET))
     action = f"Action named rightly: {_with_interval(numbers, 'action.accuracy')} of videos."
     return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels, of the model's input, are pooled over all, figures averaged "
-            "over categories; in brackets 95 % intervals over sequences; the paper's figures are of its own data. Region IoU: where "
-            "something is afforded, whatever it is called.\n\n"
+            "over categories; in brackets 95 % intervals over sequences; the paper's figures are of its own data. Region IoU: where"
+            " something is afforded, whatever it is called.\n\n"
             "| | IoU | F | weighted F | region IoU | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|--:|\n"
             f"{''.join((*lines, boxes))}\n{action}\n\n{categories(numbers)}")  # fmt: skip
 
@@ -59,12 +59,6 @@ def steps(rows: Mapping[str, Seeds]) -> str:
         lines.append(_line("video", _gains(rows[WHOLE], rows[WHOLE], static), [f"{paper:+.2f}"]))
     head = "What a part adds:\n\n| | IoU | region IoU | action | paper: IoU |\n|---|--:|--:|--:|--:|\n"
     return head + "".join(lines) + "\n" if lines else ""
-
-
-def methods(others: Mapping[str, Mapping[str, float]]) -> str:
-    """Other methods on the same pictures; nothing without any."""
-    lines = [_line(name, [_number(numbers, f"static.{figure}") for figure in FIGURES]) for name, numbers in others.items()]
-    return "| other methods, pictures | IoU | F | weighted F |\n|---|--:|--:|--:|\n" + "".join(lines) + "\n" if lines else ""
 
 
 def motion(numbers: Mapping[str, float]) -> str:

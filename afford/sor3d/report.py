@@ -28,8 +28,6 @@ class Found(NamedTuple):
     scores: tuple[InteractionScores, ...]
     """of those that are finished"""
     flows: tuple[FlowScore, ...]
-    others: tuple[InteractionScores, ...]
-    """of other methods"""
 
 
 def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> None:
@@ -47,11 +45,11 @@ def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> 
     else:
         numbers = done[first.name] | intervals(first, resamples, seed)
         text = page.model(numbers, len(first.clip))
-    others, motion = {one.name: figures(one) for one in found.others}, flow.figures(found.flows)
-    numbers |= {f"{name}.{key}": value for name, values in others.items() for key, value in values.items()} | motion
+    motion = flow.figures(found.flows)
+    numbers |= motion
     write_json(root / "metrics.json", numbers)
-    write_json(root / "scores.json", done | others)
-    (root / "report.md").write_text(text + page.methods(others) + page.motion(motion), encoding="utf-8", newline="\n")
+    write_json(root / "scores.json", done)
+    (root / "report.md").write_text(text + page.motion(motion), encoding="utf-8", newline="\n")
     if first is not None and first.shown:
         (root / "sheet.png").write_bytes(png(cv2.cvtColor(sheet.draw(first), cv2.COLOR_RGB2BGR)).tobytes())
 
