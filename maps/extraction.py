@@ -65,7 +65,7 @@ def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> E
     """Video, sparse masks (found here where it is `bare`) and narrations -> hands, objects and affordances on every frame."""
     files       = g.pick(video, lambda v: v.files)
     media       = g.pick(video, lambda v: v.media)
-    clip        = g.each(g.add(source_read.run,     files=files,                                     params=p.source_read))
+    clip        = g.each(g.first(g.add(source_read.run, files=files,                                 params=p.source_read)))
     footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
     frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
     read, clip  = clip, found(g, clip, frames, p) if bare else clip

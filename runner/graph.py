@@ -80,6 +80,7 @@ class Graph:
     def __init__(self) -> None:
         self.nodes: list[Node] = []
         self.targets: dict[str, tuple[Any, ...]] = {}
+        self.early: set[int] = set()
         self._axes: dict[int, Handle] = {}
         self._variant: tuple[str, dict[str, str]] | None = None
 
@@ -136,6 +137,11 @@ class Graph:
             axes = (*source.axes, len(self.nodes))
             self._axes[source.id] = self._new("each", f"each {source.name}", (("", source.id),), axes)
         return cast(T, self._axes[source.id])
+
+    def first(self, value: T) -> T:
+        """What makes `value` goes before everything else: it is quick, and tells at once whether the rest is worth doing."""
+        self.early.add(self._node(value, "g.first").id)
+        return value
 
     def collect(self, value: T, partial: bool = False) -> tuple[T, ...]:
         """All elements over all axes again, in order; those that failed are left out and listed in the report. `partial`: so are

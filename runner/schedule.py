@@ -2,7 +2,8 @@
 
 Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning; of equally deep ones,
 those that were known first. Before them go tasks that a collect waits for, other than the last: what uses it is not known yet, and
-the cores would have too little to do in the end. When the time of a run with a limit is over, what the target can do without is
+the cores would have too little to do in the end. Before all others go those that the graph wants first. What nobody can use any
+more, because all that would has failed, is not made. When the time of a run with a limit is over, what the target can do without is
 left for the next run.
 """
 
@@ -129,7 +130,9 @@ class Schedule:
         while self._ready:
             entry = heapq.heappop(self._ready)
             _, _, task, reason = entry
-            if task.key in self._running:
+            if task.node.id in self.walk.useless:
+                self._drop(task)
+            elif task.key in self._running:
                 self._twins.setdefault(task.key, []).append(task)
             elif self._fits(task):
                 self._running[task.key] = task, reason
@@ -171,6 +174,12 @@ class Schedule:
         heapq.heapify(self._ready)
         for task in late:
             self._leave(task)
+
+    def _drop(self, task: Task) -> None:
+        """All that would use it has failed."""
+        count(self.report.blocked, task.node.name)
+        self._observer.finished(task.node.name, task.shard, "blocked", 0.0, 0.0, "nothing is left that could use it")
+        self.walk.publish(task.node, task.path, FAILED)
 
     def _leave(self, task: Task) -> None:
         count(self.report.left, task.node.name)

@@ -49,6 +49,7 @@ class Walk:
     def __init__(self, graph: Graph, wanted: list[Node], desk: Desk, listener: Listener, shards: Iterable[str] = ()) -> None:
         self.graph, self.desk, self.listener = graph, desk, listener
         self.nodes = graph.upstream(wanted)
+        self._targets = {node.id for node in wanted}
         self.outcome: dict[Place_, str] = {}
         self.paths: dict[tuple[int, ...], dict[Path_, None]] = defaultdict(dict)
         self.paths[()] = {(): None}
@@ -60,21 +61,45 @@ class Walk:
         self._known: dict[int, int] = defaultdict(int)
         self._asked: dict[Place_, dict[str, str]] = {}
         self._queue: deque[Place_] = deque()
+        self._useless: set[int] | None = set()
         for node in self.nodes:
             for source in dict.fromkeys(source for _, source in node.inputs):
                 self._users[source].append(node)
         self.rank = self._ranks()
 
     def _ranks(self) -> dict[int, tuple[int, int]]:
-        """Node -> how early its tasks go, the smallest first: less the number of collects between it and the last one, which wait
-        for all of it while others wait for them; then less its depth."""
+        """Node -> how early its tasks go, the smallest first: what the graph wants first; then less the number of collects between
+        it and the last one, which wait for all of it while others wait for them; then less its depth."""
         collects, depth = dict[int, int](), dict[int, int]()
         for node in reversed(self.nodes):
             ahead = (collects[user.id] + (user.sort in ("collect", "gather") and not user.axes) for user in self._users[node.id])
             collects[node.id] = max(ahead, default=0)
         for node in self.nodes:
             depth[node.id] = 1 + max((depth[source] for _, source in node.inputs), default=0)
-        return {node.id: (-max(0, collects[node.id] - 1), -depth[node.id]) for node in self.nodes}
+        rank = {node.id: (-max(0, collects[node.id] - 1), -depth[node.id]) for node in self.nodes}
+        return rank | {at: (-len(self.nodes), 0) for at in self.graph.early & rank.keys()}
+
+    @property
+    def useless(self) -> set[int]:
+        """Nodes that nobody can use any more: all that would, in every shard that there is or will be, has failed."""
+        if self._useless is None:
+            self._useless = set()
+            for node in reversed(self.nodes):
+                users = self._users[node.id]
+                if node.id not in self._targets and users and all(self._lost(user) for user in users):
+                    self._useless.add(node.id)
+        return self._useless
+
+    def _lost(self, user: Node) -> bool:
+        """Whether nothing comes of this node, or nobody wants it."""
+        if user.id in (self._useless or ()):
+            return True
+        return self._complete(user.axes) and not user.partial and all(self._doomed(user, path) for path in self.paths[user.axes])
+
+    def _doomed(self, node: Node, path: Path_) -> bool:
+        """Whether it has failed, or what it needs has."""
+        inputs = [self.outcome.get((source, path[: len(self.graph.nodes[source].axes)])) for _, source in node.inputs]
+        return node.sort != "collect" and FAILED in (*inputs, self.outcome.get((node.id, path)))
 
     def begin(self) -> None:
         """Read the code of every stage, bring in the leafs and follow everything that is known."""
@@ -93,6 +118,8 @@ class Walk:
         """The outcome of a place is known; `follow` takes it further down."""
         if (node.id, path) not in self.outcome:
             self._known[node.id] += 1
+        if outcome == FAILED:
+            self._useless = None
         self.outcome[node.id, path] = outcome
         self._queue.append((node.id, path))
 
