@@ -100,6 +100,8 @@ def _convert(value: Any, kind: Any) -> Any:
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         items = _items(value) if isinstance(value, str) else list(value)
+        if parts[1:] != (...,) and len(items) != len(parts):
+            raise ValueError(value)
         return tuple(_convert(item, parts[0]) for item in items)
     if origin is typing.Literal:
         if value not in parts:

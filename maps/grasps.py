@@ -58,14 +58,6 @@ CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushe
 SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
 """of each category to learn on; how much smaller and larger these are on the level of other sizes; how many times as dense what is
 forbidden is in half of the lessons: steel on wood, so that hands also learn to hold a thing beside its centre of mass"""
-FROM_ABOVE: dict[str, Any] = {
-    "clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7, "lift_m": 0.2,
-    "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0), "wander": 0.3,
-    "beyond_m": (0.0, -0.009, -0.0242), "spread_deg": 4.0, "turn_deg": 5.0, "hooking": (-0.41, -0.21), "press": 0.99,
-    "noise_m": 0.0}  # fmt: skip
-"""of motion_synthesise: people who grasp what lies on a table, fast enough for an episode (docs/imitation.md)"""
-FITTED: dict[str, Any] = {"centre": False, "frame_steps": 20, "clip_steps": 5}
-"""of hand_retarget, for such clips"""
 
 
 class Shop(NamedTuple):
@@ -149,9 +141,9 @@ def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = 
     places  = g.named(name("grasp_targets")).add(grasp_targets.run, body=body, hand=hand,            params=p.grasp_targets)
     target  = g.each(places)
     motion  = g.each(g.named(name("motion_synthesise")).add(
-                motion_synthesise.run, target=target,                          params=replace(p.motion_synthesise, **FROM_ABOVE)))
+                motion_synthesise.run, target=target,                                                params=p.motion_synthesise))
     clip    = g.named(name("hand_retarget")).add(
-                hand_retarget.run,  motion=motion, hand=hand,                      params=replace(p.hand_retarget, **FITTED))
+                hand_retarget.run,  motion=motion, hand=hand,                                        params=p.hand_retarget)
     return g.collect(target), g.named(name("motion_report")).add(motion_report.run, clips=g.collect(clip), params=p.motion_report)
 
 
@@ -192,8 +184,11 @@ def school(g: Graph, p: Settings) -> School:
 
 
 def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A teacher of one row and seed, on the prior where the row has one."""
-    params  = replace(p.rl_grasp_refinement, name=f"{row}-{seed}", seed=seed, **ROWS[row])
+    """A teacher of one row, the `seed`th of its trainings, on the prior where the row has one. What is set for all teachers is the
+    first seed, and times the weight of a row's negative terms."""
+    given   = p.rl_grasp_refinement
+    first   = replace(given, name=f"{row}-{given.seed + seed}", seed=given.seed + seed)
+    params  = replace(first, **{**ROWS[row], "lambda_n": ROWS[row]["lambda_n"] * given.lambda_n})
     tasks   = s.shop.tasks[POSITIVE if row == POSITIVE else LESSONS]
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
     trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=tasks, prior=prior, params=params,
@@ -248,10 +243,11 @@ def within(p: Settings, engine: str) -> Settings:
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A student of the teacher of the same seed."""
+    """A student of the teacher of the same number; its own seeds begin with what is set."""
+    first = p.grasp_student.seed + seed
     return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks[LESSONS],
                                         teacher=g.pick(s.teachers[seed], lambda t: t.files),
-                                        params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
+                                        params=replace(p.grasp_student, name=f"{row}-{first}", seed=first), ctx=g.ctx)
 
 
 def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settings) -> list[TwoTasksShown]:

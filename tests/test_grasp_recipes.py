@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from afford.grasp.recipes import POSITIVE, ROWS, STUDENT, TEACHER, planned
+from commands.settings import settings
+from maps.from_above import FITTED, MOTION
 from maps.settings import Origin, Settings
 from pipeline import build
 from stages import grasp_report, rl_grasp_refinement
@@ -36,3 +38,25 @@ def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -
     assert {"teacher_1", "student_0", "no_negative_0", "teacher_0_unseen_size_bullet", "teacher_naa_0_unseen_object_mujoco",
             "followed_train_bullet", "scorer_train", "teacher_0_two_tasks_bullet"} <= names
     assert not {"teacher_0", "teacher_0_train_bullet", "hand_imitation", "grasp_report", "grasp_record"} & names
+
+
+def test_what_is_set_is_what_runs() -> None:
+    """Clips, how the hand is fitted to them, the first seeds, and times the weight that each row has."""
+    words = ("motion_synthesise.press=0.5", "hand_retarget.clip_steps=9", "rl_grasp_refinement.lambda_n=3",
+             "rl_grasp_refinement.seed=10", "grasp_student.seed=20")  # fmt: skip
+    params = {}
+    for name, chosen in (("plain", Settings()), ("set", settings(words, None))):
+        params[name] = {node.name: node.params for node in build("grasp-full", Origin("grasp-full"), chosen).stages()}
+    plain, changed = params["plain"], params["set"]
+    for of in ("", "train_held_out_"):
+        assert changed[f"{of}motion_synthesise"] == replace(plain[f"{of}motion_synthesise"], press=0.5)
+        assert changed[f"{of}hand_retarget"] == replace(plain[f"{of}hand_retarget"], clip_steps=9)
+    assert changed["lambda_half_2"] == replace(plain["lambda_half_2"], name="lambda_half-12", seed=12, lambda_n=1.5)
+    assert changed["no_negative_0"].lambda_n == 0 and plain["lambda_double_0"].lambda_n == 2
+    assert changed["student_1"] == replace(plain["student_1"], name="student-21", seed=21)
+
+
+def test_clips_come_from_above_unless_said() -> None:
+    assert (Settings().motion_synthesise, Settings().hand_retarget) == (MOTION, FITTED)
+    made = {node.name: node.params for node in build("grasp", Origin("grasp"), Settings()).stages()}
+    assert (made["motion_synthesise"], made["hand_retarget"]) == (MOTION, FITTED)

@@ -41,6 +41,7 @@ def test_lists_are_written_with_commas_or_as_json() -> None:
         ("extraction_report.eval_seed=x", "expected int, got 'x'"),
         ("extraction_report.eval_seed=1.5", "expected int"),
         ("extraction_report", "expected STAGE.PARAM=VALUE"),
+        ("motion_synthesise.reach_s=0.5", r"motion_synthesise\.reach_s: expected .*float, float"),
     ],
 )
 def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
