@@ -126,9 +126,9 @@ def _items(text: str) -> list[Any]:
     return json.loads(text) if text.strip().startswith("[") else [word.strip() for word in text.split(",") if word.strip()]
 
 
-def described(params: type) -> Iterator[tuple[str, str, Any, str]]:
-    """(name, type, default, doc line) of every field; the doc line is the string literal under the field."""
-    body = ast.parse(inspect.getsource(params)).body[0]
+def described(params: Any) -> Iterator[tuple[str, str, Any, str]]:
+    """(name, type, value, doc line) of every field of a stage's Params; the doc line is the string literal under the field."""
+    body = ast.parse(inspect.getsource(type(params))).body[0]
     assert isinstance(body, ast.ClassDef)
     docs: dict[str, str] = {}
     for field, after in zip(body.body, [*body.body[1:], None], strict=True):
@@ -136,4 +136,4 @@ def described(params: type) -> Iterator[tuple[str, str, Any, str]]:
             literal = after.value if isinstance(after, ast.Expr) else None
             docs[field.target.id] = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
     for item in dataclasses.fields(params):
-        yield item.name, str(item.type), item.default, docs.get(item.name, "")
+        yield item.name, str(item.type), getattr(params, item.name), docs.get(item.name, "")

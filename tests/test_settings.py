@@ -61,5 +61,5 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
     for field in dataclasses.fields(Settings):
-        for name, kind, _, doc in described(type(field.default)):
+        for name, kind, _, doc in described(field.default):
             assert doc, f"{field.name}.{name} ({kind}) has no doc line"
