@@ -27,6 +27,7 @@ from maps.settings import Origin
 from maps.static_sets import REPORTS
 from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
+from schemas.grasp_task import LEVELS
 
 T = TypeVar("T")
 MANY = 200
@@ -192,10 +193,12 @@ def _per_object(report: RunReport, metrics: dict[str, float]) -> dict[str, float
 
 
 def _per_step(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
-    """Control steps a CPU second of examinations: physics, observations, policies, figures; PyBullet's has no prefix."""
+    """Control steps a CPU second of examinations: physics, observations, policies, figures; PyBullet's has no prefix. Clips that
+    are followed and two tasks of one object are none."""
     out: dict[str, float] = {}
     for engine, prefix in (("bullet", ""), ("mujoco", "mujoco.")):
-        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name.endswith(f"_{engine}"))
+        ends = tuple(f"_{level}_{engine}" for level in LEVELS)
+        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name.endswith(ends) and not name.startswith("followed_"))
         if spent and f"control_steps.{engine}" in metrics:
             out[f"{prefix}control_steps_per_s"] = metrics[f"control_steps.{engine}"] / spent
     return out

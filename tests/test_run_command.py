@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from commands.run import made
-from runner import LostError
+from commands.run import _per_step, made
+from runner import LostError, RunReport
 
 
 def _twice(limit_s: float | None, losses: int) -> tuple[list[dict], object]:  # type: ignore[type-arg]  # keywords
@@ -40,3 +40,14 @@ def test_what_is_damaged_is_made_again_within_what_is_left_of_the_time(limit_s: 
 def test_what_is_damaged_twice_is_an_error() -> None:
     with pytest.raises(LostError):
         _twice(60.0, losses=2)
+
+
+def test_only_examinations_count_as_what_their_steps_cost() -> None:
+    """Clips that are followed and two tasks are played in the same engines, but their steps are not counted."""
+    spent = {"teacher_0_train_bullet": 2.0, "teacher_dropped_0_train_bullet": 3.0, "teacher_0_unseen_object_mujoco": 4.0,
+             "followed_train_bullet": 100.0, "followed_unseen_object_mujoco": 100.0, "teacher_0_two_tasks_bullet": 100.0,
+             "no_negative_0_two_tasks_mujoco": 100.0, "teacher_0": 100.0}  # fmt: skip
+    report = RunReport("grasp-full", cpu_s={(name, ""): cpu for name, cpu in spent.items()})
+    found = _per_step(report, {"control_steps.bullet": 1000.0, "control_steps.mujoco": 1000.0})
+    assert found == {"control_steps_per_s": 200.0, "mujoco.control_steps_per_s": 250.0}
+    assert _per_step(report, {"control_steps.mujoco": 1000.0}) == {"mujoco.control_steps_per_s": 250.0}

@@ -63,8 +63,9 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
             out |= {f"{prefix}{name}": value for name, value in named.items()}
         steps = f"control_steps.{cell.engine}"
         out[steps] = out.get(steps, 0.0) + sum(one.depth_m.size for one in cell.runs)
-    for name in ("penetration_mm.median", "penetration_mm.p95"):
-        out |= {name: out[f"teacher.{name}"]} if f"teacher.{name}" in out else {}
+    for name in ("penetration_mm.median", "penetration_mm.p95", "mujoco.penetration_mm.median", "mujoco.penetration_mm.p95"):
+        of_teacher = name.replace("penetration", "teacher.penetration")
+        out |= {name: out[of_teacher]} if of_teacher in out else {}
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
