@@ -148,6 +148,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
             elif stage == "hand_imitation.files":
                 out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
+            elif stage == "policies":
+                out |= _policies(runner, digest, place)
             elif stage == "negative_affordance_files":
                 publish(runner, digest, store / "negative" / place.name / clip)
                 out["negative"] = str(store / "negative" / place.name)
@@ -157,6 +159,12 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                     publish(runner, parts[part], store / "scenes" / place.name / clip / part)
                 out["scenes"] = str(store / "scenes" / place.name)
     return out
+
+
+def _policies(runner: Runner, digest: str, place: Origin) -> dict[str, str]:
+    """Row -> folder of each policy that is finished; the parts are named <number>_<row>_<seed>.files."""
+    found = {name.partition("_")[2].rpartition("_")[0]: part for name, part in runner.children(digest) or ()}
+    return {row: str(publish(runner, part, runner.place.store / "models" / f"{place.name}-{row}")) for row, part in found.items()}
 
 
 def _refused(report: RunReport, source: Source | None) -> None:

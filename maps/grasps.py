@@ -216,6 +216,8 @@ class Played:
     """of their trainings"""
     twice: list[TwoTasksShown]
     """one object, two tasks"""
+    shown: list[FileTree]
+    """policies that are put where people find them: the first teacher and the first student"""
 
 
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings,
@@ -228,7 +230,7 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping
         trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
         policies.append((row, seed, g.pick(trained, lambda t: t.files)))
         logs.append(g.pick(trained, lambda t: t.log))
-    made = Played([], logs, [])
+    made = Played([], logs, [], [files for row, seed, files in policies if row in (TEACHER, STUDENT) and seed == 0])
     for engine in p.grasp_report.engines:
         for row, seed, policy in policies:
             made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), within(p, engine)))
@@ -310,4 +312,5 @@ def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[
                     planned=g.leaf("planned", planned), **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)
-    g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))
+    g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), g.finished("policies", played.shown),
+             record_run(g, "grasp_report", page))

@@ -40,6 +40,14 @@ def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -
     assert not {"teacher_0", "teacher_0_train_bullet", "hand_imitation", "grasp_report", "grasp_record"} & names
 
 
+@pytest.mark.parametrize(("target", "rows"), [("grasp", (TEACHER,)), ("grasp-full", (TEACHER, STUDENT))])
+def test_the_first_teacher_and_student_are_outputs(target: str, rows: tuple[str, ...]) -> None:
+    """Those that are finished; the run ends without the others."""
+    g = build(target, Origin(target), Settings())
+    policies = next(node for node in map(g.node_of, g.targets[target]) if node.name == "policies")
+    assert policies.partial and [g.nodes[i].name for _, i in policies.inputs] == [f"{row}_0.files" for row in rows]
+
+
 def test_what_is_set_is_what_runs() -> None:
     """Clips, how the hand is fitted to them, the first seeds, and times the weight that each row has."""
     words = ("motion_synthesise.press=0.5", "hand_retarget.clip_steps=9", "rl_grasp_refinement.lambda_n=3",
