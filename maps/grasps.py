@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, TEACHER, planned
+from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from afford.hands.assets import shadow_files
 from maps import negatives, twohands
 from maps.recording import record_run
@@ -170,8 +170,8 @@ class School(NamedTuple):
     shop: Shop
     references: ReferenceSet
     prior: Trained
-    teachers: dict[int, Trained]
-    """by seed, for those who learn from them"""
+    teachers: dict[tuple[str, int], Trained]
+    """by row and seed, for those who learn from them"""
 
 
 def school(g: Graph, p: Settings) -> School:
@@ -193,8 +193,7 @@ def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
     trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=tasks, prior=prior, params=params,
                                            ctx=g.ctx)
-    if row == TEACHER:
-        s.teachers[seed] = trained
+    s.teachers[row, seed] = trained
     return trained
 
 
@@ -227,7 +226,7 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping
     what the fast one does, so that the last tasks of a run are short and no core waits for another."""
     other, policies, logs = beside or p, list[tuple[str, int, FileTree]](), list[TrainingLog]()
     for row, seed in wanted:
-        trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
+        trained = learn(g, s, row, seed, p) if row in STUDENTS else teach(g, s, row, seed, p)
         policies.append((row, seed, g.pick(trained, lambda t: t.files)))
         logs.append(g.pick(trained, lambda t: t.log))
     made = Played([], logs, [], [files for row, seed, files in policies if row in (TEACHER, STUDENT) and seed == 0])
@@ -245,10 +244,10 @@ def within(p: Settings, engine: str) -> Settings:
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A student of the teacher of the same number; its own seeds begin with what is set."""
+    """A student of its row's teacher of the same number; its own seeds begin with what is set."""
     first = p.grasp_student.seed + seed
     return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks[LESSONS],
-                                        teacher=g.pick(s.teachers[seed], lambda t: t.files),
+                                        teacher=g.pick(s.teachers[STUDENTS[row], seed], lambda t: t.files),
                                         params=replace(p.grasp_student, name=f"{row}-{first}", seed=first), ctx=g.ctx)
 
 
@@ -278,14 +277,15 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
         drawn = positive(g, s.shop, p)
         s.shop.tasks[POSITIVE], predicted["positives"] = g.collect(drawn), g.collect(drawn, partial=True)
     played = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), EXAMINED, p)
-    for name, changes in CONDITIONS.items() if s.teachers else ():
-        policy = g.pick(s.teachers[0], lambda t: t.files)
-        played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
-    if s.teachers and p.grasp_report.naa:
-        found = naa(g, s.shop, p)
-        told    = s._replace(shop=s.shop._replace(tasks={NEW: g.collect(found)}))
-        predicted["predicted"] = g.collect(found, partial=True)
-        played.episodes.extend(examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p))
+    if (TEACHER, 0) in s.teachers:
+        policy = g.pick(s.teachers[TEACHER, 0], lambda t: t.files)
+        for name, changes in CONDITIONS.items():
+            played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
+        if p.grasp_report.naa:
+            found = naa(g, s.shop, p)
+            told  = s._replace(shop=s.shop._replace(tasks={NEW: g.collect(found)}))
+            predicted["predicted"] = g.collect(found, partial=True)
+            played.episodes.extend(examine(g, told, policy, f"{TEACHER}_naa", 0, (NEW,), p))
     played.episodes.extend(alone(g, s, p))
     report(g, "grasp-full", s, played, follow(g, s, p), p, **predicted)
 

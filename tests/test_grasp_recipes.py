@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from afford.grasp.recipes import POSITIVE, ROWS, STUDENT, TEACHER, planned
+from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned
+from afford.grasp.reward import negative_times, weights
 from commands.settings import settings
 from maps.from_above import FITTED, MOTION
 from maps.settings import Origin, Settings
@@ -21,11 +22,35 @@ def test_every_row_with_a_seed_comes_before_the_next_seed() -> None:
 def test_rows_change_parameters_that_there_are() -> None:
     for changes in ROWS.values():
         replace(rl_grasp_refinement.Params(), **changes)
-    assert {*grasp_report.Params().rows, POSITIVE} == {*ROWS, STUDENT} and planned((*grasp_report.Params().rows, POSITIVE), 1)
+    asked_for = (POSITIVE, "student_no_negative", "paper_reward")
+    every = (*grasp_report.Params().rows, *asked_for)
+    assert sorted(every) == sorted((*ROWS, *STUDENTS)) and len(planned(every, 1)) == len(every)
+
+
+def test_the_papers_reward_is_the_papers() -> None:
+    """Its four terms with its weights; all rows but it and the transfers learn from ours."""
+    row = ROWS["paper_reward"]
+    assert weights(row["reward"], negative_times(row["reward"], row["lambda_n"])) == {
+        "hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0}
+    assert {name for name, changes in ROWS.items() if "reward" in changes} == {
+        "paper_reward", *(name for name in ROWS if name.startswith("transfer_"))}
+
+
+def test_students_learn_from_the_teacher_of_their_row() -> None:
+    """And of their number."""
+    rows = (TEACHER, NO_NEGATIVE, "student_no_negative", STUDENT)
+    p = Settings()
+    g = build("grasp-full", Origin("grasp-full"), replace(p, grasp_report=replace(p.grasp_report, rows=rows, seeds=2)))
+    of = {node.name: g.nodes[dict(node.inputs)["teacher"]].name for node in g.stages() if "teacher" in dict(node.inputs)}
+    assert of == {f"{student}_{seed}": f"{teacher}_{seed}.files" for student, teacher in STUDENTS.items() for seed in range(2)}
+    without = replace(p, grasp_report=replace(p.grasp_report, rows=(NO_NEGATIVE,), naa=True))
+    alone = build("grasp-full", Origin("grasp-full"), without)
+    assert not [node for node in alone.stages() if node.name.startswith("teacher")]
 
 
 def test_what_is_unknown_or_out_of_order_is_refused() -> None:
-    for rows, seeds in ((("teacher", "magic"), 1), ((STUDENT, TEACHER), 1), ((TEACHER,), 0)):
+    for rows, seeds in ((("teacher", "magic"), 1), ((STUDENT, TEACHER), 1), ((TEACHER,), 0),
+                        ((TEACHER, "student_no_negative", NO_NEGATIVE), 1), ((TEACHER, "student_no_negative"), 1)):
         with pytest.raises(ValueError, match="grasp rows"):
             planned(rows, seeds)
 
