@@ -13,7 +13,7 @@ from schemas.files import FileTree
 from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
-             "hands": "hands-finder",
+             "hands": "hands-finder", "grasp": "grasp", "grasp-full": "grasp-full",
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""

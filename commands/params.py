@@ -16,12 +16,12 @@ from maps.settings import Settings
 
 
 def show(stage: str | None, json: bool) -> int:
-    """Print name, type, default and meaning; UsageError for an unknown stage."""
+    """Print name, type, what holds when nothing is said, and meaning; UsageError for an unknown stage."""
     stages = {field.name: field.default for field in dataclasses.fields(Settings)}
     if stage and stage.replace("-", "_") not in stages:
         raise unknown("stage", stage, stages)
     chosen = {name: value for name, value in stages.items() if stage in (None, name, name.replace("_", "-"))}
-    rows = [(name, *row) for name, value in chosen.items() for row in described(type(value))]
+    rows = [(name, *row) for name, value in chosen.items() for row in described(value)]
     if json:
         columns = ("stage", "name", "type", "default", "doc")
         sys.stdout.write(encoder.dumps([dict(zip(columns, row, strict=True)) for row in rows]) + "\n")

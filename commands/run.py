@@ -28,6 +28,7 @@ from maps.settings import Origin
 from maps.static_sets import REPORTS
 from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
+from schemas.grasp_task import LEVELS
 
 T = TypeVar("T")
 USUAL_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
@@ -158,6 +159,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
             elif stage == "hand_imitation.files":
                 out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
+            elif stage == "policies":
+                out |= _policies(runner, digest, place)
             elif stage == "negative_affordance_files":
                 publish(runner, digest, store / "negative" / place.name / clip)
                 out["negative"] = str(store / "negative" / place.name)
@@ -167,6 +170,12 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                     publish(runner, parts[part], store / "scenes" / place.name / clip / part)
                 out["scenes"] = str(store / "scenes" / place.name)
     return out
+
+
+def _policies(runner: Runner, digest: str, place: Origin) -> dict[str, str]:
+    """Row -> folder of each policy that is finished; the parts are named <number>_<row>_<seed>.files."""
+    found = {name.partition("_")[2].rpartition("_")[0]: part for name, part in runner.children(digest) or ()}
+    return {row: str(publish(runner, part, runner.place.store / "models" / f"{place.name}-{row}")) for row, part in found.items()}
 
 
 def _refused(report: RunReport, source: Source | None) -> None:
@@ -203,10 +212,12 @@ def _per_object(report: RunReport, metrics: dict[str, float]) -> dict[str, float
 
 
 def _per_step(report: RunReport, metrics: dict[str, float]) -> dict[str, float]:
-    """Control steps a CPU second of examinations: physics, observations, policies, figures; PyBullet's has no prefix."""
+    """Control steps a CPU second of examinations: physics, observations, policies, figures; PyBullet's has no prefix. Clips that
+    are followed and two tasks of one object are none."""
     out: dict[str, float] = {}
     for engine, prefix in (("bullet", ""), ("mujoco", "mujoco.")):
-        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name.endswith(f"_{engine}"))
+        ends = tuple(f"_{level}_{engine}" for level in LEVELS)
+        spent = sum(cpu for (name, _), cpu in report.cpu_s.items() if name.endswith(ends) and not name.startswith("followed_"))
         if spent and f"control_steps.{engine}" in metrics:
             out[f"{prefix}control_steps_per_s"] = metrics[f"control_steps.{engine}"] / spent
     return out

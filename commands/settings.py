@@ -103,6 +103,8 @@ def _convert(value: Any, kind: Any) -> Any:
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple:
         items = _items(value) if isinstance(value, str) else list(value)
+        if parts[1:] != (...,) and len(items) != len(parts):
+            raise ValueError(value)
         return tuple(_convert(item, parts[0]) for item in items)
     if origin is typing.Literal:
         if value not in parts:
@@ -127,9 +129,9 @@ def _items(text: str) -> list[Any]:
     return json.loads(text) if text.strip().startswith("[") else [word.strip() for word in text.split(",") if word.strip()]
 
 
-def described(params: type) -> Iterator[tuple[str, str, Any, str]]:
-    """(name, type, default, doc line) of every field; the doc line is the string literal under the field."""
-    body = ast.parse(inspect.getsource(params)).body[0]
+def described(params: Any) -> Iterator[tuple[str, str, Any, str]]:
+    """(name, type, value, doc line) of every field of a stage's Params; the doc line is the string literal under the field."""
+    body = ast.parse(inspect.getsource(type(params))).body[0]
     assert isinstance(body, ast.ClassDef)
     docs: dict[str, str] = {}
     for field, after in zip(body.body, [*body.body[1:], None], strict=True):
@@ -137,4 +139,4 @@ def described(params: type) -> Iterator[tuple[str, str, Any, str]]:
             literal = after.value if isinstance(after, ast.Expr) else None
             docs[field.target.id] = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
     for item in dataclasses.fields(params):
-        yield item.name, str(item.type), item.default, docs.get(item.name, "")
+        yield item.name, str(item.type), getattr(params, item.name), docs.get(item.name, "")

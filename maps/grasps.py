@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, TEACHER, planned
+from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from afford.hands.assets import shadow_files
 from maps import negatives, twohands
 from maps.recording import record_run
@@ -58,14 +58,6 @@ CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushe
 SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
 """of each category to learn on; how much smaller and larger these are on the level of other sizes; how many times as dense what is
 forbidden is in half of the lessons: steel on wood, so that hands also learn to hold a thing beside its centre of mass"""
-FROM_ABOVE: dict[str, Any] = {
-    "clips": 1, "rate_hz": 20.0, "reach_s": (0.45, 0.55), "close_s": (0.2, 0.25), "hold_s": 0.25, "lift_s": 0.7, "lift_m": 0.2,
-    "distance_m": (0.115, 0.125), "approach": (0.0, -0.741, -0.672), "start": (0.0, 0.0, 20.0), "wander": 0.3,
-    "beyond_m": (0.0, -0.009, -0.0242), "spread_deg": 4.0, "turn_deg": 5.0, "hooking": (-0.41, -0.21), "press": 0.99,
-    "noise_m": 0.0}  # fmt: skip
-"""of motion_synthesise: people who grasp what lies on a table, fast enough for an episode (docs/imitation.md)"""
-FITTED: dict[str, Any] = {"centre": False, "frame_steps": 20, "clip_steps": 5}
-"""of hand_retarget, for such clips"""
 
 
 class Shop(NamedTuple):
@@ -149,9 +141,9 @@ def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = 
     places  = g.named(name("grasp_targets")).add(grasp_targets.run, body=body, hand=hand,            params=p.grasp_targets)
     target  = g.each(places)
     motion  = g.each(g.named(name("motion_synthesise")).add(
-                motion_synthesise.run, target=target,                          params=replace(p.motion_synthesise, **FROM_ABOVE)))
+                motion_synthesise.run, target=target,                                                params=p.motion_synthesise))
     clip    = g.named(name("hand_retarget")).add(
-                hand_retarget.run,  motion=motion, hand=hand,                      params=replace(p.hand_retarget, **FITTED))
+                hand_retarget.run,  motion=motion, hand=hand,                                        params=p.hand_retarget)
     return g.collect(target), g.named(name("motion_report")).add(motion_report.run, clips=g.collect(clip), params=p.motion_report)
 
 
@@ -178,8 +170,8 @@ class School(NamedTuple):
     shop: Shop
     references: ReferenceSet
     prior: Trained
-    teachers: dict[int, Trained]
-    """by seed, for those who learn from them"""
+    teachers: dict[tuple[str, int], Trained]
+    """by row and seed, for those who learn from them"""
 
 
 def school(g: Graph, p: Settings) -> School:
@@ -192,14 +184,16 @@ def school(g: Graph, p: Settings) -> School:
 
 
 def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A teacher of one row and seed, on the prior where the row has one."""
-    params  = replace(p.rl_grasp_refinement, name=f"{row}-{seed}", seed=seed, **ROWS[row])
+    """A teacher of one row, the `seed`th of its trainings, on the prior where the row has one. What is set for all teachers is the
+    first seed, and times the weight of a row's negative terms."""
+    given   = p.rl_grasp_refinement
+    first   = replace(given, name=f"{row}-{given.seed + seed}", seed=given.seed + seed)
+    params  = replace(first, **{**ROWS[row], "lambda_n": ROWS[row]["lambda_n"] * given.lambda_n})
     tasks   = s.shop.tasks[POSITIVE if row == POSITIVE else LESSONS]
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
     trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=tasks, prior=prior, params=params,
                                            ctx=g.ctx)
-    if row == TEACHER:
-        s.teachers[seed] = trained
+    s.teachers[row, seed] = trained
     return trained
 
 
@@ -221,6 +215,8 @@ class Played:
     """of their trainings"""
     twice: list[TwoTasksShown]
     """one object, two tasks"""
+    shown: list[FileTree]
+    """policies that are put where people find them: the first teacher and the first student"""
 
 
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings,
@@ -230,10 +226,10 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping
     what the fast one does, so that the last tasks of a run are short and no core waits for another."""
     other, policies, logs = beside or p, list[tuple[str, int, FileTree]](), list[TrainingLog]()
     for row, seed in wanted:
-        trained = learn(g, s, row, seed, p) if row == STUDENT else teach(g, s, row, seed, p)
+        trained = learn(g, s, row, seed, p) if row in STUDENTS else teach(g, s, row, seed, p)
         policies.append((row, seed, g.pick(trained, lambda t: t.files)))
         logs.append(g.pick(trained, lambda t: t.log))
-    made = Played([], logs, [])
+    made = Played([], logs, [], [files for row, seed, files in policies if row in (TEACHER, STUDENT) and seed == 0])
     for engine in p.grasp_report.engines:
         for row, seed, policy in policies:
             made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), within(p, engine)))
@@ -248,10 +244,11 @@ def within(p: Settings, engine: str) -> Settings:
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A student of the teacher of the same seed."""
+    """A student of its row's teacher of the same number; its own seeds begin with what is set."""
+    first = p.grasp_student.seed + seed
     return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks[LESSONS],
-                                        teacher=g.pick(s.teachers[seed], lambda t: t.files),
-                                        params=replace(p.grasp_student, name=f"{row}-{seed}", seed=seed), ctx=g.ctx)
+                                        teacher=g.pick(s.teachers[STUDENTS[row], seed], lambda t: t.files),
+                                        params=replace(p.grasp_student, name=f"{row}-{first}", seed=first), ctx=g.ctx)
 
 
 def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settings) -> list[TwoTasksShown]:
@@ -280,14 +277,15 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
         drawn = positive(g, s.shop, p)
         s.shop.tasks[POSITIVE], predicted["positives"] = g.collect(drawn), g.collect(drawn, partial=True)
     played = rows(g, s, planned(p.grasp_report.rows, p.grasp_report.seeds), EXAMINED, p)
-    for name, changes in CONDITIONS.items() if s.teachers else ():
-        policy = g.pick(s.teachers[0], lambda t: t.files)
-        played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
-    if s.teachers and p.grasp_report.naa:
-        found = naa(g, s.shop, p)
-        told    = s._replace(shop=s.shop._replace(tasks={NEW: g.collect(found)}))
-        predicted["predicted"] = g.collect(found, partial=True)
-        played.episodes.extend(examine(g, told, g.pick(s.teachers[0], lambda t: t.files), f"{TEACHER}_naa", 0, (NEW,), p))
+    if (TEACHER, 0) in s.teachers:
+        policy = g.pick(s.teachers[TEACHER, 0], lambda t: t.files)
+        for name, changes in CONDITIONS.items():
+            played.episodes.extend(examine(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
+        if p.grasp_report.naa:
+            found = naa(g, s.shop, p)
+            told  = s._replace(shop=s.shop._replace(tasks={NEW: g.collect(found)}))
+            predicted["predicted"] = g.collect(found, partial=True)
+            played.episodes.extend(examine(g, told, policy, f"{TEACHER}_naa", 0, (NEW,), p))
     played.episodes.extend(alone(g, s, p))
     report(g, "grasp-full", s, played, follow(g, s, p), p, **predicted)
 
@@ -314,4 +312,5 @@ def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[
                     planned=g.leaf("planned", planned), **predicted)
     shown   = g.add(grasp_record.run,       hand=s.hand, tasks=s.shop.tasks["train"], episodes=first,
                     params=p.grasp_record, ctx=g.ctx)
-    g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), record_run(g, "grasp_report", page))
+    g.target(target, page, shown, g.pick(s.prior, lambda t: t.files), g.finished("policies", played.shown),
+             record_run(g, "grasp_report", page))

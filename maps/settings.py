@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from maps.from_above import FITTED, MOTION
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
 from stages import (
@@ -133,8 +134,8 @@ class Settings:
     object_solids: object_solids.Params = object_solids.Params()
     grasp_tasks: grasp_tasks.Params = grasp_tasks.Params()
     grasp_targets: grasp_targets.Params = grasp_targets.Params()
-    motion_synthesise: motion_synthesise.Params = motion_synthesise.Params()
-    hand_retarget: hand_retarget.Params = hand_retarget.Params()
+    motion_synthesise: motion_synthesise.Params = MOTION
+    hand_retarget: hand_retarget.Params = FITTED
     motion_report: motion_report.Params = motion_report.Params()
     hand_imitation: hand_imitation.Params = hand_imitation.Params()
     rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()

@@ -176,11 +176,15 @@ def test_verify_finds_a_whole_store_whole(made: Made) -> None:
 
 
 def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
-    """Of every stage, or of one."""
+    """Of every stage, or of one. A default is what holds when nothing is said, also where a target changes that of the stage."""
     rows = call("params", "--json").json
     wanted = {(stage.name, field.name) for stage in dataclasses.fields(Settings) for field in dataclasses.fields(stage.default)}
     assert {(row["stage"], row["name"]) for row in rows} == wanted
     assert all(row["type"] and row["doc"] for row in rows)
+    for row in rows:
+        in_force = getattr(getattr(Settings(), row["stage"]), row["name"])
+        assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
+    assert Settings().sor3d_train != type(Settings().sor3d_train)()
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
 
 

@@ -96,6 +96,9 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     found = metrics([strict, script])
     assert found["teacher.succ.train"] == found["teacher.succ"] == script.figure("success").mean()
     assert "mujoco.script.succ.train" in found and found["penetration_mm.p95"] == found["teacher.penetration_mm.p95"]
+    two = metrics([strict, replace(script, policy="teacher", depth_m=2 * script.depth_m)])
+    assert two["mujoco.penetration_mm.p95"] == two["mujoco.teacher.penetration_mm.p95"] > two["penetration_mm.p95"]
+    assert "mujoco.penetration_mm.p95" not in found
     assert found["control_steps.bullet"] == found["control_steps.mujoco"] == script.depth_m.size == 4 * 40
     assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(cells([strict, script])) == 2
     text = markdown([strict, script])

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from commands.run import USUAL_MINUTES, Request, limited, made
+from commands.run import USUAL_MINUTES, Request, _per_step, limited, made
 from pipeline import TARGETS
-from runner import LostError
+from runner import LostError, RunReport
 
 
 def _twice(limit_s: float | None, losses: int) -> tuple[list[dict], object]:  # type: ignore[type-arg]  # keywords
@@ -49,3 +49,14 @@ def test_tables_that_take_hours_end_by_themselves(asked: dict, limit_s: float | 
 def test_what_is_damaged_twice_is_an_error() -> None:
     with pytest.raises(LostError):
         _twice(60.0, losses=2)
+
+
+def test_only_examinations_count_as_what_their_steps_cost() -> None:
+    """Clips that are followed and two tasks are played in the same engines, but their steps are not counted."""
+    spent = {"teacher_0_train_bullet": 2.0, "teacher_dropped_0_train_bullet": 3.0, "teacher_0_unseen_object_mujoco": 4.0,
+             "followed_train_bullet": 100.0, "followed_unseen_object_mujoco": 100.0, "teacher_0_two_tasks_bullet": 100.0,
+             "no_negative_0_two_tasks_mujoco": 100.0, "teacher_0": 100.0}  # fmt: skip
+    report = RunReport("grasp-full", cpu_s={(name, ""): cpu for name, cpu in spent.items()})
+    found = _per_step(report, {"control_steps.bullet": 1000.0, "control_steps.mujoco": 1000.0})
+    assert found == {"control_steps_per_s": 200.0, "mujoco.control_steps_per_s": 250.0}
+    assert _per_step(report, {"control_steps.mujoco": 1000.0}) == {"mujoco.control_steps_per_s": 250.0}

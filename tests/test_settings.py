@@ -55,6 +55,7 @@ def test_a_variant_brings_its_schedule() -> None:
         ("extraction_report.eval_seed=x", "expected int, got 'x'"),
         ("extraction_report.eval_seed=1.5", "expected int"),
         ("extraction_report", "expected STAGE.PARAM=VALUE"),
+        ("motion_synthesise.reach_s=0.5", r"motion_synthesise\.reach_s: expected .*float, float"),
     ],
 )
 def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
@@ -74,5 +75,5 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
     for field in dataclasses.fields(Settings):
-        for name, kind, _, doc in described(type(field.default)):
+        for name, kind, _, doc in described(field.default):
             assert doc, f"{field.name}.{name} ({kind}) has no doc line"

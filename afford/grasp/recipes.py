@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
+STUDENTS = {STUDENT: TEACHER, "student_no_negative": NO_NEGATIVE}
+"""row of a student -> that of its teacher"""
 POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
 NAA = 1.0
 """times the negative terms of a set of rewards, of every row that has NAA: as the set has them (docs/decisions/014)"""
@@ -21,6 +23,7 @@ ROWS: dict[str, dict[str, Any]] = {
     "on_script_no_negative": {**SCRIPT, "lambda_n": 0.0},
     "lambda_half": {"lambda_n": NAA / 2},
     "lambda_double": {"lambda_n": NAA * 2},
+    "paper_reward": {"reward": "afforddex", "lambda_n": NAA},
     POSITIVE_TRUTH: {"lambda_n": NAA, "positive": -1.0},
     POSITIVE: {"lambda_n": NAA, "positive": -1.0},
     "transfer_none": {**ALONE, "reward": "unidexgrasp++", "lambda_n": 0.0},
@@ -29,16 +32,19 @@ ROWS: dict[str, dict[str, Any]] = {
     "transfer_both": {"reward": "unidexgrasp++", "lambda_n": NAA},
 }
 """teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
-nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; positive*: fingertips
-are drawn to where hands belong, half as much as to the surface (in truth, or as the two-hand model predicts it); transfer_*: both
-plugged into the rewards of UniDexGrasp++"""
+nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; paper_reward: the
+paper's own four terms instead of `dense`; positive*: fingertips are drawn to where hands belong, half as much as to the surface (in
+truth, or as the two-hand model predicts it); transfer_*: both plugged into the rewards of UniDexGrasp++"""
 
 
 def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
-    """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, or no seed."""
+    """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, a student before its teacher, or no
+    seed."""
     wanted = tuple(rows)
-    unknown = sorted(set(wanted) - {*ROWS, STUDENT})
-    if unknown or seeds < 1 or (STUDENT in wanted and TEACHER not in wanted[: wanted.index(STUDENT)]):
-        raise ValueError(f"grasp rows: expected some of {', '.join((*ROWS, STUDENT))}, {STUDENT} after {TEACHER}, and at least one "
-                         f"seed, got {', '.join(unknown) or ', '.join(wanted)} and {seeds}")
+    unknown = sorted(set(wanted) - {*ROWS, *STUDENTS})
+    early = [one for one in wanted if one in STUDENTS and STUDENTS[one] not in wanted[: wanted.index(one)]]
+    if unknown or early or seeds < 1:
+        order = " and ".join(f"{student} after {teacher}" for student, teacher in STUDENTS.items())
+        raise ValueError(f"grasp rows: expected some of {', '.join((*ROWS, *STUDENTS))}, {order}, and at least one seed, got "
+                         f"{', '.join(unknown) or ', '.join(wanted)} and {seeds}")
     return tuple((row, seed) for seed in range(seeds) for row in wanted)

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.dataset.files import empty_folder, tree, write_json
-from afford.grasp import agreement, report_clips, report_pairs, report_tasks
+from afford.grasp import agreement, report_clips, report_pairs, report_published, report_tasks
 from afford.grasp.cells import MAIN, PCT, Cell, cells, number
-from afford.grasp.published import ROWS
 from afford.report.grasp_curves import write_curves
 from afford.training.ablation import done
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
@@ -63,13 +62,14 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
             out |= {f"{prefix}{name}": value for name, value in named.items()}
         steps = f"control_steps.{cell.engine}"
         out[steps] = out.get(steps, 0.0) + sum(one.depth_m.size for one in cell.runs)
-    for name in ("penetration_mm.median", "penetration_mm.p95"):
-        out |= {name: out[f"teacher.{name}"]} if f"teacher.{name}" in out else {}
+    for name in ("penetration_mm.median", "penetration_mm.p95", "mujoco.penetration_mm.median", "mujoco.penetration_mm.p95"):
+        of_teacher = name.replace("penetration", "teacher.penetration")
+        out |= {name: out[of_teacher]} if of_teacher in out else {}
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
 def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planned: Sequence[GraspExam] = ()) -> str:
-    """All cells, those that are not finished marked so, `more` lines, the published rows, and the first policy task by task."""
+    """All cells, those that are not finished marked so, `more` lines, published rows, and the first policy task by task."""
     lines = ["# Grasps", "", "Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
              "negative point at the last step. Physics is strict (100 iterations, 480 Hz); policies act by their mean.", "",
              f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} | seeds |",
@@ -78,14 +78,8 @@ def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planne
         values = [number(of(cell), _digits(head)) if cell.runs else "" for _, head, of in FIGURES]
         values.append(done(len(cell.runs), cell.planned))
         lines.append(f"| {cell.policy} | {cell.level} | {cell.engine} | {' | '.join(values)} |")
-    by_use, by_task = report_tasks.uses(cells(episodes)), report_tasks.tasks(episodes)
-    return "\n".join([*lines, "", *by_use, "", *more, *_published(), "", *by_task, ""])
-
-
-def _published() -> list[str]:
-    lines = ["## Published", "", "AffordDex, on its objects in Isaac Gym; HLS there by a vision-language model.", "",
-             "| table | row | level | Succ | HLS | AS |", "|---|---|---|--:|--:|--:|"]  # fmt: skip
-    return lines + [f"| {r.table} | {r.row} | {r.level} | {r.succ:g} | {r.hls:g} | {r.as_pct:g} |" for r in ROWS]
+    found, by_task = cells(episodes), report_tasks.tasks(episodes)
+    return "\n".join([*lines, "", *report_tasks.uses(found), "", *more, *report_published.lines(found), "", *by_task, ""])
 
 
 def _digits(head: str) -> int:
