@@ -22,6 +22,7 @@ from stages import interaction_read
 from tests.made_interactions import clip, digest
 
 READ = interaction_read.Params()
+STCAE = interaction_read.Params(grid="stcae")
 
 
 def back(root, params=READ):
@@ -103,13 +104,18 @@ def test_views_are_read_back(tmp_path) -> None:
         views(tmp_path)
 
 
+def blank(path, *shape: int, dtype=np.uint8) -> None:
+    """An empty picture (h, w[, 3]) in the place of a file."""
+    cv2.imwrite(str(path), np.zeros(shape, dtype))
+
+
 FAULTS = {
-    "a mask of another size": ("rgb/target_1_mask.png", lambda p: cv2.imwrite(str(p), np.zeros((4, 4, 3), np.uint8)),
-                               "a mask of 16 x 12"),
+    "a mask of another size": ("rgb/target_1_mask.png", lambda p: blank(p, 4, 4, 3), "a mask of 16 x 12 px like"),
     "a frame that is no picture": ("rgb/0002.png", lambda p: p.write_bytes(b"none"), "expected a picture, got 4 bytes"),
-    "a frame of another size": ("rgb/0001.png", lambda p: cv2.imwrite(str(p), np.zeros((4, 4, 3), np.uint8)),
-                                "frames of one size"),
-    "depth of 8 bits": ("depth/0002.png", lambda p: cv2.imwrite(str(p), np.zeros((12, 16), np.uint8)), "one channel of uint16"),
+    "a frame of another size": ("rgb/0001.png", lambda p: blank(p, 4, 4, 3), "a frame of 16 x 12 px .*got 4 x 4"),
+    "depth of another size": ("depth/0002.png", lambda p: blank(p, 10, 12, dtype=np.uint16),
+                              "expected depth of 16 x 12 px .*got 12 x 10.*register colour to the depth grid"),
+    "depth of 8 bits": ("depth/0002.png", lambda p: blank(p, 12, 16), "one channel of uint16"),
     "depth that is missing": ("depth/0003.png", lambda p: p.unlink(), "0003.png, as rgb/ has that frame"),
     "a hot spot that is no number": ("rgb/target_4_hotspot.json", lambda p: p.write_text('{"center": [{"x_coord": "a"}]}'),
                                      "x_coord"),
@@ -128,6 +134,28 @@ def test_what_is_wrong_is_said_in_one_sentence(fault: str, tmp_path) -> None:
     with pytest.raises(SourceError, match=said) as caught:
         back(tmp_path)
     assert str(caught.value).count("\n") == 0
+
+
+SHRUNK_FAULTS = {
+    "depth of its own camera": ("depth/0002.png", lambda p: blank(p, 424, 512, dtype=np.uint16),
+                                "depth of 64 x 36 px like the last frame, got 512 x 424.*register colour to the depth grid first"),
+    "a smaller frame of the same shape": ("rgb/0002.png", lambda p: blank(p, 18, 32, 3), "a frame of 64 x 36 px .*got 32 x 18"),
+    "a smaller mask of the same shape": ("rgb/target_1_mask.png", lambda p: blank(p, 18, 32, 3), "a mask of 64 x 36 .*got 32 x 18"),
+    "frames that would be squeezed": ("rgb/0003.png", lambda p: blank(p, 424, 512, 3),
+                                      "a frame of 16 : 9.*got 512 x 424.*grid=native"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", SHRUNK_FAULTS)
+def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> None:
+    """grid=stcae makes every picture 640 x 360: what does not lie on the grid of the colours must not slip through."""
+    name, spoil, said = SHRUNK_FAULTS[fault]
+    folder = write(clip(height=36, width=64), tmp_path)
+    (folder / "camera.json").unlink()
+    assert back(tmp_path, STCAE).depth_m.shape == (3, 300, 300)
+    spoil(folder / name)
+    with pytest.raises(SourceError, match=said):
+        back(tmp_path, STCAE)
 
 
 def test_folders_of_other_names_are_refused(tmp_path) -> None:
