@@ -95,6 +95,20 @@ def test_a_root_of_the_released_layout(tmp_path) -> None:
     assert found.K[0, 0] == pytest.approx(1081.4 / 3) and found.K[0, 2] == pytest.approx(119.5)
 
 
+def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
+    """1, 2, ..., 12, not 1, 10, 11, 12, 2; masks stay behind the frames, depth goes with its frame."""
+    made = clip()
+    grey, far = np.arange(12, dtype=np.uint8), np.arange(12, dtype=np.float32)
+    made = replace(made, rgb=np.broadcast_to(grey[:, None, None, None], (12, *made.rgb.shape[1:])),
+                   depth_m=np.broadcast_to(far[:, None, None], (12, *made.depth_m.shape[1:])))  # fmt: skip
+    folder = write(made, tmp_path)
+    for path in [*folder.glob("rgb/0*.png"), *folder.glob("depth/*.png")]:
+        path.rename(path.with_stem(str(int(path.stem))))
+    found = back(tmp_path)
+    assert found.rgb[:, 0, 0, 0].tolist() == found.depth_m[:, 0, 0].tolist() == [*range(12)]
+    assert np.array_equal(found.label, made.label)
+
+
 def test_views_are_read_back(tmp_path) -> None:
     """And a wrong line is named."""
     write_views({"Subject1": 2, "Subject20": 1}, tmp_path)

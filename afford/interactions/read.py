@@ -13,6 +13,7 @@ from afford.interactions.colours import unpaint
 from afford.interactions.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
 from afford.interactions.pictures import picture
 from afford.interactions.write import GRID
+from afford.natural import natural
 from afford.readers import strict_json
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
@@ -42,7 +43,7 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
         raise SourceError(files.name, "the files of a sequence", "none", DOCS)
     name = parse(files.files[0].name)
     base = f"{name.split}/{name.folder}"
-    rgb = files.under(f"{base}/rgb")
+    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural(file.name))
     if len(rgb) <= EXTRAS:
         raise SourceError(f"{base}/rgb", f"frames and {EXTRAS} files behind them", f"{len(rgb)} files", DOCS)
     frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
