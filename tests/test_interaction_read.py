@@ -123,7 +123,26 @@ def blank(path, *shape: int, dtype=np.uint8) -> None:
     cv2.imwrite(str(path), np.zeros(shape, dtype))
 
 
+def tint(path, found: tuple[int, int, int]) -> None:
+    """The marked pixels of a mask, in another colour."""
+    mask = cv2.imread(str(path))
+    mask[mask.any(axis=-1)] = found
+    cv2.imwrite(str(path), mask)
+
+
+def as_jpeg(path) -> None:
+    """A mask that was compressed on its way: one flat region, a little off."""
+    mask = np.full((12, 16, 3), COLOURS_BGR["cut"], np.uint8)
+    path.write_bytes(cv2.imencode(".jpg", mask, [cv2.IMWRITE_JPEG_QUALITY, 60])[1].tobytes())
+
+
 FAULTS = {
+    "a mask a little off": ("rgb/target_1_mask.png", lambda p: tint(p, (1, 165, 255)),
+                            r"expected pixels of B, G, R \(0, 165, 255\) for cut, .*got mostly \(1, 165, 255\); write"),
+    "a mask of JPEG": ("rgb/target_1_mask.png", as_jpeg, r"expected pixels of B, G, R \(0, 165, 255\) for cut"),
+    "a mask of another affordance": ("rgb/target_1_mask.png", lambda p: tint(p, COLOURS_BGR["push"]),
+                                     r"for cut, the second word of the folder, got mostly \(240, 255, 120\)"),
+    "a black mask": ("rgb/target_1_mask.png", lambda p: blank(p, 12, 16, 3), "got mostly black alone; write masks"),
     "a mask of another size": ("rgb/target_1_mask.png", lambda p: blank(p, 4, 4, 3), "a mask of 16 x 12 px like"),
     "a frame that is no picture": ("rgb/0002.png", lambda p: p.write_bytes(b"none"), "expected a picture, got 4 bytes"),
     "a frame of another size": ("rgb/0001.png", lambda p: blank(p, 4, 4, 3), "a frame of 16 x 12 px .*got 4 x 4"),

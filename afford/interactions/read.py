@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from afford.interactions import sampling
-from afford.interactions.colours import unpaint
+from afford.interactions.colours import commonest, unpaint
 from afford.interactions.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
 from afford.interactions.pictures import picture
 from afford.interactions.write import GRID
@@ -17,7 +17,7 @@ from afford.natural import natural
 from afford.readers import strict_json
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
-from schemas.interaction import InteractionClip
+from schemas.interaction import BACKGROUND, COLOURS_BGR, InteractionClip
 
 SHRUNK, ROWS, COLUMNS = (640, 360), slice(0, 300), slice(200, 500)
 """The released code shrinks 1920 x 1080 to this (width, height) and cuts these rows and columns out."""
@@ -49,15 +49,13 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
     frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
     chosen = list(range(len(frames))) if rules.frames == "all" else sampling.slots(len(frames))
     raw = _size(frames[-1], rules.grid)
-    mask = _grid(_like(_colour(extras[MASK]), raw, extras[MASK], "a mask", "write masks on the grid of the frames"), rules.grid,
-                 cv2.INTER_NEAREST)  # fmt: skip
-    size = mask.shape[:2]
+    label = _grid(_label(extras[MASK], raw, name.affordance), rules.grid, cv2.INTER_NEAREST)
+    size = label.shape
     shown = np.stack([_frame(frames[k], raw, rules.grid) if k >= 0 else np.zeros((*size, 3), np.uint8) for k in chosen])
     depth = np.stack([_depth(files, base, frames[k], raw, rules.grid) if k >= 0 else np.zeros(size, np.float32) for k in chosen])
     K, rate = _camera(files, base, size, rules)
-    label, spots = unpaint(mask, name.affordance), _spots(extras[SPOT], size, rules.grid)
     return InteractionClip(name.folder, name.split, name.object_type, name.affordance, np.ascontiguousarray(shown[..., ::-1]),
-                           depth, K, label, rate, spots)  # fmt: skip
+                           depth, K, label, rate, _spots(extras[SPOT], size, rules.grid))  # fmt: skip
 
 
 def _colour(file: FileRef) -> np.ndarray:
@@ -80,6 +78,16 @@ def _like(found: np.ndarray, raw: tuple[int, ...], file: FileRef, what: str, fix
     if (height, width) != raw:
         raise SourceError(file.name, f"{what} of {raw[1]} x {raw[0]} px like the last frame", f"{width} x {height}", fix)
     return found
+
+
+def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
+    """(h, w) uint8, as it lies in the file. Every sequence shows what it is about: SourceError where no pixel has the colour."""
+    mask = _like(_colour(file), raw, file, "a mask", "write masks on the grid of the frames")
+    label = unpaint(mask, affordance)
+    if (label == BACKGROUND).all():
+        raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
+                          f"mostly {commonest(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+    return label
 
 
 def _frame(file: FileRef, raw: tuple[int, ...], grid: str) -> np.ndarray:
