@@ -50,3 +50,7 @@ class FlowScore(Schema):
     error_moving_m: float = value("over those that move", unit="m per frame")
     plain_m: float = value("the same of optical flow with the difference of depths", unit="m per frame")
     plain_moving_m: float = value("over those that move", unit="m per frame")
+    error_px: float = value("sum of end-point errors on the image over pixels", unit="px per frame")
+    error_moving_px: float = value("over those that move", unit="px per frame")
+    plain_px: float = value("the same of optical flow alone, as it starts from nothing", unit="px per frame")
+    plain_moving_px: float = value("over those that move", unit="px per frame")

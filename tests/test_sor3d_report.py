@@ -45,7 +45,8 @@ def read(found: FileTree, name: str) -> str:
 
 def test_one_model_by_hand(tmp_path: Path) -> None:
     """IoU, F and weighted F from counts; the action; intervals; motion pooled over sequences; the paper beside it."""
-    flows = (FlowScore("a", 100, 10, 1.0, 0.5, 2.0, 1.0), FlowScore("b", 300, 0, 0.0, 0.0, 2.0, 0.0))
+    flows = (FlowScore("a", 100, 10, 1.0, 0.5, 2.0, 1.0, 300.0, 25.0, 600.0, 40.0),
+             FlowScore("b", 300, 0, 0.0, 0.0, 2.0, 0.0, 100.0, 0.0, 200.0, 0.0))  # fmt: skip
     planned = recipes((WHOLE,), (0,))
     found = sor3d_report.run(planned, (scores(planned[0].name),), sor3d_report.Params(), Scratch(tmp_path), flows=flows)
     numbers = json.loads(read(found, "metrics.json"))
@@ -55,10 +56,12 @@ def test_one_model_by_hand(tmp_path: Path) -> None:
     assert numbers["video.region_iou"] == pytest.approx(1.0) and numbers["static.region_iou"] == pytest.approx(50 / 150)
     assert (numbers["flow.epe_ratio"], numbers["flow.epe_ratio_moving"]) == (0.25, 0.5)
     assert numbers["flow.epe_mm"] == pytest.approx(2.5)
+    assert (numbers["flow.epe_px"], numbers["flow.difference_epe_px_moving"]) == (1.0, 4.0)
     assert numbers["video.iou.low"] == numbers["video.iou.high"] == pytest.approx(numbers["video.iou"])
     text = read(found, "report.md")
     assert "0.333 (0.33 to 0.33) | 0.500 (0.50 to 0.50) | 0.500 (0.50 to 0.50) | 1.000 | 0.72 | 0.80 | 0.81 |" in text
     assert "AffordanceNet" in text and "0.25 of that of optical flow" in text
+    assert "On the image: 1.00 px, optical flow alone 2.00 px; over pixels that move 2.50 px, 4.00 px." in text
     assert "| push | 0.333 | 0.500 | 0.143 | 0.250 | 0.000 |" in text
 
 
