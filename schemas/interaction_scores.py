@@ -35,6 +35,7 @@ class InteractionScores(Schema):
     affordance: tuple[str, ...] = value("of each, what it is used for: the true action")
     pixels: np.ndarray = array("n m 3 9", "int64", "pixels of every affordance: found and true, found, true")
     region: np.ndarray = array("n m", "int64", "pixels found and true, whichever affordance they are called")
+    code: np.ndarray = array("n m 2", "float64", "what the released code calls Jaccard and F1, of every sequence")
     action: np.ndarray = array("n m 9", "float32", "probability of every action")
     shown: tuple[ShownAnswer, ...] = value("some of the sequences, spread over all")
 

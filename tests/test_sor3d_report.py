@@ -35,7 +35,8 @@ def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")
                         np.stack([np.full((8, 8), 0.9), np.full((8, 8), 0.5)]).astype(np.float16),
                         np.ones((2, 2, 2), np.float32))  # fmt: skip
     region = np.array([[min(2 * hit // (m + 1), 100) for m in range(len(mode))]] * 2, np.int64)
-    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, region, action, (shown,))
+    code = np.array([[[0.9, 0.2 * m] for m in range(len(mode))], [[0.7, 0.4] for _ in mode]])
+    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, region, code, action, (shown,))
 
 
 def read(found: FileTree, name: str) -> str:
@@ -54,6 +55,7 @@ def test_one_model_by_hand(tmp_path: Path) -> None:
     assert numbers["video.f"] == numbers["video.fw"] == pytest.approx(0.5) and numbers["video.iou.push"] == pytest.approx(1 / 3)
     assert (numbers["action.accuracy"], numbers["action.accuracy.grasp"], numbers["action.accuracy.push"]) == (0.5, 1.0, 0.0)
     assert numbers["video.region_iou"] == pytest.approx(1.0) and numbers["static.region_iou"] == pytest.approx(50 / 150)
+    assert (numbers["video.code_jaccard"], numbers["static.code_f1"]) == pytest.approx((0.8, 0.3))
     assert (numbers["flow.epe_ratio"], numbers["flow.epe_ratio_moving"]) == (0.25, 0.5)
     assert numbers["flow.epe_mm"] == pytest.approx(2.5)
     assert (numbers["flow.epe_px"], numbers["flow.difference_epe_px_moving"]) == (1.0, 4.0)
