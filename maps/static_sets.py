@@ -10,7 +10,7 @@ from maps.settings import Origin, Settings
 from maps.sor3d import lessons, teach, usual
 from runner import Graph
 from schemas.files import FileTree
-from schemas.interaction import InteractionClip, StaticSample
+from schemas.interaction import InteractionClip, StaticSet
 from stages import model_train, static_evaluate, static_read, static_report
 
 REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
@@ -29,9 +29,10 @@ class Told(NamedTuple):
     """of the detector, which is told the box"""
 
 
-def pictures(g: Graph, files: FileTree, p: Settings) -> tuple[StaticSample, ...]:
-    """UMD or IIT-AFF, as `static_read.backend` says."""
-    return g.add(static_read.run, files=g.leaf("pictures", files),                                   params=p.static_read)
+def pictures(g: Graph, files: FileTree, p: Settings) -> StaticSet:
+    """UMD or IIT-AFF, as `static_read.backend` says; no more of it than is asked about."""
+    wanted  = replace(p.static_read, split=p.static_read.split or p.static_evaluate.split)
+    return g.add(static_read.run, files=g.leaf("pictures", files),                                   params=wanted)
 
 
 def detector(g: Graph, dataset: FileTree, p: Settings) -> FileTree:
@@ -40,7 +41,7 @@ def detector(g: Graph, dataset: FileTree, p: Settings) -> FileTree:
     return g.pick(trained, lambda t: t.files)
 
 
-def told(g: Graph, samples: tuple[StaticSample, ...] | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
+def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
          p: Settings) -> Told:  # fmt: skip
     """Both models on the same pictures: `pictures`, or collected clips, of which the last frames of one split are taken."""
     models  = {"sor3d": model, "boxes": boxes}

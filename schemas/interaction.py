@@ -103,6 +103,14 @@ class StaticSample(Schema):
 
 
 @dataclass(frozen=True)
+class StaticSet(Schema):
+    """Pictures of one source, and what was wrong with those that could not be read."""
+
+    samples: tuple[StaticSample, ...] = value("one at least, by name")
+    refused: tuple[str, ...] = value("a sentence for every other picture that was asked for")
+
+
+@dataclass(frozen=True)
 class ActionClip(Schema):
     """Frames of one action (UTKinect), for pre-training."""
 

@@ -35,6 +35,7 @@ class InteractionScores(Schema):
     affordance: tuple[str, ...] = value("of each, what it is used for: the true action")
     pixels: np.ndarray = array("n m 3 9", "int64", "pixels of every affordance: found and true, found, true")
     region: np.ndarray = array("n m", "int64", "pixels found and true, whichever affordance they are called")
+    code: np.ndarray = array("n m 2", "float64", "what the released code calls Jaccard and F1, of every sequence")
     action: np.ndarray = array("n m 9", "float32", "probability of every action")
     shown: tuple[ShownAnswer, ...] = value("some of the sequences, spread over all")
 
@@ -50,3 +51,7 @@ class FlowScore(Schema):
     error_moving_m: float = value("over those that move", unit="m per frame")
     plain_m: float = value("the same of optical flow with the difference of depths", unit="m per frame")
     plain_moving_m: float = value("over those that move", unit="m per frame")
+    error_px: float = value("sum of end-point errors on the image over pixels", unit="px per frame")
+    error_moving_px: float = value("over those that move", unit="px per frame")
+    plain_px: float = value("the same of optical flow alone, as it starts from nothing", unit="px per frame")
+    plain_moving_px: float = value("over those that move", unit="px per frame")

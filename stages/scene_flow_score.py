@@ -1,8 +1,9 @@
 """scene flow, and that of optical flow with the difference of depths alone, against the truth of a rendered sequence.
 
 Reads   SceneFlow twice, InteractionTruth
-Writes  FlowScore: sums of end-point errors over all pixels with a surface and over those that move, of both
-Method  length of the difference of motion in space, as Vedula et al. (1999) measure it; sums, so that sequences pool
+Writes  FlowScore: sums of end-point errors over all pixels with a surface and over those that move, of both, in m and in px
+Method  length of the difference of motion in space, as Vedula et al. (1999) measure it, and of motion on the image; sums, so that
+        sequences pool
 Fails   when a flow is another sequence's
 Paper   SOR3D-AFF, 3-D flow (not measured there)
 """

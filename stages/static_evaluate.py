@@ -1,9 +1,10 @@
 """pictures with affordance labels + a trained model -> how well it tells them in static mode.
 
-Reads   StaticSample (static_read: UMD, IIT-AFF), or InteractionClip, of which the last frame is taken; FileTree of a model: what
+Reads   StaticSet (static_read: UMD, IIT-AFF), or InteractionClip, of which the last frame is taken; FileTree of a model: what
         model_train (backend sor3d, or boxes for the box-supervised baseline) writes
-Writes  FileTree: metrics.json (iou, f, fw, by class; closed.*: the model may only say what the set has), report.md, sheet.png
-        (a row for each of a few pictures: truth, likeliest, what has a confidence above 0.75, attention)
+Writes  FileTree: metrics.json (iou, f, fw, by class; closed.*: the model may only say what the set has), report.md
+        (with the pictures that could not be read), sheet.png (a row for each of a few pictures: truth, likeliest, what has a
+        confidence above 0.75, attention)
 Method  the middle square of every picture, at the model's size; probabilities are enlarged to the grid of the labels
 Fails   when no picture of the split is there, or none has an affordance
 Paper   SOR3D-AFF: static images of its own data, UMD and IIT-AFF; AffordanceNet (Do, Nguyen and Reid 2018) for comparison
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 from schemas.context import Context
 from schemas.files import FileTree
-from schemas.interaction import InteractionClip, StaticSample
+from schemas.interaction import InteractionClip, StaticSet
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "blake3")
 THREADS = 1
@@ -45,7 +46,7 @@ class Params:
     """cpu, or cuda for a GPU"""
 
 
-def run(samples: tuple[StaticSample | InteractionClip, ...], model: FileTree, params: Params, ctx: Context) -> FileTree:
+def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every picture of the split."""
     import numpy as np
 
@@ -55,11 +56,11 @@ def run(samples: tuple[StaticSample | InteractionClip, ...], model: FileTree, pa
     from afford.registry import load
     from afford.report.static_sets import Scored, Tally, write
 
-    pictures = [last_picture(one) if isinstance(one, InteractionClip) else one for one in samples]
-    pictures = [one for one in pictures if params.split in ("", one.split)]
+    given = samples if isinstance(samples, StaticSet) else StaticSet(tuple(last_picture(one) for one in samples), ())
+    pictures = [one for one in given.samples if params.split in ("", one.split)]
     if not pictures or params.shown < 1:
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
-                         f"{len(pictures)} of {len(samples)} and {params.shown}")
+                         f"{len(pictures)} of {len(given.samples)} and {params.shown}")
     tell = load(BACKENDS, params.backend)(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
                                           params.true_boxes)  # fmt: skip
     tally, shown = Tally.of(pictures), []
@@ -70,4 +71,4 @@ def run(samples: tuple[StaticSample | InteractionClip, ...], model: FileTree, pa
         shown += [one] if n in chosen else []
         ctx.progress(n + 1, len(pictures))
     root = empty_folder(ctx.scratch / "static")
-    return tree(params.name, write(root, params.name, tally, len(pictures), shown, params.threshold))
+    return tree(params.name, write(root, params.name, tally, len(pictures), shown, params.threshold, given.refused))

@@ -22,6 +22,7 @@ from stages import interaction_read
 from tests.made_interactions import clip, digest
 
 READ = interaction_read.Params()
+STCAE = interaction_read.Params(grid="stcae")
 
 
 def back(root, params=READ):
@@ -94,6 +95,20 @@ def test_a_root_of_the_released_layout(tmp_path) -> None:
     assert found.K[0, 0] == pytest.approx(1081.4 / 3) and found.K[0, 2] == pytest.approx(119.5)
 
 
+def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
+    """1, 2, ..., 12, not 1, 10, 11, 12, 2; masks stay behind the frames, depth goes with its frame."""
+    made = clip()
+    grey, far = np.arange(12, dtype=np.uint8), np.arange(12, dtype=np.float32)
+    made = replace(made, rgb=np.broadcast_to(grey[:, None, None, None], (12, *made.rgb.shape[1:])),
+                   depth_m=np.broadcast_to(far[:, None, None], (12, *made.depth_m.shape[1:])))  # fmt: skip
+    folder = write(made, tmp_path)
+    for path in [*folder.glob("rgb/0*.png"), *folder.glob("depth/*.png")]:
+        path.rename(path.with_stem(str(int(path.stem))))
+    found = back(tmp_path)
+    assert found.rgb[:, 0, 0, 0].tolist() == found.depth_m[:, 0, 0].tolist() == [*range(12)]
+    assert np.array_equal(found.label, made.label)
+
+
 def test_views_are_read_back(tmp_path) -> None:
     """And a wrong line is named."""
     write_views({"Subject1": 2, "Subject20": 1}, tmp_path)
@@ -103,13 +118,37 @@ def test_views_are_read_back(tmp_path) -> None:
         views(tmp_path)
 
 
+def blank(path, *shape: int, dtype=np.uint8) -> None:
+    """An empty picture (h, w[, 3]) in the place of a file."""
+    cv2.imwrite(str(path), np.zeros(shape, dtype))
+
+
+def tint(path, found: tuple[int, int, int]) -> None:
+    """The marked pixels of a mask, in another colour."""
+    mask = cv2.imread(str(path))
+    mask[mask.any(axis=-1)] = found
+    cv2.imwrite(str(path), mask)
+
+
+def as_jpeg(path) -> None:
+    """A mask that was compressed on its way: one flat region, a little off."""
+    mask = np.full((12, 16, 3), COLOURS_BGR["cut"], np.uint8)
+    path.write_bytes(cv2.imencode(".jpg", mask, [cv2.IMWRITE_JPEG_QUALITY, 60])[1].tobytes())
+
+
 FAULTS = {
-    "a mask of another size": ("rgb/target_1_mask.png", lambda p: cv2.imwrite(str(p), np.zeros((4, 4, 3), np.uint8)),
-                               "a mask of 16 x 12"),
+    "a mask a little off": ("rgb/target_1_mask.png", lambda p: tint(p, (1, 165, 255)),
+                            r"expected pixels of B, G, R \(0, 165, 255\) for cut, .*got mostly \(1, 165, 255\); write"),
+    "a mask of JPEG": ("rgb/target_1_mask.png", as_jpeg, r"expected pixels of B, G, R \(0, 165, 255\) for cut"),
+    "a mask of another affordance": ("rgb/target_1_mask.png", lambda p: tint(p, COLOURS_BGR["push"]),
+                                     r"for cut, the second word of the folder, got mostly \(240, 255, 120\)"),
+    "a black mask": ("rgb/target_1_mask.png", lambda p: blank(p, 12, 16, 3), "got mostly black alone; write masks"),
+    "a mask of another size": ("rgb/target_1_mask.png", lambda p: blank(p, 4, 4, 3), "a mask of 16 x 12 px like"),
     "a frame that is no picture": ("rgb/0002.png", lambda p: p.write_bytes(b"none"), "expected a picture, got 4 bytes"),
-    "a frame of another size": ("rgb/0001.png", lambda p: cv2.imwrite(str(p), np.zeros((4, 4, 3), np.uint8)),
-                                "frames of one size"),
-    "depth of 8 bits": ("depth/0002.png", lambda p: cv2.imwrite(str(p), np.zeros((12, 16), np.uint8)), "one channel of uint16"),
+    "a frame of another size": ("rgb/0001.png", lambda p: blank(p, 4, 4, 3), "a frame of 16 x 12 px .*got 4 x 4"),
+    "depth of another size": ("depth/0002.png", lambda p: blank(p, 10, 12, dtype=np.uint16),
+                              "expected depth of 16 x 12 px .*got 12 x 10.*register colour to the depth grid"),
+    "depth of 8 bits": ("depth/0002.png", lambda p: blank(p, 12, 16), "one channel of uint16"),
     "depth that is missing": ("depth/0003.png", lambda p: p.unlink(), "0003.png, as rgb/ has that frame"),
     "a hot spot that is no number": ("rgb/target_4_hotspot.json", lambda p: p.write_text('{"center": [{"x_coord": "a"}]}'),
                                      "x_coord"),
@@ -128,6 +167,28 @@ def test_what_is_wrong_is_said_in_one_sentence(fault: str, tmp_path) -> None:
     with pytest.raises(SourceError, match=said) as caught:
         back(tmp_path)
     assert str(caught.value).count("\n") == 0
+
+
+SHRUNK_FAULTS = {
+    "depth of its own camera": ("depth/0002.png", lambda p: blank(p, 424, 512, dtype=np.uint16),
+                                "depth of 64 x 36 px like the last frame, got 512 x 424.*register colour to the depth grid first"),
+    "a smaller frame of the same shape": ("rgb/0002.png", lambda p: blank(p, 18, 32, 3), "a frame of 64 x 36 px .*got 32 x 18"),
+    "a smaller mask of the same shape": ("rgb/target_1_mask.png", lambda p: blank(p, 18, 32, 3), "a mask of 64 x 36 .*got 32 x 18"),
+    "frames that would be squeezed": ("rgb/0003.png", lambda p: blank(p, 424, 512, 3),
+                                      "a frame of 16 : 9.*got 512 x 424.*grid=native"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", SHRUNK_FAULTS)
+def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> None:
+    """grid=stcae makes every picture 640 x 360: what does not lie on the grid of the colours must not slip through."""
+    name, spoil, said = SHRUNK_FAULTS[fault]
+    folder = write(clip(height=36, width=64), tmp_path)
+    (folder / "camera.json").unlink()
+    assert back(tmp_path, STCAE).depth_m.shape == (3, 300, 300)
+    spoil(folder / name)
+    with pytest.raises(SourceError, match=said):
+        back(tmp_path, STCAE)
 
 
 def test_folders_of_other_names_are_refused(tmp_path) -> None:

@@ -117,6 +117,16 @@ def test_frame_by_frame_each_one_is_the_last(store: Path, shown: Path) -> None:
     assert not np.allclose(every[0].action, every[-1].action, atol=1e-6)
 
 
+def test_frames_without_zeros_in_front_keep_their_order(tmp_path: Path) -> None:
+    """Colours and depth of 1.png to 12.png are those of 0001.png to 0012.png."""
+    padded, plain = write_frames(tmp_path / "padded", 12), write_frames(tmp_path / "plain", 12)
+    for path in [*plain.glob("rgb/0*.png"), *plain.glob("depth/*.png")]:
+        path.rename(path.with_stem(str(int(path.stem))))
+    wanted, found = (footage.read(root / "rgb", root / "depth", Lens(), Sampling(), SIZE) for root in (padded, plain))
+    assert np.array_equal(found.clip.rgb, wanted.clip.rgb) and np.array_equal(found.clip.depth_m, wanted.clip.depth_m)
+    assert np.array_equal(found.rgb, wanted.rgb)
+
+
 def test_confidence_is_a_threshold(store: Path, shown: Path) -> None:
     """At 0 every pixel shows its best affordance, at 0.999 none; between, exactly those above it."""
     predictor = Predictor(store / "models" / "sor3d" / "model")

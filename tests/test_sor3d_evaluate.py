@@ -14,7 +14,7 @@ from afford.metrics import sor3d as measures
 from afford.models.sor3d import files
 from afford.models.sor3d.config import Sor3dConfig, row
 from afford.models.sor3d.model import Sor3d, build
-from afford.sor3d.examine import ask, spread
+from afford.sor3d.examine import Answer, as_released, ask, spread
 from afford.sor3d.figures import figures, intervals, pooled, regions
 from afford.training.sequence_batches import last
 from schemas.files import FileTree
@@ -62,9 +62,32 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
     assert np.allclose(scores.action.sum(-1), 1, atol=1e-5)
 
 
+def test_measures_of_the_released_code(scores: InteractionScores, dataset: FileTree) -> None:
+    """Of every sequence: the share of equal pixels, background and all, and of confidences above 0.75 against truth, by hand from
+    what is shown; a set has their mean."""
+    for one in scores.shown:
+        at = scores.clip.index(one.clip)
+        for m in range(len(scores.mode)):
+            sure, true = (one.confidence[m] > 0.75) & (one.label[m] != BACKGROUND), one.truth != BACKGROUND
+            f1 = 2 * (sure & true).sum() / (sure.sum() + true.sum())
+            assert scores.code[at, m] == pytest.approx(((one.label[m] == one.truth).mean(), 1 - f1))
+    numbers = figures(scores)
+    assert numbers["video.code_jaccard"] == pytest.approx(scores.code[:, 0, 0].mean())
+    assert numbers["static.code_f1"] == pytest.approx(scores.code[:, 1, 1].mean())
+
+
+def test_those_of_the_released_code_by_hand() -> None:
+    """Two of four pixels are said to be grasp, one surely and rightly; a half of the pixels of truth is background."""
+    truth = np.array([[0, 0], [BACKGROUND, BACKGROUND]], np.uint8)
+    probability = np.zeros((10, 2, 2), np.float32)
+    probability[0], probability[BACKGROUND] = [[0.9, 0.2], [0.6, 0.1]], [[0.1, 0.8], [0.4, 0.9]]
+    answer = Answer(probability.argmax(0).astype(np.uint8), probability, probability.max(0), np.zeros(9), np.zeros((0, 0)))
+    assert as_released(answer, truth) == pytest.approx((2 / 4, 1 - 2 / 3))
+
+
 def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
     """Pooled pixels of halves add up to those of all, and figures are of the sums."""
-    listed = ("clip", "object_type", "affordance", "pixels", "region", "action")
+    listed = ("clip", "object_type", "affordance", "pixels", "region", "code", "action")
     half = [replace(scores, **{name: getattr(scores, name)[at] for name in listed}) for at in (slice(0, 1), slice(1, None))]
     for mode in scores.mode:
         whole, parts = pooled(scores, mode), pooled(half[0], mode) + pooled(half[1], mode)
@@ -79,11 +102,12 @@ def test_a_perfect_answer_scores_one(scores: InteractionScores) -> None:
     action = np.zeros_like(scores.action)
     for n, name in enumerate(scores.affordance):
         action[n, :, AFFORDANCES.index(name)] = 1
-    perfect = replace(scores, pixels=pixels, region=pixels[:, :, 2].sum(-1), action=action)
+    perfect = replace(scores, pixels=pixels, region=pixels[:, :, 2].sum(-1), action=action, code=0 * scores.code + (1, 0))
     found = figures(perfect) | intervals(perfect, 50, 0)
+    assert [found.pop(f"{mode}.code_f1") for mode in scores.mode] == [0, 0]
     assert set(found.values()) == {1.0}
     names = {"video.iou", "video.f", "static.fw", "video.iou.push", "action.accuracy", "action.accuracy.lift", "static.f.high",
-             "static.region_iou"}
+             "static.region_iou", "video.code_jaccard"}
     assert names <= found.keys()
 
 

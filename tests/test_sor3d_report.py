@@ -35,7 +35,8 @@ def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")
                         np.stack([np.full((8, 8), 0.9), np.full((8, 8), 0.5)]).astype(np.float16),
                         np.ones((2, 2, 2), np.float32))  # fmt: skip
     region = np.array([[min(2 * hit // (m + 1), 100) for m in range(len(mode))]] * 2, np.int64)
-    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, region, action, (shown,))
+    code = np.array([[[0.9, 0.2 * m] for m in range(len(mode))], [[0.7, 0.4] for _ in mode]])
+    return InteractionScores(name, mode, ("a", "b"), ("can", "can"), ("grasp", "push"), pixels, region, code, action, (shown,))
 
 
 def read(found: FileTree, name: str) -> str:
@@ -45,7 +46,8 @@ def read(found: FileTree, name: str) -> str:
 
 def test_one_model_by_hand(tmp_path: Path) -> None:
     """IoU, F and weighted F from counts; the action; intervals; motion pooled over sequences; the paper beside it."""
-    flows = (FlowScore("a", 100, 10, 1.0, 0.5, 2.0, 1.0), FlowScore("b", 300, 0, 0.0, 0.0, 2.0, 0.0))
+    flows = (FlowScore("a", 100, 10, 1.0, 0.5, 2.0, 1.0, 300.0, 25.0, 600.0, 40.0),
+             FlowScore("b", 300, 0, 0.0, 0.0, 2.0, 0.0, 100.0, 0.0, 200.0, 0.0))  # fmt: skip
     planned = recipes((WHOLE,), (0,))
     found = sor3d_report.run(planned, (scores(planned[0].name),), sor3d_report.Params(), Scratch(tmp_path), flows=flows)
     numbers = json.loads(read(found, "metrics.json"))
@@ -53,12 +55,15 @@ def test_one_model_by_hand(tmp_path: Path) -> None:
     assert numbers["video.f"] == numbers["video.fw"] == pytest.approx(0.5) and numbers["video.iou.push"] == pytest.approx(1 / 3)
     assert (numbers["action.accuracy"], numbers["action.accuracy.grasp"], numbers["action.accuracy.push"]) == (0.5, 1.0, 0.0)
     assert numbers["video.region_iou"] == pytest.approx(1.0) and numbers["static.region_iou"] == pytest.approx(50 / 150)
+    assert (numbers["video.code_jaccard"], numbers["static.code_f1"]) == pytest.approx((0.8, 0.3))
     assert (numbers["flow.epe_ratio"], numbers["flow.epe_ratio_moving"]) == (0.25, 0.5)
     assert numbers["flow.epe_mm"] == pytest.approx(2.5)
+    assert (numbers["flow.epe_px"], numbers["flow.difference_epe_px_moving"]) == (1.0, 4.0)
     assert numbers["video.iou.low"] == numbers["video.iou.high"] == pytest.approx(numbers["video.iou"])
     text = read(found, "report.md")
     assert "0.333 (0.33 to 0.33) | 0.500 (0.50 to 0.50) | 0.500 (0.50 to 0.50) | 1.000 | 0.72 | 0.80 | 0.81 |" in text
     assert "AffordanceNet" in text and "0.25 of that of optical flow" in text
+    assert "On the image: 1.00 px, optical flow alone 2.00 px; over pixels that move 2.50 px, 4.00 px." in text
     assert "| push | 0.333 | 0.500 | 0.143 | 0.250 | 0.000 |" in text
 
 

@@ -15,7 +15,7 @@ from afford.models.sor3d.predictor import Predictor, last
 from afford.models.sor3d.static import Told, last_picture
 from afford.report.static_sets import Scored, Tally
 from schemas.files import FileTree
-from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
+from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample, StaticSet
 from stages import static_evaluate, static_read
 from tests.made_interactions import iit_aff, umd
 from tests.made_samples import Scratch
@@ -111,8 +111,19 @@ def test_what_cannot_be_scored_is_refused(model: FileTree, tmp_path: Path) -> No
     """A split without pictures; a set without affordances; an unknown kind of model."""
     nothing = sample(np.full((40, 40), BACKGROUND, np.uint8))
     usual = static_evaluate.Params()
-    for samples, params, hint in (((nothing,), replace(usual, split="val"), "pictures of the split 'val'"),
-                                  ((nothing,), usual, "umd: expected pictures with an affordance"),
-                                  ((nothing,), replace(usual, backend="other"), "choose one of")):
+    for params, hint in ((replace(usual, split="val"), "pictures of the split 'val'"),
+                         (usual, "umd: expected pictures with an affordance"), (replace(usual, backend="other"), "choose one of")):
         with pytest.raises((ValueError, KeyError), match=hint):
-            static_evaluate.run(samples, model, params, Scratch(tmp_path))
+            static_evaluate.run(StaticSet((nothing,), ()), model, params, Scratch(tmp_path))
+
+
+def test_pictures_that_could_not_be_read_are_named(model: FileTree, tmp_path: Path) -> None:
+    """In the report, beside the figures of the others, which stay what they are."""
+    samples = static_read.run(umd(tmp_path / "set"), static_read.Params("umd", crop_px=0))
+    reports = []
+    for n, refused in enumerate(((), ("b.jpg: expected a picture", "c.jpg: expected a label"))):
+        found = static_evaluate.run(replace(samples, refused=refused), model, static_evaluate.Params(), Scratch(tmp_path / str(n)))
+        reports.append([found.find(name).path.read_text() for name in ("metrics.json", "report.md")])
+    (clean, short), (same, told) = reports
+    assert same == clean and told == f"{short}\nNot scored, as they could not be read: 2.\n\n- b.jpg: expected a picture\n" \
+        "- c.jpg: expected a label\n"

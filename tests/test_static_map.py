@@ -65,6 +65,8 @@ def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
     assert {rendered[name].params.split for name in REPORTS} == {"val"} and {given[name].params.split for name in REPORTS} == {""}
     asked = replace(Settings(), static_evaluate=replace(Settings.static_evaluate, split="train"))
     assert stages("static-sets", Origin("x"), asked)["static_boxes"].params.split == "train"
+    only = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), asked)["static_read"].params
+    assert only == replace(Settings().static_read, split="train")
     assert given["static_read"].params == Settings().static_read and given["boxes_train"].params == rendered["boxes_train"].params
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 import scipy.io
 
+from afford.interactions import pictures
 from afford.readers.errors import SourceError
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages import static_read
@@ -16,7 +18,7 @@ GRASP, CUT, HAMMER = (AFFORDANCES.index(name) for name in ("grasp", "cut", "hamm
 
 def test_umd_classes(tmp_path) -> None:
     """Background, grasp, cut, scoop, contain, pound, support, wrap-grasp, in this order; depth in metres; split by tool."""
-    samples = static_read.run(umd(tmp_path), static_read.Params("umd", crop_px=0))
+    samples = static_read.run(umd(tmp_path), static_read.Params("umd", crop_px=0)).samples
     assert [s.name for s in samples] == ["knife_01_00000001", "knife_01_00000002"]
     first = samples[0]
     assert (first.source, first.split, first.object_type, first.K.shape) == ("umd", "train", "knife", (0, 3, 3))
@@ -26,21 +28,74 @@ def test_umd_classes(tmp_path) -> None:
 
 def test_the_middle_is_cut_out(tmp_path) -> None:
     """Picture, depth and label alike."""
-    (whole,) = static_read.run(umd(tmp_path), static_read.Params("umd", crop_px=0, every=2))
-    (cut,) = static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=10, every=2))
+    (whole,) = static_read.run(umd(tmp_path), static_read.Params("umd", crop_px=0, every=2)).samples
+    (cut,) = static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=10, every=2)).samples
     assert np.array_equal(cut.label, whole.label[7:17, 11:21])
     assert cut.rgb.shape == (10, 10, 3) and cut.depth_m.shape == (1, 10, 10)
-    with pytest.raises(SourceError, match="300 px each way at least"):
-        static_read.run(folder(tmp_path, "umd"), static_read.Params("umd"))
+    assert sum(getattr(cut, name).nbytes for name in ("rgb", "depth_m", "label")) == 8 * 10 * 10
 
 
 def test_iit_aff_classes(tmp_path) -> None:
     """Background and nine classes; the largest box names the thing; without depth there is none; val wins over train_and_val."""
-    a, b = static_read.run(iit_aff(tmp_path), static_read.Params("iit-aff", crop_px=0))
+    a, b = static_read.run(iit_aff(tmp_path), static_read.Params("iit-aff", crop_px=0)).samples
     expected = [BACKGROUND, BACKGROUND, CUT, BACKGROUND, BACKGROUND, GRASP, HAMMER, HAMMER, BACKGROUND, GRASP]
     assert a.label[3, ::2].tolist() == expected
     assert (a.split, b.split, a.object_type, b.object_type) == ("train", "val", "bottle", "")
     assert a.depth_m[0, 0, 0] == 1.5 and b.depth_m.shape == (0, 20, 20)
+
+
+def test_of_a_small_picture_the_largest_square(tmp_path) -> None:
+    """As it is, not enlarged; one that is large enough is cut as ever."""
+    iit_aff(tmp_path)
+    wide = cv2.imread(str(tmp_path / "rgb" / "b.jpg"))[:9]
+    cv2.imwrite(str(tmp_path / "rgb" / "b.jpg"), wide)
+    rows = (tmp_path / "affordances_labels" / "b.txt").read_text().splitlines()[:9]
+    (tmp_path / "affordances_labels" / "b.txt").write_text("\n".join(rows))
+    found = static_read.run(folder(tmp_path, "iit"), static_read.Params("iit-aff", crop_px=12))
+    a, b = found.samples
+    assert (a.rgb.shape, b.rgb.shape, b.label.shape, found.refused) == ((12, 12, 3), (9, 9, 3), (9, 9), ())
+    assert np.array_equal(b.label[0], a.label[0, 1:10])
+
+
+def test_only_what_is_asked_for_is_decoded(tmp_path, monkeypatch) -> None:
+    """Of IIT-AFF's a (train) and b (val), one; a split that the root does not have says which it has."""
+    made, opened = iit_aff(tmp_path), []
+    decode = pictures.picture
+    monkeypatch.setattr("afford.interactions.iit_aff.picture", lambda file, *how: opened.append(file.name) or decode(file, *how))
+    found = static_read.run(made, static_read.Params("iit-aff", crop_px=0, split="val"))
+    assert [one.name for one in found.samples] == ["b"] and opened == ["rgb/b.jpg"]
+    with pytest.raises(SourceError, match=r"iit, static_read.split: expected a split that the root has \(train, val\), got 'test'"):
+        static_read.run(made, static_read.Params("iit-aff", split="test"))
+
+
+@pytest.mark.parametrize("source", ["umd", "iit-aff"])
+def test_one_bad_picture_stops_no_other(source: str, tmp_path) -> None:
+    """It is named; the others are what they were. When none is left, that is an error."""
+    files, params = (umd if source == "umd" else iit_aff)(tmp_path), static_read.Params(source, crop_px=0)
+    whole = static_read.run(files, params)
+    first, second = sorted(tmp_path.rglob("*.jpg"))
+    first.write_bytes(first.read_bytes()[:20])
+    found = static_read.run(folder(tmp_path, files.name), params)
+    (said,) = found.refused
+    assert said.startswith(f"{first.relative_to(tmp_path)}: expected a picture, got 20 bytes") and "\n" not in said
+    (left,) = found.samples
+    assert left.name == whole.samples[1].name and np.array_equal(left.label, whole.samples[1].label)
+    second.write_bytes(b"")
+    with pytest.raises(SourceError, match=r"one picture at least that can be read, got none of 2, of which the first: .*20 bytes"):
+        static_read.run(folder(tmp_path, files.name), params)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_label_that_was_cut_short_is_a_fault_of_that_picture(packed: bool, tmp_path) -> None:
+    """Wherever it was cut."""
+    files = umd(tmp_path)
+    file = tmp_path / "tools" / "knife_01" / "knife_01_00000001_label.mat"
+    scipy.io.savemat(file, {"gt_label": np.zeros((24, 32), np.uint8)}, do_compression=packed)
+    data = file.read_bytes()
+    for length in range(0, len(data) - 1, 41):
+        file.write_bytes(data[:length])
+        found = static_read.run(files, static_read.Params("umd", crop_px=0))
+        assert [one.name for one in found.samples] == ["knife_01_00000002"] and "label.mat" in found.refused[0], length
 
 
 def test_faults_of_umd(tmp_path) -> None:
@@ -55,8 +110,7 @@ def test_faults_of_umd(tmp_path) -> None:
     )
     for spoil, said in faults:
         spoil()
-        with pytest.raises(SourceError, match=said):
-            static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=0))
+        assert said in static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=0)).refused[0]
     (tmp_path / "category_split.txt").write_text("3 knife_01\n")
     with pytest.raises(SourceError, match="line 1: expected 1 or 2, then a tool"):
         static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=0))
@@ -68,8 +122,7 @@ def test_faults_of_iit_aff(tmp_path) -> None:
     file = tmp_path / "affordances_labels" / "a.txt"
     for text, said in (("1 2\n3\n", "rows of numbers of one length"), ("12 1\n1 1\n", "labels 0 to 9, got 1 to 12")):
         file.write_text(text)
-        with pytest.raises(SourceError, match=said):
-            static_read.run(folder(tmp_path, "iit"), static_read.Params("iit-aff", crop_px=0))
+        assert said in static_read.run(folder(tmp_path, "iit"), static_read.Params("iit-aff", crop_px=0)).refused[0]
     (tmp_path / "empty").mkdir()
     with pytest.raises(SourceError, match=r"affordances_labels/<picture>\.txt"):
         static_read.run(folder(tmp_path / "empty", "iit"), static_read.Params("iit-aff"))

@@ -15,6 +15,13 @@ def paint(label: np.ndarray) -> np.ndarray:
     return np.asarray(table[label])
 
 
+def commonest(picture: np.ndarray) -> tuple[int, int, int] | None:
+    """The colour, blue, green, red, that most pixels of the picture (h, w, 3) BGR have, black apart; None when all are black."""
+    found, count = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
+    count[(found == 0).all(axis=-1)] = 0
+    return tuple(found[count.argmax()].tolist()) if count.any() else None
+
+
 def unpaint(picture: np.ndarray, affordance: str) -> np.ndarray:
     """(h, w) uint8: index of the affordance where the picture (h, w, 3) BGR has exactly its colour, BACKGROUND elsewhere."""
     hit = (picture == np.array(COLOURS_BGR[affordance], np.uint8)).all(axis=-1)

@@ -9,7 +9,8 @@ from afford.readers.errors import SourceError
 
 def centre(where: str, size_px: int, *arrays: np.ndarray) -> tuple[list[np.ndarray], tuple[int, int]]:
     """The middle `size_px` x `size_px` of arrays (h, w, ...) of one size, and how many columns and rows were cut off at the left
-    and at the top; 0 for whole pictures. SourceError when they differ in size or are smaller."""
+    and at the top; 0 for whole pictures. Of a picture that is smaller, the largest square: nothing is enlarged. SourceError when
+    they differ in size."""
     height, width = arrays[0].shape[:2]
     for array in arrays:
         if array.shape[:2] != (height, width):
@@ -17,10 +18,9 @@ def centre(where: str, size_px: int, *arrays: np.ndarray) -> tuple[list[np.ndarr
                               f"{array.shape[1]} x {array.shape[0]}", "were they resized?")  # fmt: skip
     if not size_px:
         return list(arrays), (0, 0)
-    if min(height, width) < size_px:
-        raise SourceError(where, f"{size_px} px each way at least", f"{width} x {height}", "set static_read.crop_px smaller")
-    left, top = (width - size_px) // 2, (height - size_px) // 2
-    return [np.ascontiguousarray(a[top : top + size_px, left : left + size_px]) for a in arrays], (left, top)
+    side = min(size_px, height, width)
+    left, top = (width - side) // 2, (height - side) // 2
+    return [np.ascontiguousarray(a[top : top + side, left : left + side]) for a in arrays], (left, top)
 
 
 def mapped(label: np.ndarray, table: np.ndarray, where: str) -> np.ndarray:

@@ -11,6 +11,7 @@ Of our nine affordances grasp, cut and hammer are there; the rest become backgro
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import PurePosixPath
 
 import cv2
@@ -18,6 +19,7 @@ import numpy as np
 
 from afford.interactions.crops import centre, mapped
 from afford.interactions.pictures import picture
+from afford.interactions.static_set import Listed
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
@@ -31,14 +33,15 @@ SPLIT_FILES = (("test.txt", "test"), ("val.txt", "val"), ("train_and_val.txt", "
 FIX = "compare with the layout in docs/interaction-data.md"
 
 
-def read(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[StaticSample, ...]:
+def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:
     """Every n-th picture that has a label, by name. `split_file` is UMD's matter."""
     at = {tuple(PurePosixPath(f.name).parts[-2:]): f for f in files.files}
     labels = sorted(stem for folder, stem in ((k[0], PurePosixPath(k[-1]).stem) for k in at) if folder == "affordances_labels")
     if not labels:
         raise SourceError(files.name, "affordances_labels/<picture>.txt", "no such file", FIX)
     splits = _splits(files)
-    return tuple(_sample(stem, at, splits, crop_px) for stem in labels[::every])
+    chosen = [(stem, splits.get(stem, "")) for stem in labels[::every]]
+    return tuple(Listed(split, partial(_sample, stem, at, split, crop_px)) for stem, split in chosen)
 
 
 def _splits(files: FileTree) -> dict[str, str]:
@@ -51,7 +54,7 @@ def _splits(files: FileTree) -> dict[str, str]:
     return out
 
 
-def _sample(stem: str, at: dict[tuple[str, ...], FileRef], splits: dict[str, str], crop_px: int) -> StaticSample:
+def _sample(stem: str, at: dict[tuple[str, ...], FileRef], split: str, crop_px: int) -> StaticSample:
     source = at.get(("rgb", f"{stem}.jpg")) or at.get(("rgb", f"{stem}.png"))
     if source is None:
         raise SourceError(f"rgb/{stem}.jpg", "the picture of a label", "nothing", FIX)
@@ -61,7 +64,7 @@ def _sample(stem: str, at: dict[tuple[str, ...], FileRef], splits: dict[str, str
     far = at.get(("depth", f"{stem}.txt")) or at.get(("deep", f"{stem}.txt"))
     depth = [] if far is None else [np.maximum(_rows(far), 0).astype(np.float32)]
     (rgb, label, *depth), _ = centre(source.name, crop_px, rgb, label, *depth)
-    return StaticSample(stem, "iit-aff", splits.get(stem, ""), _thing(at.get(("object_labels", f"{stem}.txt"))),
+    return StaticSample(stem, "iit-aff", split, _thing(at.get(("object_labels", f"{stem}.txt"))),
                         np.ascontiguousarray(rgb), np.stack(depth) if depth else np.zeros((0, *label.shape), np.float32), label,
                         np.zeros((0, 3, 3)))  # fmt: skip
 

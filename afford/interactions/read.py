@@ -9,18 +9,22 @@ import cv2
 import numpy as np
 
 from afford.interactions import sampling
-from afford.interactions.colours import unpaint
+from afford.interactions.colours import commonest, unpaint
 from afford.interactions.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
 from afford.interactions.pictures import picture
 from afford.interactions.write import GRID
+from afford.natural import natural
 from afford.readers import strict_json
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
-from schemas.interaction import InteractionClip
+from schemas.interaction import BACKGROUND, COLOURS_BGR, InteractionClip
 
 SHRUNK, ROWS, COLUMNS = (640, 360), slice(0, 300), slice(200, 500)
 """The released code shrinks 1920 x 1080 to this (width, height) and cuts these rows and columns out."""
+WIDE = (16, 9)
+"""shape of what is shrunk so, width to height: anything else would be squeezed"""
 DOCS = "see docs/interaction-data.md"
+REGISTER = "register colour to the depth grid first, docs/interaction-data.md"
 
 
 @dataclass(frozen=True)
@@ -39,23 +43,19 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
         raise SourceError(files.name, "the files of a sequence", "none", DOCS)
     name = parse(files.files[0].name)
     base = f"{name.split}/{name.folder}"
-    rgb = files.under(f"{base}/rgb")
+    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural(file.name))
     if len(rgb) <= EXTRAS:
         raise SourceError(f"{base}/rgb", f"frames and {EXTRAS} files behind them", f"{len(rgb)} files", DOCS)
     frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
     chosen = list(range(len(frames))) if rules.frames == "all" else sampling.slots(len(frames))
-    colour = [None if k < 0 else _grid(_colour(frames[k]), rules.grid, cv2.INTER_LINEAR) for k in chosen]
-    size = next(c for c in reversed(colour) if c is not None).shape[:2]
-    mask = _grid(_colour(extras[MASK]), rules.grid, cv2.INTER_NEAREST)
-    if mask.shape[:2] != size:
-        raise SourceError(extras[MASK].name, f"a mask of {size[1]} x {size[0]} px like the frames",
-                          f"{mask.shape[1]} x {mask.shape[0]}", "write masks on the grid of the frames")  # fmt: skip
-    shown = np.stack([_sized(c, size, frames[0].name, base) for c in colour])
-    depth = np.stack([_depth(files, base, frames[k], size, rules.grid) if k >= 0 else np.zeros(size, np.float32) for k in chosen])
+    raw = _size(frames[-1], rules.grid)
+    label = _grid(_label(extras[MASK], raw, name.affordance), rules.grid, cv2.INTER_NEAREST)
+    size = label.shape
+    shown = np.stack([_frame(frames[k], raw, rules.grid) if k >= 0 else np.zeros((*size, 3), np.uint8) for k in chosen])
+    depth = np.stack([_depth(files, base, frames[k], raw, rules.grid) if k >= 0 else np.zeros(size, np.float32) for k in chosen])
     K, rate = _camera(files, base, size, rules)
-    label, spots = unpaint(mask, name.affordance), _spots(extras[SPOT], size, rules.grid)
     return InteractionClip(name.folder, name.split, name.object_type, name.affordance, np.ascontiguousarray(shown[..., ::-1]),
-                           depth, K, label, rate, spots)  # fmt: skip
+                           depth, K, label, rate, _spots(extras[SPOT], size, rules.grid))  # fmt: skip
 
 
 def _colour(file: FileRef) -> np.ndarray:
@@ -63,28 +63,48 @@ def _colour(file: FileRef) -> np.ndarray:
     return picture(file, cv2.IMREAD_COLOR, np.uint8, 3)
 
 
-def _sized(frame: np.ndarray | None, size: tuple[int, ...], first: str, base: str) -> np.ndarray:
-    if frame is None:
-        return np.zeros((*size, 3), np.uint8)
-    if frame.shape[:2] != size:
-        raise SourceError(f"{base}/rgb", f"frames of one size, {size[1]} x {size[0]} px", f"{frame.shape[1]} x {frame.shape[0]}",
-                          f"compare with {first}")  # fmt: skip
-    return frame
+def _size(last: FileRef, grid: str) -> tuple[int, ...]:
+    """(h, w) of the frames as they lie in the files: that of the last one."""
+    height, width = _colour(last).shape[:2]
+    if grid == "stcae" and width * WIDE[1] != height * WIDE[0]:
+        raise SourceError(last.name, f"a frame of {WIDE[0]} : {WIDE[1]}, as grid='stcae' shrinks", f"{width} x {height} px",
+                          "set interaction_read.grid=native")  # fmt: skip
+    return height, width
 
 
-def _depth(files: FileTree, base: str, frame: FileRef, size: tuple[int, ...], grid: str) -> np.ndarray:
-    """(h, w) float32 metres; zeros where the sequence has no depth at all."""
+def _like(found: np.ndarray, raw: tuple[int, ...], file: FileRef, what: str, fix: str) -> np.ndarray:
+    """The picture, which has the size of the frames; SourceError when it has another."""
+    height, width = found.shape[:2]
+    if (height, width) != raw:
+        raise SourceError(file.name, f"{what} of {raw[1]} x {raw[0]} px like the last frame", f"{width} x {height}", fix)
+    return found
+
+
+def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
+    """(h, w) uint8, as it lies in the file. Every sequence shows what it is about: SourceError where no pixel has the colour."""
+    mask = _like(_colour(file), raw, file, "a mask", "write masks on the grid of the frames")
+    label = unpaint(mask, affordance)
+    if (label == BACKGROUND).all():
+        raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
+                          f"mostly {commonest(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+    return label
+
+
+def _frame(file: FileRef, raw: tuple[int, ...], grid: str) -> np.ndarray:
+    """(h, w, 3) uint8 BGR on the grid that is shown."""
+    return _grid(_like(_colour(file), raw, file, "a frame", "give frames of one size"), grid, cv2.INTER_LINEAR)
+
+
+def _depth(files: FileTree, base: str, frame: FileRef, raw: tuple[int, ...], grid: str) -> np.ndarray:
+    """(h, w) float32 metres on the grid that is shown; zeros where the sequence has no depth at all."""
     if not files.under(f"{base}/depth"):
-        return np.zeros(size, np.float32)
+        return _grid(np.zeros(raw, np.float32), grid, cv2.INTER_NEAREST)
     stem = frame.name.rpartition("/")[2].rpartition(".")[0]
     file = files.find(f"{base}/depth/{stem}.png")
     if file is None:
         raise SourceError(f"{base}/depth", f"{stem}.png, as rgb/ has that frame", "nothing", "give every frame its depth, or none")
-    found = _grid(picture(file, cv2.IMREAD_UNCHANGED, np.uint16, 2), grid, cv2.INTER_NEAREST)
-    if found.shape != size:
-        raise SourceError(file.name, f"{size[1]} x {size[0]} px like the frames", f"{found.shape[1]} x {found.shape[0]}",
-                          "register depth to colour, on one grid")  # fmt: skip
-    return (found / DEPTH_MM).astype(np.float32)
+    found = _like(picture(file, cv2.IMREAD_UNCHANGED, np.uint16, 2), raw, file, "depth", REGISTER)
+    return (_grid(found, grid, cv2.INTER_NEAREST) / DEPTH_MM).astype(np.float32)
 
 
 def _grid(found: np.ndarray, grid: str, how: int) -> np.ndarray:

@@ -10,7 +10,9 @@ assumption. Intrinsics are not given. Of our nine affordances only grasp, cut an
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
+from functools import partial
 from pathlib import PurePosixPath
 
 import cv2
@@ -20,6 +22,7 @@ import scipy.io
 from afford.interactions.crops import centre, mapped
 from afford.interactions.names import DEPTH_MM
 from afford.interactions.pictures import picture
+from afford.interactions.static_set import Listed
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
@@ -29,10 +32,12 @@ OURS = {"grasp": "grasp", "cut": "cut", "pound": "hammer", "wrap-grasp": "grasp"
 TABLE = np.array([BACKGROUND, *(AFFORDANCES.index(OURS[c]) if c in OURS else BACKGROUND for c in CLASSES)], np.uint8)
 SPLITS = {"1": "train", "2": "test"}
 RGB, LABEL, DEPTH = "_rgb.jpg", "_label.mat", "_depth.png"
+BROKEN = (ValueError, TypeError, IndexError, NotImplementedError, OSError, EOFError, zlib.error, scipy.io.matlab.MatReadError)
+"""what SciPy raises of a file that was cut short or is none"""
 FIX = "compare with the layout in docs/interaction-data.md"
 
 
-def read(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[StaticSample, ...]:
+def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:
     """Every n-th labelled picture of each tool (people labelled every third, the others were filled in), by name."""
     splits = _splits(files, split_file)
     by_name = {file.name: file for file in files.files}
@@ -42,8 +47,8 @@ def read(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[St
             tools.setdefault(PurePosixPath(file.name).parent.name, []).append(file)
     if not tools:
         raise SourceError(files.name, "tools/<tool>/<tool>_<frame>_label.mat", "no such file", FIX)
-    return tuple(_sample(label, by_name, tool, splits, crop_px) for tool, labels in sorted(tools.items())
-                 for label in sorted(labels, key=lambda f: f.name)[::every])  # fmt: skip
+    return tuple(Listed(splits.get(tool, ""), partial(_sample, label, by_name, tool, splits.get(tool, ""), crop_px))
+                 for tool, labels in sorted(tools.items()) for label in sorted(labels, key=lambda f: f.name)[::every])  # fmt: skip
 
 
 def _splits(files: FileTree, split_file: str) -> dict[str, str]:
@@ -61,7 +66,7 @@ def _splits(files: FileTree, split_file: str) -> dict[str, str]:
     return out
 
 
-def _sample(label: FileRef, by_name: Mapping[str, FileRef], tool: str, splits: Mapping[str, str], crop_px: int) -> StaticSample:
+def _sample(label: FileRef, by_name: Mapping[str, FileRef], tool: str, split: str, crop_px: int) -> StaticSample:
     stem = label.name.removesuffix(LABEL)
     if stem + RGB not in by_name:
         raise SourceError(label.name, f"{PurePosixPath(stem).name}{RGB} beside it", "nothing", FIX)
@@ -70,7 +75,7 @@ def _sample(label: FileRef, by_name: Mapping[str, FileRef], tool: str, splits: M
     marked = mapped(_label(label), TABLE, f"{label.name}, gt_label")
     depth = [] if raw is None else [(raw / DEPTH_MM).astype(np.float32)]
     (rgb, marked, *depth), _ = centre(label.name, crop_px, rgb, marked, *depth)
-    return StaticSample(PurePosixPath(stem).name, "umd", splits.get(tool, ""), tool.rpartition("_")[0] or tool,
+    return StaticSample(PurePosixPath(stem).name, "umd", split, tool.rpartition("_")[0] or tool,
                         np.ascontiguousarray(rgb), np.stack(depth) if depth else np.zeros((0, *marked.shape), np.float32), marked,
                         np.zeros((0, 3, 3)))  # fmt: skip
 
@@ -79,7 +84,7 @@ def _label(file: FileRef) -> np.ndarray:
     """(h, w) gt_label; a .mat of arrays holds no code that could run."""
     try:
         found = scipy.io.loadmat(file.path, variable_names=["gt_label"])
-    except (ValueError, TypeError, NotImplementedError, OSError, EOFError, scipy.io.matlab.MatReadError) as error:
+    except BROKEN as error:
         got = f"{type(error).__name__}: {error}"
         raise SourceError(file.name, "a MATLAB 5 file", got, "was it cut short? get it again") from error
     label = found.get("gt_label")

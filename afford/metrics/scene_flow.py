@@ -1,4 +1,4 @@
-"""End-point error of scene flow."""
+"""End-point error of motion, in space or on the image."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOVES_M = 1e-3
 
 
 class EndPointError(NamedTuple):
-    """Mean distance between motion found and true motion, in m per frame."""
+    """Mean distance between motion found and true motion, in the unit of the motion."""
 
     all: float
     """over every pixel whose truth is known"""
@@ -21,11 +21,16 @@ class EndPointError(NamedTuple):
     """how many of the known pixels that are"""
 
 
-def end_point_error(found_m: np.ndarray, truth_m: np.ndarray, known: np.ndarray) -> EndPointError:
-    """Motion (..., 3) in m per frame, `known` (...) bool. NaN when nothing is known."""
-    miss = np.linalg.norm(found_m.astype(np.float64) - truth_m, axis=-1)[known]
-    moving = np.linalg.norm(truth_m[known], axis=-1) > MOVES_M
-    return EndPointError(_mean(miss), _mean(miss[moving]), _mean(moving.astype(float)))
+def moves(truth_m: np.ndarray) -> np.ndarray:
+    """(...) bool of true motion (..., 3) in m per frame: what is not at rest."""
+    found: np.ndarray = np.linalg.norm(truth_m, axis=-1) > MOVES_M
+    return found
+
+
+def end_point_error(found: np.ndarray, truth: np.ndarray, known: np.ndarray, moving: np.ndarray) -> EndPointError:
+    """Motion (..., k) per frame; `known` and `moving` (what `moves` says) (...) bool. NaN when nothing is known."""
+    miss = np.linalg.norm(found.astype(np.float64) - truth, axis=-1)
+    return EndPointError(_mean(miss[known]), _mean(miss[known & moving]), _mean(moving[known].astype(float)))
 
 
 def _mean(values: np.ndarray) -> float:

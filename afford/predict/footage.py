@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from afford.candidates.read import matrix_of, read_depth
+from afford.natural import natural
 from afford.predict.picture import read_image
 from afford.predict.sources import IMAGES
 from afford.readers.errors import SourceError
@@ -94,10 +95,10 @@ def _video(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[int],
 
 
 def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[int], int]:
-    """One picture, or the frames of a folder in the order of their names."""
+    """One picture, or the frames of a folder in the order of their numbers."""
     listed = [path]
     if path.is_dir():
-        listed = sorted(one for one in path.iterdir() if one.suffix.lower() in IMAGES and not one.name.startswith((MASKS, ".")))
+        listed = _numbered(path, IMAGES, (MASKS, "."))
     if not listed:
         raise SourceError(str(path), f"frames of one sequence ({', '.join(IMAGES)})", "none", "give the folder of the frames")
     numbers = list(range(len(listed)))[-sampling.frames :]
@@ -108,11 +109,17 @@ def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[in
     return frames, numbers, len(listed)
 
 
+def _numbered(folder: Path, suffixes: tuple[str, ...], without: tuple[str, ...]) -> list[Path]:
+    """Files of a folder but those that begin so, in the order of the numbers in their names."""
+    found = [one for one in folder.iterdir() if one.suffix.lower() in suffixes and not one.name.startswith(without)]
+    return sorted(found, key=lambda one: natural(one.name))
+
+
 def _depths(path: Path, numbers: list[int], of: int, shape: tuple[int, ...]) -> list[np.ndarray]:
-    """Depth of the frames `numbers` of `of`: one file, or a folder with one for each frame in the order of their names."""
+    """Depth of the frames `numbers` of `of`: one file, or a folder with one for each frame in the order of their numbers."""
     files = [path]
     if path.is_dir():
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in DEPTHS and not one.name.startswith("."))
+        files = _numbered(path, DEPTHS, (".",))
     if len(files) != of:
         raise SourceError(str(path), f"{of} depth pictures, one for each frame", str(len(files)), "give a file for each frame")
     found = [read_depth(files[n]) for n in numbers]

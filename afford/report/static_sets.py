@@ -67,11 +67,12 @@ class Tally:
         return {name: round(value, 6) for name, value in sor3d.summary(only).items()}
 
 
-def write(root: Path, name: str, tally: Tally, count: int, shown: Sequence[Scored], threshold: float) -> Path:
-    """metrics.json, report.md, sheet.png in `root`."""
+def write(root: Path, name: str, tally: Tally, count: int, shown: Sequence[Scored], threshold: float,
+          refused: Sequence[str] = ()) -> Path:  # fmt: skip
+    """metrics.json, report.md, sheet.png in `root`; `refused` says of pictures that were not scored why they could not be read."""
     metrics = tally.metrics()
     write_json(root / "metrics.json", metrics)
-    (root / "report.md").write_text(_report(name, metrics, tally, count), encoding="utf-8")
+    (root / "report.md").write_text(_report(name, metrics, tally, count) + _missing(refused), encoding="utf-8")
     write_page(root / "sheet.png", sheet(shown, threshold))
     return root
 
@@ -97,6 +98,12 @@ def _boxed(rgb: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     for left, top, right, bottom in boxes.round().astype(int).tolist():
         cv2.rectangle(drawn, (left, top), (right - 1, bottom - 1), BOX, max(1, len(rgb) // 100))
     return drawn
+
+
+def _missing(refused: Sequence[str]) -> str:
+    """Pictures that have no part in the scores; nothing without any."""
+    lines = "".join(f"- {sentence}\n" for sentence in refused)
+    return f"\nNot scored, as they could not be read: {len(refused)}.\n\n{lines}" if refused else ""
 
 
 def _report(name: str, metrics: dict[str, float], tally: Tally, count: int) -> str:

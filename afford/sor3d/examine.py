@@ -12,7 +12,7 @@ import torch
 
 from afford.dataset import sequences
 from afford.dataset.sequences import Sequence
-from afford.metrics.sor3d import counts
+from afford.metrics.sor3d import code_f1, code_jaccard, counts
 from afford.models.sor3d.both_ways import both_ways
 from afford.models.sor3d.model import Sor3d
 from afford.training.sequence_batches import fitted, last, stack
@@ -27,6 +27,8 @@ class Answer(NamedTuple):
 
     label: np.ndarray
     """(h, w) uint8"""
+    probability: np.ndarray
+    """(10, h, w) float32 of every affordance, the background last"""
     confidence: np.ndarray
     """(h, w) float16"""
     action: np.ndarray
@@ -39,19 +41,20 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
             mirror: bool = False) -> InteractionScores:  # fmt: skip
     """Every sequence, one at a time, so that they may have any lengths; with `mirror` its mirror image too."""
     kept = spread(len(paths), shown)
-    rows, pixels, regions, pictures = [], [], [], []
+    rows, pixels, regions, codes, pictures = [], [], [], [], []
     for n, path in enumerate(paths):
         one = fitted(sequences.read(path, model.config.flow), model.config.size_px)
         said = ask(model, one, device, mirror), ask(model, last(one), device, mirror)
         found = [counts(answer.label, one.label) for answer in said]
         pixels.append([[of.hit, of.found, of.true] for of in found])
         regions.append([in_both(answer.label, one.label) for answer in said])
+        codes.append([as_released(answer, one.label) for answer in said])
         pictures += [_shown(one, said)] if n in kept else []
         rows.append((one.name, one.object_type, one.affordance, [answer.action for answer in said]))
         progress(n + 1, len(paths))
     names, types, affordances, actions = zip(*rows, strict=True)
     return InteractionScores(name, MODES, names, types, affordances, np.array(pixels, np.int64), np.array(regions, np.int64),
-                             np.array(actions, np.float32), tuple(pictures))  # fmt: skip
+                             np.array(codes, np.float64), np.array(actions, np.float32), tuple(pictures))  # fmt: skip
 
 
 def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) -> Answer:
@@ -59,10 +62,16 @@ def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) 
     with torch.inference_mode():
         seen = stack([[one]], model.config).groups[0].to(device)
         said = both_ways(model, seen) if mirror else model(seen)
-        confidence, label = said.logits[0].softmax(0).max(0)
+        probability = said.logits[0].softmax(0)
+        confidence, label = probability.max(0)
         attention = torch.zeros(0, 0) if said.attention is None else said.attention[0, 0]
-    return Answer(label.cpu().numpy().astype(np.uint8), confidence.cpu().numpy().astype(np.float16),
+    return Answer(label.cpu().numpy().astype(np.uint8), probability.cpu().numpy(), confidence.cpu().numpy().astype(np.float16),
                   said.action[0].softmax(0).cpu().numpy(), attention.cpu().numpy())
+
+
+def as_released(answer: Answer, truth: np.ndarray) -> tuple[float, float]:
+    """Jaccard and F1 as the released code computes them."""
+    return code_jaccard(answer.label, truth), code_f1(answer.probability, truth)
 
 
 def in_both(found: np.ndarray, truth: np.ndarray) -> int:

@@ -14,6 +14,8 @@ from schemas.interaction_scores import InteractionScores
 
 SHARE = 0.95
 """of the resampled figures that lie in an interval"""
+CODE = ("code_jaccard", "code_f1")
+"""those of the released code: of each sequence, then their mean"""
 POOLED: dict[str, Callable[[Counts], float]] = {
     "iou": lambda of: measures.mean(measures.iou(of)),
     "f": lambda of: measures.mean(measures.f_beta(of)),
@@ -23,10 +25,12 @@ POOLED: dict[str, Callable[[Counts], float]] = {
 
 
 def figures(one: InteractionScores) -> dict[str, float]:
-    """<mode>.iou, .f, .fw, <mode>.iou.<category>, <mode>.f.<category>, <mode>.region_iou; action.accuracy,
-    action.accuracy.<category> (of video) and static.action; without what does not apply."""
+    """<mode>.iou, .f, .fw, <mode>.iou.<category>, <mode>.f.<category>, <mode>.region_iou, <mode>.code_jaccard, <mode>.code_f1;
+    action.accuracy, action.accuracy.<category> (of video) and static.action; without what does not apply."""
     out = {f"{mode}.{name}": value for mode in one.mode for name, value in measures.summary(pooled(one, mode)).items()}
     out |= {f"{mode}.region_iou": measures.mean(measures.iou(regions(one, mode))) for mode in one.mode}
+    out |= {f"{mode}.{name}": float(value) for mode, means in zip(one.mode, one.code.mean(0), strict=True)
+            for name, value in zip(CODE, means, strict=True)}  # fmt: skip
     if "static" in one.mode:
         out["static.action"] = float(right(one, "static").mean())
     if "video" in one.mode:

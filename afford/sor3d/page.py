@@ -70,7 +70,16 @@ def motion(numbers: Mapping[str, float]) -> str:
             f"({numbers['flow.difference_epe_mm']:.2f} mm)")  # fmt: skip
     moving = (f"; over pixels that move {numbers['flow.epe_moving_mm']:.2f} mm, {numbers['flow.epe_ratio_moving']:.2f} of "
               f"{numbers['flow.difference_epe_moving_mm']:.2f} mm" if "flow.epe_ratio_moving" in numbers else "")  # fmt: skip
-    return f"{text}{moving}.\n"
+    return f"{text}{moving}.{_on_image(numbers)}\n"
+
+
+def _on_image(numbers: Mapping[str, float]) -> str:
+    """The motion on the image, a sentence; nothing where it was not measured."""
+    if "flow.epe_px" not in numbers:
+        return ""
+    moving = (f"; over pixels that move {numbers['flow.epe_px_moving']:.2f} px, {numbers['flow.difference_epe_px_moving']:.2f} px"
+              if "flow.epe_px_moving" in numbers else "")  # fmt: skip
+    return f" On the image: {numbers['flow.epe_px']:.2f} px, optical flow alone {numbers['flow.difference_epe_px']:.2f} px{moving}."
 
 
 def _row(name: str, seeds: Seeds, planned: int) -> str:
