@@ -14,6 +14,7 @@ import shutil
 from itertools import product
 from pathlib import Path
 
+from afford.training.ablation import done
 from benchmarks.pages import ROOT, into, make
 from schemas.grasp_task import LEVELS
 
@@ -61,15 +62,15 @@ def section(text: str, title: str) -> str:
 
 
 def short(metrics: dict[str, float]) -> str:
-    """A row for each policy and level in PyBullet, means over seeds."""
+    """A row for each policy and level in PyBullet, means over seeds; those that are not finished marked so."""
     rows = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
             "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for policy, level in product(SHOWN, LEVELS):
         if f"{policy}.succ.{level}" in metrics:
             succ, safe, hls, touch = (metrics.get(f"{policy}.{name}.{level}", float("nan")) for name in FIGURES)
             label = f"{policy.replace('_', ' ')} | {level.replace('_', ' ')}"
-            seeds = metrics[f"{policy}.seeds.{level}"]
-            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {seeds:.0f} |")
+            seeds, missing = (int(metrics[f"{policy}.{name}.{level}"]) for name in ("seeds", "unfinished"))
+            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {done(seeds, seeds + missing)} |")
     return "\n".join([*rows, ""])
 
 
