@@ -4,8 +4,8 @@
         [--rows ROW,ROW] [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
-alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how
-small and paper are trained, alone. Nothing in those is typed by hand.
+alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
+small and paper are and how they are trained, alone. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from typing import Any
 
 import cv2
 
+from afford.models.sor3d.config import VARIANTS
+from afford.models.sor3d.model import build
 from afford.sor3d import published
 from benchmarks.pages import ROOT, into, make
 from commands.settings import described
@@ -48,6 +50,7 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.settings:
         into(PAGE, "settings", SELF, schedule())
+        into(PAGE, "sizes", SELF, sizes())
         return
     limit = ("--minutes", asked.minutes) if asked.minutes else ()
     sets = tuple(word for one in asked.set for word in ("--set", one))
@@ -76,6 +79,13 @@ def schedule() -> str:
     rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(type(SOR3D))]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
+
+
+def sizes() -> str:
+    """How many numbers each variant learns."""
+    counts = {name: sum(one.numel() for one in build(made(), 0).parameters()) for name, made in VARIANTS.items()}
+    told = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
+    return f"{', '.join(told)}.\n"
 
 
 def pictures(reports: dict[str, str]) -> str:
