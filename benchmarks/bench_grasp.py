@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path
 
 from afford.training.ablation import done
-from benchmarks.pages import ROOT, into, make
+from benchmarks.pages import ROOT, into, make, took
 from schemas.grasp_task import LEVELS
 
 SHOWN = ("teacher", "no_negative", "prior", "student")
@@ -38,11 +38,11 @@ def main() -> None:
     found = make(target, asked.store, *limit, *(word for one in asked.set for word in ("--set", one)))
     report = Path(found["outputs"]["report"])
     text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
-    took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
-    head = took if not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0") else ""
+    page = (ROOT / "docs" / "grasping.md", target, Path(__file__).name)
+    line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
+    anew = not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
     settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
-    head += settings
-    into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
+    into(*page, took(*page, line if anew else "") + settings + text)
     for name, title in SECTIONS.items() if asked.full else ():
         told = section(text, title)
         if told.strip():

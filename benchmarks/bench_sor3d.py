@@ -20,7 +20,7 @@ import cv2
 from afford.models.sor3d.config import VARIANTS
 from afford.models.sor3d.model import build
 from afford.sor3d import published
-from benchmarks.pages import ROOT, into, make
+from benchmarks.pages import ROOT, into, make, took
 from commands.settings import described
 from stages import sor3d_report
 from stages.model_train import SOR3D, SOR3D_PAPER
@@ -64,7 +64,7 @@ def main() -> None:
         return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
-    into(PAGE, "model", SELF, f"{took(made)}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
+    into(PAGE, "model", SELF, f"{took(PAGE, 'model', SELF, lasted(made))}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
     into(README, "sor3d", SELF, short(made["metrics"]))
     cv2.imwrite(str(PICTURE), cv2.imread(str(report / "sheet.png")), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
@@ -97,7 +97,7 @@ def pictures(reports: dict[str, str]) -> str:
     return f"| | IoU | F | weighted F |\n|---|--:|--:|--:|\n{lines}"
 
 
-def took(made: dict[str, Any]) -> str:
+def lasted(made: dict[str, Any]) -> str:
     """How long it took, where the model was trained by this very run; nothing where it was made before."""
     if not made["ran"].get("model_train"):
         return ""
