@@ -14,7 +14,8 @@ import shutil
 from itertools import product
 from pathlib import Path
 
-from benchmarks.pages import ROOT, into, make
+from afford.training.ablation import done
+from benchmarks.pages import ROOT, into, make, took
 from schemas.grasp_task import LEVELS
 
 SHOWN = ("teacher", "no_negative", "prior", "student")
@@ -37,11 +38,11 @@ def main() -> None:
     found = make(target, asked.store, *limit, *(word for one in asked.set for word in ("--set", one)))
     report = Path(found["outputs"]["report"])
     text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
-    took = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
-    head = took if not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0") else ""
+    page = (ROOT / "docs" / "grasping.md", target, Path(__file__).name)
+    line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
+    anew = not asked.full and found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
     settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
-    head += settings
-    into(ROOT / "docs" / "grasping.md", target, Path(__file__).name, head + text)
+    into(*page, took(*page, line if anew else "") + settings + text)
     for name, title in SECTIONS.items() if asked.full else ():
         told = section(text, title)
         if told.strip():
@@ -61,15 +62,15 @@ def section(text: str, title: str) -> str:
 
 
 def short(metrics: dict[str, float]) -> str:
-    """A row for each policy and level in PyBullet, means over seeds."""
+    """A row for each policy and level in PyBullet, means over seeds; those that are not finished marked so."""
     rows = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
             "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for policy, level in product(SHOWN, LEVELS):
         if f"{policy}.succ.{level}" in metrics:
             succ, safe, hls, touch = (metrics.get(f"{policy}.{name}.{level}", float("nan")) for name in FIGURES)
             label = f"{policy.replace('_', ' ')} | {level.replace('_', ' ')}"
-            seeds = metrics[f"{policy}.seeds.{level}"]
-            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {seeds:.0f} |")
+            seeds, missing = (int(metrics[f"{policy}.{name}.{level}"]) for name in ("seeds", "unfinished"))
+            rows.append(f"| {label} | {100 * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {done(seeds, seeds + missing)} |")
     return "\n".join([*rows, ""])
 
 

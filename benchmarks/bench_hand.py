@@ -36,6 +36,7 @@ def main() -> None:
     into(PAGE, "exactness", Path(__file__).name, exactness(hand))
     with tempfile.TemporaryDirectory() as folder:
         into(PAGE, "cost", Path(__file__).name, costs(Path(folder)))
+        into(PAGE, "overlaps", Path(__file__).name, overlaps(hand, Path(folder)))
 
 
 def joint_table(hand: HandModel) -> str:
@@ -111,6 +112,23 @@ def _close(hand: HandModel, path: Path, touching: str) -> tuple[float, int, int,
         speed = STEPS / (time.process_time() - start)
         contacts = pybullet.getContactPoints(physicsClientId=client)
         return speed, len(contacts), sum(c[1] == c[2] for c in contacts), -min((c[8] for c in contacts), default=0.0)
+    finally:
+        pybullet.disconnect(client)
+
+
+def overlaps(hand: HandModel, folder: Path) -> str:
+    """Pairs of links that touch at q = 0 where the engine lets every pair touch, the deepest first."""
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        body = _load(hand, save(hand, folder / "open"), "every pair", client)
+        pybullet.performCollisionDetection(physicsClientId=client)
+        deep = dict[tuple[str, ...], float]()
+        for contact in pybullet.getContactPoints(body, body, physicsClientId=client):
+            pair = tuple(pybullet.getJointInfo(body, link, client)[12].decode() for link in sorted(contact[3:5]))
+            deep[pair] = max(deep.get(pair, 0.0), -contact[8])
+        deepest = sorted(deep.items(), key=lambda one: -one[1])
+        rows = [f"| {a} | {b} | {1000 * depth:.0f} |" for (a, b), depth in deepest if depth > 0]
+        return "\n".join(["| link | link | deep, mm |", "|---|---|--:|", *rows]) + "\n"
     finally:
         pybullet.disconnect(client)
 

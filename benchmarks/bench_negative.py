@@ -12,7 +12,7 @@ import argparse
 import shutil
 from pathlib import Path
 
-from benchmarks.pages import ROOT, into, make
+from benchmarks.pages import ROOT, into, make, took
 
 
 def main() -> None:
@@ -21,11 +21,13 @@ def main() -> None:
     parser.add_argument("--store")
     found = make("negative-affordance", parser.parse_args().store)
     report = Path(found["outputs"]["report"])
-    took = f"`make negative-affordance` took {found['seconds'] / 60:.1f} minutes on this machine, the scorer's training included; "
-    trained = took if found["ran"].get("scorer_train") else ""
+    minutes = found["seconds"] / 60
+    line = f"`make negative-affordance` took {minutes:.1f} minutes on this machine, the scorer's training included.\n\n"
+    page = (ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name)
+    trained = took(*page, line if found["ran"].get("scorer_train") else "")
     text = (report / "report.md").read_text().partition("\n\n")[2]
     head = f"{trained}{found['metrics']['cpu_s_per_object']:.1f} CPU seconds an object.\n\n"
-    into(ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name, head + text)
+    into(*page, head + text)
     into(ROOT / "README.md", "negative", Path(__file__).name, f"{text.split(chr(10) * 2)[1]}\n")
     shutil.copyfile(report / "sheet.jpg", ROOT / "docs" / "pictures" / "negative.jpg")
 

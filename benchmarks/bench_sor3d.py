@@ -4,8 +4,8 @@
         [--rows ROW,ROW] [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
-alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how
-small and paper are trained, alone. Nothing in those is typed by hand.
+alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
+small and paper are and how they are trained, alone. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from typing import Any
 
 import cv2
 
+from afford.models.sor3d.config import VARIANTS
+from afford.models.sor3d.model import build
 from afford.sor3d import published
-from benchmarks.pages import ROOT, into, make
+from benchmarks.pages import ROOT, into, make, took
 from commands.settings import described
 from stages import sor3d_report
 from stages.model_train import SOR3D, SOR3D_PAPER
@@ -43,6 +45,7 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.settings:
         into(PAGE, "settings", SELF, schedule())
+        into(PAGE, "sizes", SELF, sizes())
         return
     limit = ("--minutes", asked.minutes) if asked.minutes else ()
     sets = tuple(word for one in asked.set for word in ("--set", one))
@@ -56,7 +59,7 @@ def main() -> None:
         return
     made = make("sor3d", asked.store, *sets)
     report = Path(made["outputs"]["report"])
-    into(PAGE, "model", SELF, f"{took(made)}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
+    into(PAGE, "model", SELF, f"{took(PAGE, 'model', SELF, lasted(made))}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
     into(README, "sor3d", SELF, short(made["metrics"]))
     cv2.imwrite(str(PICTURE), cv2.imread(str(report / "sheet.png")), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
@@ -73,7 +76,14 @@ def schedule() -> str:
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 
 
-def took(made: dict[str, Any]) -> str:
+def sizes() -> str:
+    """How many numbers each variant learns."""
+    counts = {name: sum(one.numel() for one in build(made(), 0).parameters()) for name, made in VARIANTS.items()}
+    told = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
+    return f"{', '.join(told)}.\n"
+
+
+def lasted(made: dict[str, Any]) -> str:
     """How long it took, where the model was trained by this very run; nothing where it was made before."""
     if not made["ran"].get("model_train"):
         return ""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
+TOOK = re.compile(r"`make [\w-]+` took .*\n\n")
+"""how long a target took, at the head of a block"""
 
 
 def make(target: str, store: str | None, *more: str) -> dict[str, Any]:
@@ -21,8 +24,22 @@ def make(target: str, store: str | None, *more: str) -> dict[str, Any]:
 
 def into(page: Path, name: str, by: str, block: str) -> None:
     """Replace what stands between the two marks of a page; `by` is the script that its mark names. SystemExit without marks."""
+    before, _, after = _parts(page, name, by)
+    page.write_text(f"{before}{block}{after}")
+
+
+def took(page: Path, name: str, by: str, line: str) -> str:
+    """`line`, which says how long a target took; where it is empty, since nothing was made anew, that which the block begins with,
+    or nothing. SystemExit without marks."""
+    kept = TOOK.match(_parts(page, name, by)[1])
+    return line or (kept.group() if kept else "")
+
+
+def _parts(page: Path, name: str, by: str) -> tuple[str, str, str]:
+    """A page up to its block, the block, and the rest."""
     start, end = f"<!-- {name}: written by benchmarks/{by} -->", f"<!-- end of {name} -->"
     before, found, rest = page.read_text().partition(start)
     if not found or end not in rest:
         raise SystemExit(f"{page}: expected the marks of the part {name}")
-    page.write_text(f"{before}{start}\n{block}{end}{rest.partition(end)[2]}")
+    block, _, after = rest.partition(end)
+    return f"{before}{start}\n", block.removeprefix("\n"), f"{end}{after}"

@@ -30,7 +30,7 @@ class Row:
 
     stage: str
     parameter: str
-    """what chooses it: STAGE.backend"""
+    """what chooses it: STAGE.backend, or MODULE:REGISTRY where parameters of other names do"""
     backend: str
     about: str
     needs: str
@@ -68,12 +68,13 @@ def markdown(found: list[Row]) -> str:
 
 def _row(backend: Backend, params: Any) -> Row:
     owner, field = backend.owner.removeprefix("stages."), backend.registry.lower().removesuffix("s").replace("policie", "policy")
+    chosen_by = f"{owner}.{field}" if backend.owner != owner else f"{owner}:{backend.registry}"
     wants = [f"weights: {backend.weights}"] if backend.weights else []
     wants += [f"server: {backend.server}"] if backend.server else []
     wants += [f"extra `{backend.extra}`"] if backend.extra else []
     reasons = (_packages(backend), _weights(backend, owner, params), _server(backend, owner, params))
     why = "; ".join(reason for reason in reasons if reason)
-    return Row(owner, f"{owner}.{field}", backend.name, backend.about, "; ".join(wants), not why, why)
+    return Row(owner, chosen_by, backend.name, backend.about, "; ".join(wants), not why, why)
 
 
 def _packages(backend: Backend) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +16,10 @@ from runner.modules import Modules
 ROOT = Path(__file__).resolve().parent.parent
 SAID = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
 """constants by which the module of a backend says what it needs: weights, a server, an extra of pyproject.toml and its packages"""
+DECIDES = "Everything that decides "
+"""how the module of a training begins; what follows is what the backend does"""
+STOP = re.compile(r"(?<!\bal)(?<!\be\.g)(?<!\bi\.e)(?<!\bcf)\. ")
+"""the end of a sentence; `et al.` is none"""
 
 
 @dataclass(frozen=True)
@@ -45,10 +50,18 @@ def of_stage(stage: str) -> list[Backend]:
 
 
 def everywhere() -> list[Backend]:
-    """Those of every stage, then those of `afford` that stages choose from by other names."""
+    """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
+    half of what a stage has chosen."""
     paths = [*sorted((ROOT / "stages").glob("*.py")), *sorted((ROOT / "afford").rglob("*.py"))]
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths if '": "afford.' in path.read_text()]
-    return [backend for name in names for backend in _of(_modules(), name)]
+    held = {name: _of(_modules(), name) for name in names}
+    chosen = {_choice(found) for name, found in held.items() if name.startswith("stages.")}
+    return [one for name, found in held.items() if name.startswith("stages.") or _choice(found) not in chosen for one in found]
+
+
+def _choice(found: Iterable[Backend]) -> frozenset[tuple[str, str]]:
+    """Between what a module chooses."""
+    return frozenset((one.registry, one.name) for one in found)
 
 
 def _of(modules: Modules, owner: str) -> list[Backend]:
@@ -78,9 +91,10 @@ def _said(entry: str, shared: bool) -> dict[str, Any]:
 
 
 def _sentence(text: str) -> str:
-    """The first paragraph up to its first full stop."""
+    """The first paragraph up to the end of its first sentence."""
     line = " ".join(text.partition("\n\n")[0].split())
-    return line.partition(". ")[0].rstrip(".") + "."
+    told = STOP.split(line, maxsplit=1)[0].rstrip(".").removeprefix(DECIDES)
+    return f"{told[:1].upper()}{told[1:]}."
 
 
 def third_party(backend: Backend) -> set[str]:

@@ -6,7 +6,7 @@ Writes  GraspTasks with N_t (and the parts that it says must not be touched) or 
 Method  matched by the use; a part is told to be negative when more than half of its points are; a prediction without points
         leaves a task without points
 Fails   ValueError when object or size are not those of the mesh, or a use was not asked about
-Paper   AffordDex: the teacher's N is what NAA says of the object (papers: section 7.2)
+Paper   AffordDex: the teacher's N is what NAA says of the object
 """
 
 from __future__ import annotations

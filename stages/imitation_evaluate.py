@@ -6,7 +6,7 @@ Writes  ClipsFollowed: distances of both levels of finger joints and of the fing
 Method  an episode of each clip from where it begins, the policy's mean action, strict physics; distances are means over fingers and
         all steps; followed: after 50/60 s the mean of neither level was ever beyond the tolerance
 Fails   ValueError, one sentence: no clip, an object that is not given, files that are no prior
-Paper   AffordDex, HTI: keypoints of two levels, failure beyond 15 cm (papers: section 7.1). Here a hand that stays where it began
+Paper   AffordDex, HTI: keypoints of two levels, failure beyond 15 cm. Here a hand that stays where it began
         is never so far off, so that 5 cm are asked; no tracking error is published
 """
 

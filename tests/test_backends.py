@@ -100,3 +100,17 @@ def test_the_page_shows_the_table_that_the_command_writes(tmp_path: Path) -> Non
 def test_sentences_end_where_they_end() -> None:
     assert registries._sentence("One thing. Two\nthings.\n\nThree.") == "One thing."
     assert registries._sentence("One\nthing") == "One thing."
+    assert registries._sentence("UMD (Myers et al. 2015), e.g. cups. More.") == "UMD (Myers et al. 2015), e.g. cups."
+    assert registries._sentence("Medical. More.") == "Medical."
+
+
+def test_what_chooses_a_row_can_be_set() -> None:
+    """STAGE.PARAMETER is a field of the Params of a stage; anything else names its registry. No choice is told twice."""
+    for row in found().values():
+        stage, _, field = str(row["parameter"]).partition(".")
+        if ":" in str(row["parameter"]):
+            module, _, registry = str(row["parameter"]).partition(":")
+            assert row["backend"] in getattr(importlib.import_module(module), registry)
+        else:
+            assert field in importlib.import_module(f"stages.{stage}").Params.__dataclass_fields__
+    assert not [stage for stage, _ in found() if stage == "afford.training.job"]

@@ -10,7 +10,7 @@ from tests.made_grasps import measured
 
 
 def test_both_readings_of_the_affordance_score_by_hand() -> None:
-    """Distances of 1, 3, 5, 2, 2.1 cm: three safe (strictly beyond 2 cm), 40 percent violations. papers: section 13."""
+    """Distances of 1, 3, 5, 2, 2.1 cm: three safe (strictly beyond 2 cm), 40 percent violations (AffordDex's AS)."""
     N_m = np.array([[0.01, 0.03, 0.05, 0.02, 0.021]])
     assert as_safe_count(N_m)[0] == 3
     assert as_violation_pct(N_m)[0] == pytest.approx(40.0)

@@ -14,7 +14,7 @@ def total(name: str, **given: object) -> float:
 
 
 def test_the_papers_reward_by_hand() -> None:
-    """Hand 10 cm from the object, it 4 cm from its goal, two fingertips 2 cm from negative points: -19.14. papers: section 13."""
+    """Hand 10 cm from the object, it 4 cm from its goal, two fingertips 2 cm from negative points: -19.14 (AffordDex's teacher)."""
     near = [[0.02, 0.02, 0.5, 0.031, 0.5]]
     assert total("afforddex", palm_m=[0.1], goal_m=[0.04], N_m=near) == pytest.approx(-19.14)
 
@@ -27,7 +27,7 @@ def test_bounds_are_strict() -> None:
 
 
 def test_unidexgrasp_by_hand() -> None:
-    """Far away only distances count, and only so far; near, carrying, raising and arriving pay. papers: section 7.3."""
+    """Far away only distances count, and only so far; near, carrying, raising and arriving pay (AffordDex's code)."""
     assert total("unidexgrasp++", tips_centre_m=[[1.0] * 5], palm_m=[2.0]) == pytest.approx(-0.5 * 3 - 0.5)
     at = {"tips_centre_m": [[0.1] * 5], "palm_m": [0.1]}
     up = np.zeros((1, 24))

@@ -67,7 +67,7 @@ def test_frames_are_those_of_the_released_code(count: int) -> None:
 
 
 def test_colours_are_those_of_the_released_code() -> None:
-    """Numbers from papers.md 6.2; another class's colour is background."""
+    """Numbers of SOR3D-AFF's released code; another class's colour is background."""
     assert COLOURS_BGR["cut"] == (0, 165, 255) and COLOURS_BGR["push"] == (240, 255, 120)
     every = np.arange(10, dtype=np.uint8)[None]
     assert len({tuple(c) for c in paint(every)[0].tolist()}) == 10

@@ -123,7 +123,7 @@ def test_running_moments_are_those_of_all_rows(sizes: tuple[int, ...]) -> None:
 
 
 def test_the_paper_has_these_widths() -> None:
-    """1024-1024-512-512 with ELU, spread 0.8, first actions near zero. papers: section 7.3."""
+    """1024-1024-512-512 with ELU, spread 0.8, first actions near zero (AffordDex)."""
     net = ActorCritic(paper(300, 24))
     assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [1024, 1024, 512, 512, 24]
     chosen = net.actions(torch.randn(16, 300))

@@ -1,4 +1,4 @@
-"""ActAffordance's measures exactly as its released script computes them, faults included (papers.md, section 5.2).
+"""ActAffordance's measures exactly as its released script computes them, faults included (2HandedAfforder).
 
 One case: grey masks of the hands for which a file exists -> union -> IoU, precision ("IoCM"), Hausdorff distances of the
 **first** outer contour only. A case counts only when a true and a predicted file exist: a method that predicts nothing for it is

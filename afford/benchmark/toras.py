@@ -3,7 +3,7 @@
 One entry per picture: `documents[0].name` ends in `frame_<frame>.png` (EPIC, the video id before it) or in
 `frame_<clip>_<frame>.png` (Ego4D). Its entities are named after the hands; the first Segmentation block counts. The left
 512 x 512 px of the canvas are the inpainted image, and go to 855 x 855 by nearest neighbour. A pixel that an outline touches
-belongs to the mask, as in the released grey PNGs. ActAffordance, papers' section on annotation.
+belongs to the mask, as in the released grey PNGs. 2HandedAfforder, the annotation of ActAffordance.
 """
 
 from __future__ import annotations

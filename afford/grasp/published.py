@@ -1,4 +1,4 @@
-"""What AffordDex reports (arXiv 2508.08896v3), to stand beside ours: Succ %, HLS, AS. papers: sections 7.3, 7.4."""
+"""What AffordDex reports (arXiv 2508.08896v3), to stand beside ours: Succ %, HLS, AS."""
 
 from __future__ import annotations
 

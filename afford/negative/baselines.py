@@ -35,8 +35,8 @@ def random_candidate(candidates: PartCandidates, rng: np.random.Generator) -> Ta
 
 
 def paper(candidates: PartCandidates, description: PartDescription, scores: PartScores) -> Taken:
-    """AffordDex's recipe with our candidates and scores: one negative part, and the mask that fits it best in each of six views,
-    however badly. papers: section 7.2."""
+    """AffordDex's recipe (its negative affordance segmentation) with our candidates and scores: one negative part, and the mask
+    that fits it best in each of six views, however badly."""
     note = _first_negative(description)
     if note is None:
         return [None] * SIX

@@ -25,8 +25,8 @@ def model(numbers: Mapping[str, float], clips: int) -> str:
     boxes = _line("AffordanceNet, pictures", [""] * 4, _paper(published.AFFORDANCENET))
     action = f"Action named rightly: {_with_interval(numbers, 'action.accuracy')} of videos."
     return (f"# SOR3D-AFF\n\n{clips} sequences of validation. Pixels, of the model's input, are pooled over all, figures averaged "
-            "over categories; in brackets 95 % intervals over sequences; the paper's figures are of its own data. Region IoU: where"
-            " something is afforded, whatever it is called.\n\n"
+            "over categories; in brackets 95 % intervals over sequences; the paper's figures are of its own data. Region IoU: "
+            "where something is afforded, whatever it is called.\n\n"
             "| | IoU | F | weighted F | region IoU | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|--:|\n"
             f"{''.join((*lines, boxes))}\n{action}\n\n{categories(numbers)}")  # fmt: skip
 

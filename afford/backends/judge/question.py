@@ -1,4 +1,4 @@
-"""What a judge is shown and asked, and how its answer is read. The criteria are the paper's, the words are ours (papers: 7.4)."""
+"""What a judge is shown and asked, and how its answer is read. The criteria are AffordDex's, the words are ours."""
 
 from __future__ import annotations
 

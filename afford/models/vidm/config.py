@@ -1,4 +1,4 @@
-"""All that decides a shape of VIDM. The defaults are the published model (papers: 2HandedAfforder, hand inpainting)."""
+"""All that decides a shape of VIDM. The defaults are the published model (2HandedAfforder, hand inpainting)."""
 
 from __future__ import annotations
 
