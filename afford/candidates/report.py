@@ -60,7 +60,7 @@ def table(found: Sequence[GraspComparison], seed: int) -> str:
             mine = {row.figure: row for row in rows if (row.engine, row.method) == (engine, method)}
             iou = np.concatenate(_trials(found, engine, method, "iou")).mean()
             lines.append(f"| {method} | {engine} | {iou:.2f} | {' | '.join(_cell(mine[name]) for name in SHARES)} |")
-    lines += ["", "| success of | engine | difference |", "|---|---|--:|"]
+    lines += ["", "| held without pressing | engine | difference, mean over objects |", "|---|---|--:|"]
     lines += [f"| {row.method} | {row.engine} | {_cell(row)} |" for row in differences(found, seed)]
     return "\n".join(lines) + "\n"
 
