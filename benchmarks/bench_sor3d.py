@@ -71,7 +71,7 @@ def told(asked: argparse.Namespace) -> str:
 
 def schedule() -> str:
     """Every parameter of the training in which small and paper differ."""
-    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(type(SOR3D))]
+    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(SOR3D)]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 

@@ -14,7 +14,9 @@ from runner.store import Store
 
 
 def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str) -> None:
-    """`lifeline_fd` is a pipe whose other end only the scheduler holds: it closes when the scheduler is gone."""
+    """`lifeline_fd` is a pipe whose other end only the scheduler holds: it closes when the scheduler is gone. What stages and their
+    libraries print goes to stderr: stdout is the scheduler's."""
+    os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
     jobs, place = Connection(int(jobs_fd)), Place(Path(store), codec, worker or None)

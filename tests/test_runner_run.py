@@ -38,6 +38,14 @@ def test_everything_runs_once_and_then_never_again(project: Project) -> None:
     assert [shard for shard, _ in second.outputs["shout"]] == ["w0/w0.0", "w0/w0.1", "w1/w1.0", "w1/w1.1"]
 
 
+def test_what_a_worker_prints_is_no_answer(project: Project, capfd: pytest.CaptureFixture[str]) -> None:
+    """Standard output is the scheduler's alone; below Python, too."""
+    project.edit("toy/shout.py", '    note("shout", part.name)\n', '    note("shout", part.name)\n    os.write(1, b"a library")\n')
+    assert project.run("ab", jobs=1).ok
+    told = capfd.readouterr()
+    assert told.out == "" and told.err.count("a library") == 2
+
+
 def test_a_new_element_runs_alone(project: Project) -> None:
     """One more word: its own shards and the join."""
     project.run("ab", "cd")
