@@ -6,7 +6,7 @@ Method  DAgger in MuJoCo: the student acts, the teacher, which sees the object's
         squared error of that. The student sees depth as a cloud, N_t, and the robot's own senses (docs/student.md). Killed, it
         goes on to the same weights
 Fails   without tasks, for files that are no teacher
-Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer (papers: section 7.3). size,
+Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. size,
         views, size_px, points, sampling, layout and n_t have values that are the paper's
 """
 

@@ -6,7 +6,7 @@ Method  residual reinforcement learning: a = clip(a_H + a_T, -1, 1), element-wis
         MuJoCo, one world for each task in turn, bounded by updates; the prior's weights are not touched. Killed, it goes on to the
         same weights
 Fails   without tasks, without a prior where base asks for one, when a loss is not finite any more
-Paper   AffordDex, stage 2, the teacher with its negative affordance-aware rewards (papers: section 7.3); rewards and sizes are
+Paper   AffordDex, stage 2, the teacher with its negative affordance-aware rewards; rewards and sizes are
         Params, the paper's are reward=afforddex and size=paper
 """
 

@@ -1,6 +1,6 @@
 """Depth cameras around the table: how far hand and object are from each pixel, and which of the two it shows.
 
-Cameras stand as in the paper and look at a point 15 cm above the table (papers: section 7.3); it does not say how wide they see.
+Cameras stand as in the paper and look at a point 15 cm above the table; it does not say how wide they see.
 The table itself is not drawn: it is flat, below everything, and cut off by the box that clouds are cropped to.
 """
 
@@ -47,7 +47,7 @@ class Rig:
 
 
 PAPER = Rig(5, 256)
-"""papers: section 7.3"""
+"""as AffordDex has it"""
 
 
 @dataclass(frozen=True, eq=False)

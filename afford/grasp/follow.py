@@ -1,4 +1,4 @@
-"""How near hands come to clips of people: the prior, whoever copies the clip itself, and nobody. papers: section 7.1.
+"""How near hands come to clips of people: the prior, whoever copies the clip itself, and nobody.
 
 The prior is not told of the clip: it begins as the clip begins, over the same object, and does what people do. So what it is off
 by is how much one person differs from another, too. Motors that go where the clip goes are as near as physics allows; a hand that

@@ -1,4 +1,4 @@
-"""Rewards of imitation (AffordDex, HTI): how near a hand is to a reference, how calm. papers: section 7.1.
+"""Rewards of imitation (AffordDex, HTI): how near a hand is to a reference, how calm.
 
 `paper`: squared distances of both levels of every finger, and the power of all joints. `code`: what its code has, which takes mean
 distances, not squared, and the wrist's pose and speeds as well.

@@ -1,7 +1,7 @@
 """How human a motion of the hand is, from 0 to 10, measured beside motions of people. An offline stand-in for AffordDex's HLS.
 
 The paper asks a vision-language model for a score by three criteria: the trajectory, how smoothly it is run through, and how joints
-work together (papers: section 7.4). Here each is a number, and people's own motions say what is usual:
+work together. Here each is a number, and people's own motions say what is usual:
 
 - trajectory: how much longer the palm's way is than two straight lines, from the start down to where it grasps and up to the end;
 - smoothness: log dimensionless jerk (Hogan and Sternad 2009) of the palm, and of the fingers' joints, the mean of both;

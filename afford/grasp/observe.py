@@ -1,5 +1,5 @@
 """What a policy sees: blocks of numbers, by a table. R is the robot, O the object's state, P its points, N the points that must not
-be touched. The prior sees R O P, the teacher R O P N, the student R P N (AffordDex; papers: section 7.3).
+be touched. The prior sees R O P, the teacher R O P N, the student R P N (AffordDex).
 
 `small` is for perceptrons; `paper` are the 300 published numbers in their order, N is 300 more; `points` has clouds instead of the
 paper's feature of the object.

@@ -1,4 +1,4 @@
-"""A policy that learns on top of a frozen one: a = clip(a_H + a_T, -1, 1), element-wise (AffordDex; papers: section 7.3)."""
+"""A policy that learns on top of a frozen one: a = clip(a_H + a_T, -1, 1), element-wise (AffordDex)."""
 
 from __future__ import annotations
 

@@ -63,8 +63,8 @@ REWARDS: Mapping[str, Mapping[str, float]] = {
     "dense": {"tips": -2.0, "gripped_goal": 2.0, "gripped_success": 1.0, "positive": 0.0, "negative_contacts": -0.5,
               "negative_detour": -4.0, "negative_near": -0.7},
 }
-"""set -> weights of its terms. `afforddex`: the paper's four; `unidexgrasp++`: what its code and that of AffordDex have (papers:
-section 7.3); `dense`: learns from a base in minutes, and pays only what is gripped"""
+"""set -> weights of its terms. `afforddex`: the paper's four; `unidexgrasp++`: what its code and that of AffordDex have;
+`dense`: learns from a base in minutes, and pays only what is gripped"""
 
 
 def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, float]:

@@ -16,7 +16,7 @@ from schemas.hand import HandModel
 OBJECT_POINTS = 128
 """of the surface, as far apart as can be"""
 SAFE_M = 0.02
-"""what is farther from every negative point is safe. papers: section 7.4"""
+"""what is farther from every negative point is safe, as in AffordDex"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ class Eyes:
 
 
 PAPER = Eyes(1024, "farthest", "paper")
-"""papers: section 7.3"""
+"""as AffordDex has it"""
 
 
 class Seen(NamedTuple):

@@ -14,7 +14,7 @@ from schemas.grasp import GraspObject
 from schemas.grasp_task import GraspTask
 
 NEGATIVE_POINTS = 100
-"""papers: section 7.4"""
+"""as AffordDex has it"""
 
 
 @dataclass(frozen=True, eq=False)

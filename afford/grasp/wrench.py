@@ -1,4 +1,4 @@
-"""Actions as the paper has them: a force and a torque on the palm, targets of the fingers, 60 a second. papers: section 7.3.
+"""Actions as the paper has them: a force and a torque on the palm, targets of the fingers, 60 a second.
 
 An action (m,) is in -1..1: a force and a torque on the palm's origin along the axes of the episode's frame (published: of the
 world), then the targets of the fingers' motors from one limit of the joint to the other. Nothing is integrated. The hand has no

@@ -1,5 +1,5 @@
 """A policy that sees clouds: a PointNet for each kind of points, the robot's numbers beside every point; a transformer over what
-they say; attention pooling; a perceptron. papers: section 7.3
+they say; attention pooling; a perceptron.
 """
 
 from __future__ import annotations

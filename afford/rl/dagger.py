@@ -2,7 +2,7 @@
 
 As in AffordDex: a first-in first-out buffer, the mean squared error on mean actions, Adam. Unlike it: episodes are finished before
 they are learned from, the teacher acts in a falling share of the worlds in the first rounds (beta of the original), and minibatches
-are a fixed number (its: 5 passes over the buffer in 4 minibatches, after every step; papers: section 7.3).
+are a fixed number (its: 5 passes over the buffer in 4 minibatches, after every step).
 """
 
 from __future__ import annotations

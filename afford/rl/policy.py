@@ -31,7 +31,7 @@ class PolicyConfig:
 
 
 def paper(observation: int, action: int) -> PolicyConfig:
-    """As AffordDex has it. papers: section 7.3."""
+    """As AffordDex has it."""
     return PolicyConfig(observation, action, (1024, 1024, 512, 512), "elu", 0.8)
 
 
