@@ -9,7 +9,7 @@ from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
 from commands.errors import UsageError
 from maps.settings import Origin, Settings
-from schemas.files import FileTree
+from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
@@ -17,6 +17,8 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
+NEEDED = {"motions": "motion of hands, see docs/motion-format.md"}
+"""Targets that make nothing without a source, and what that is."""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
 
@@ -27,6 +29,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     only the videos of `clips` are read, where some are named."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
+    if target == "motions":
+        return _motions(source, digest), None
     if target == "static-sets":
         return _pictures(target, source, settings, digest), None
     if target in SEQUENCES:
@@ -66,6 +70,23 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
     except ValueError as error:
         raise UsageError(str(error)) from error
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
+
+
+def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
+    """A folder with motion of hands, or one file of it; nothing where only the graph is asked for."""
+    from afford.benchmark.layout import tree
+
+    if source is None:
+        return Origin("motions")
+    try:
+        files = tree(source, digest) if source.is_dir() else None
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    if files is None and not source.is_file():
+        raise UsageError(f"--source {source}: expected a file or a folder with motion of hands, got nothing there")
+    if files is None:
+        files = FileTree(source.stem, (FileRef(source.name, digest(source), source.stat().st_size, source),))
+    return Origin(files.name, motions=files)
 
 
 def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:

@@ -18,7 +18,7 @@ from rich.table import Table
 from afford.readers.discover import Source
 from commands.compare import Names, built, publish_columns
 from commands.errors import UsageError, unknown
-from commands.origin import origin
+from commands.origin import NEEDED, origin
 from commands.progress import observer
 from commands.publish import publish, publish_file
 from commands.session import digester, open_runner
@@ -78,6 +78,8 @@ def run(request: Request) -> int:
     target = request.target.replace("_", "-")
     if target not in TARGETS:
         raise unknown("target", request.target, TARGETS)
+    if target in NEEDED and request.source is None:
+        raise UsageError(f"run {target}: expected --source with {NEEDED[target]}")
     if request.jobs is not None and request.jobs < 0:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
     chosen = columns(request.sets, request.params)
@@ -151,6 +153,8 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
                 out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+            elif stage == "motion_files":
+                out["report"] = str(publish(runner, digest, store / "motions" / place.name))
             elif stage in REPORTS or stage == "static_report":
                 out[stage] = str(publish(runner, digest, store / "reports" / place.name / stage))
             elif stage == "interaction_record":

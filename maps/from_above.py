@@ -11,3 +11,5 @@ MOTION = motion_synthesise.Params(
 """fast enough for an episode; how they were found: docs/imitation.md"""
 FITTED = hand_retarget.Params(centre=False, frame_steps=20, clip_steps=5)
 """the world of a clip stays that of its object, and so short a clip needs few steps of the solver"""
+RECORDED = hand_retarget.Params()
+"""of hand_retarget, for recorded motion of anything"""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from maps.from_above import FITTED, MOTION
+from maps.from_above import FITTED, MOTION, RECORDED
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
 from stages import (
@@ -50,6 +50,7 @@ from stages import (
     mesh_read,
     mesh_texture,
     model_train,
+    motion_read,
     motion_report,
     motion_synthesise,
     narration_labelling,
@@ -80,6 +81,7 @@ from stages import (
     train_plan,
     view_render,
 )
+from stages.hand_retarget import Params as Retarget
 from stages.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
 from stages.model_train import Params as Training
 
@@ -136,6 +138,8 @@ class Settings:
     grasp_targets: grasp_targets.Params = grasp_targets.Params()
     motion_synthesise: motion_synthesise.Params = MOTION
     hand_retarget: hand_retarget.Params = FITTED
+    motion_read: motion_read.Params = motion_read.Params()
+    motion_retarget: Retarget = RECORDED
     motion_report: motion_report.Params = motion_report.Params()
     hand_imitation: hand_imitation.Params = hand_imitation.Params()
     rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()
@@ -185,3 +189,4 @@ class Origin(NamedTuple):
     actions: FileTree | None = None
     pictures: FileTree | None = None
     bare: bool = False
+    motions: FileTree | None = None
