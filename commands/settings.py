@@ -58,6 +58,9 @@ def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
         tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except (OSError, ValueError) as error:
         raise UsageError(f"--params {path}: expected a TOML or JSON file with one table per stage, got: {error}") from error
+    if not isinstance(tables, dict):
+        raise UsageError(f"--params {path}: expected one table per stage, got {type(tables).__name__}; write it as "
+                         '{"mask_densify": {"radius": 10}}')
     for stage, table in tables.items():
         if not isinstance(table, dict):
             raise UsageError(f"--params {path}: {stage}: expected a table of parameters, got {type(table).__name__}")
