@@ -107,7 +107,11 @@ def graph(request: Request, out: Path | None) -> int:
     from afford.report.drawing import draw
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
-    draw([node.name for node in drawn.stages()], sorted(edges), out)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        draw([node.name for node in drawn.stages()], sorted(edges), out)
+    except OSError as error:
+        raise UsageError(f"--out {out}: expected a file that can be written, got {error.strerror or error}") from error
     sys.stdout.write(f"{out}\n")
     return 0
 

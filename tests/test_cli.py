@@ -157,6 +157,17 @@ def test_graph_refuses_other_formats(tmp_path: Path) -> None:
     assert refused.code == 2 and ".svg or .png" in refused.err
 
 
+def test_graph_makes_the_folder_that_it_draws_to(tmp_path: Path) -> None:
+    """Where that cannot be, one sentence says so."""
+    assert call("graph", "--out", tmp_path / "new" / "deep" / "graph.svg").code == 0
+    assert "<svg" in (tmp_path / "new" / "deep" / "graph.svg").read_text()
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.svg").mkdir()
+    for out in (tmp_path / "file" / "graph.svg", tmp_path / "folder.svg"):
+        refused = call("graph", "--out", out)
+        assert refused.code == 2 and f"--out {out}: expected a file that can be written" in refused.err
+
+
 def test_lineage_leads_to_the_files_from_outside(made: Made) -> None:
     """From a published file, or from the beginning of a digest, down to the video."""
     recording = made.store / "recordings" / made.source.name / f"{VIDEOS[0]}.mcap"
