@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,14 +13,24 @@ from pathlib import Path
 import h5py
 import pytest
 
+from commands.params import show as show_params
+from commands.settings import described
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
+from stages import mask_densify
 from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {*PER_CLIP, *PER_RUN}
+
+
+class Terminal(io.StringIO):
+    """What is written is shown to a person."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 @pytest.fixture
@@ -193,6 +205,21 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     assert {(row["stage"], row["name"]) for row in rows} == wanted
     assert all(row["type"] and row["doc"] for row in rows)
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a pipe each stands on one line with its meaning; on a narrow terminal too no name is cut."""
+    said = Terminal() if terminal else io.StringIO()
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "stdout", said)
+    show_params(None, False)
+    text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
+    for stage in dataclasses.fields(Settings):
+        for field in dataclasses.fields(stage.default):
+            assert re.search(rf"^{stage.name}\.{field.name} ", text, re.MULTILINE), f"{stage.name}.{field.name}"
+    doc = next(doc for _, _, _, doc in described(mask_densify.Params) if len(doc) > 60)
+    assert (doc in text) != terminal and "…" not in text
 
 
 def test_inspect_summarises_what_run_published(made: Made) -> None:
