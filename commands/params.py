@@ -23,7 +23,8 @@ def show(stage: str | None, json: bool) -> int:
     if stage and stage.replace("-", "_") not in stages:
         raise unknown("stage", stage, stages)
     chosen = {name: value for name, value in stages.items() if stage in (None, name, name.replace("_", "-"))}
-    rows = [(name, *row) for name, value in chosen.items() for row in described(type(value))]
+    rows = [(name, field, kind, getattr(value, field), doc)
+            for name, value in chosen.items() for field, kind, _, doc in described(type(value))]
     if json:
         columns = ("stage", "name", "type", "default", "doc")
         sys.stdout.write(encoder.dumps([dict(zip(columns, row, strict=True)) for row in rows]) + "\n")

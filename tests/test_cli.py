@@ -204,6 +204,7 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     wanted = {(stage.name, field.name) for stage in dataclasses.fields(Settings) for field in dataclasses.fields(stage.default)}
     assert {(row["stage"], row["name"]) for row in rows} == wanted
     assert all(row["type"] and row["doc"] for row in rows)
+    assert all(row["default"] == json.loads(json.dumps(getattr(getattr(Settings(), row["stage"]), row["name"]))) for row in rows)
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
 
 
