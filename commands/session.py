@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from afford.worker import use_font_cache, use_kernel_cache
-from runner import Runner
+from commands.errors import UsageError
+from runner import Runner, is_store
 
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
@@ -18,13 +19,26 @@ DEFAULT_JOBS = max(1, len(os.sched_getaffinity(0)))
 
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, glance: bool = False) -> Runner:
-    """A runner; StoreError when the store cannot be written to. Memory: what is free when it starts, less a margin. `glance`: for
-    plans, which read no large file that was never hashed."""
+    """A runner; StoreError when the store cannot be written to, UsageError when it is a file. Memory: what is free when it starts,
+    less a margin. `glance`: for plans, which read no large file that was never hashed."""
     folder = (store or STORE).absolute()
+    there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
+    if not there.is_dir():
+        raise UsageError(f"--store {folder}: expected a folder, got the file {there}; name another")
     use_kernel_cache(ROOT, folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
                   rehash=rehash, glance=glance)
+
+
+def seen_runner(store: Path | None = None, glance: bool = False) -> Runner:
+    """A runner on a store that is there, for verbs that only look. UsageError where there is none, and nothing is made."""
+    folder = store or STORE
+    if not is_store(folder):
+        got = "a folder that is none" if os.path.isdir(folder) else "a file" if os.path.exists(folder) else "nothing there"
+        raise UsageError(f"--store {folder}: expected a store that a run has made, got {got}; name it, or make one with "
+                         "`pipeline.py run`")  # fmt: skip
+    return open_runner(store, glance=glance)
 
 
 def digester(runner: Runner) -> Callable[[Path], str]:

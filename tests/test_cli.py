@@ -106,6 +106,30 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
     assert refused.code == 2 and f"--source {source}" in refused.words and "expected" in refused.words
 
 
+LOOKS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
+
+
+@pytest.mark.parametrize("words", LOOKS, ids=" ".join)
+@pytest.mark.parametrize("what", ["nothing", "file", "empty"])
+def test_verbs_that_look_refuse_what_is_no_store(words: tuple[str, ...], what: str, tmp_path: Path) -> None:
+    """Exit 2, one sentence, and nothing is made there."""
+    store = tmp_path / "store"
+    {"nothing": lambda: None, "file": store.touch, "empty": store.mkdir}[what]()
+    refused = call(*words, "--store", store)
+    assert refused.code == 2 and refused.err.count("\n") == 1
+    assert refused.err.startswith(f"error: --store {store}: expected a store that a run has made")
+    assert [path.name for path in tmp_path.rglob("*")] == ([] if what == "nothing" else ["store"])
+
+
+@pytest.mark.parametrize("inside", ["", "deeper"])
+def test_a_store_cannot_be_a_file(inside: str, tmp_path: Path) -> None:
+    """Nor lie in one; exit 2, one sentence."""
+    (tmp_path / "file").touch()
+    for words in (("run", "dataset"), ("run", "dataset", "--dry-run"), ("export", "epic", tmp_path / "out")):
+        refused = call(*words, "--store", tmp_path / "file" / inside)
+        assert refused.code == 2 and "expected a folder, got the file" in refused.err and refused.err.count("\n") == 1
+
+
 def test_a_verb_alone_shows_help() -> None:
     """Every verb explains itself, and the program lists its verbs."""
     verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params", "predict", "grasp",
