@@ -15,7 +15,16 @@ ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
 CODEC, WORKER = "afford.codecs:CODEC", "afford.worker:prepare"
 ANNOUNCED_BYTES = 1 << 30
-DEFAULT_JOBS = max(1, len(os.sched_getaffinity(0)))
+FREE_PAGES = "SC_AVPHYS_PAGES"
+"""what Linux calls them; macOS does not tell"""
+
+
+def cores() -> int:
+    """Cores that this process may use; all of the machine where the system does not tell them apart."""
+    return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+DEFAULT_JOBS = cores()
 
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, glance: bool = False) -> Runner:
@@ -52,6 +61,9 @@ def digester(runner: Runner) -> Callable[[Path], str]:
 
 
 def _memory_gib() -> float:
-    """Memory that tasks may declare together: three quarters of what the machine has free, at most 6 GiB per two workers."""
-    pages, size = os.sysconf("SC_AVPHYS_PAGES"), os.sysconf("SC_PAGE_SIZE")
+    """Memory that tasks may declare together: 6 GiB per two workers, at most three quarters of what the machine has free, where it
+    tells that."""
+    if FREE_PAGES not in os.sysconf_names:
+        return max(2.0, 3.0 * DEFAULT_JOBS)
+    pages, size = os.sysconf(FREE_PAGES), os.sysconf("SC_PAGE_SIZE")
     return max(2.0, min(0.75 * pages * size / 2**30, 3.0 * DEFAULT_JOBS))
