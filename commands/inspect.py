@@ -84,7 +84,7 @@ def _verdict(path: Path, strict: bool) -> Verdict:
     if strict:
         from afford.recording.check_file import check_file
 
-        problems += check_file(path)
+        problems = check_file(path) or problems
     if strict and not problems:
         from afford.recording.check_content import check_content
 
