@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
-from commands.errors import UsageError
+from commands.errors import UsageError, unknown
 from maps.settings import Origin, Settings
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
@@ -19,12 +20,16 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
+RENDERED = ("dataset", "recordings", "scenes", "extraction-report")
+"""Targets that make something of every rendered clip where no source is given."""
+PART = re.compile(r"_s\d+")
+"""what is added to a video's name where it is cut into several clips"""
 
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str],
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
-    only the videos of `clips` are read, where some are named."""
+    only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
     if target == "static-sets":
@@ -40,7 +45,10 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if target == "train" and (source is None or _is_dataset(source)):
         return _lessons(source, settings, digest), None
     if source is None:
-        return _synthetic(target, settings), None
+        rendered = _synthetic(target, settings)
+        if target in RENDERED:
+            _check_clips(clips, [spec.video_id for spec in rendered.specs])
+        return rendered, None
     if not source.exists():
         raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/own-video.md")
     try:
@@ -52,6 +60,12 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
         raise UsageError(f"--source {source}: expected masks and ground truth to score the extraction by, got neither; make the "
                          "data set instead: run dataset --source")
     return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
+
+
+def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
+    for clip in clips:
+        if not any(clip == name or (clip.startswith(name) and PART.fullmatch(clip[len(name) :])) for name in rendered):
+            raise unknown("clip", clip, rendered)
 
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:

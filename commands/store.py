@@ -57,6 +57,7 @@ def explain(request: Request, stage: str | None, clip: str | None) -> int:
     plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
+        known -= {"", "*"}  # of one task for all, and of what is not known yet
         raise unknown("clip", clip, known)
     if request.json:
         _print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})

@@ -106,6 +106,25 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
     assert refused.code == 2 and f"--source {source}" in refused.words and "expected" in refused.words
 
 
+@pytest.mark.parametrize("target", ["dataset", "scenes", "recordings", "extraction-report"])
+def test_a_rendered_clip_that_there_is_not_is_refused(target: str, tmp_path: Path) -> None:
+    """Their names are known before anything is rendered: a plan refuses it as a run does."""
+    first = "P91_01" if target == "extraction-report" else "P93_01"
+    for words in ((), ("--dry-run",)):
+        refused = call("run", target, "--clip", first, "--clip", first.replace("0", "O"), "--store", tmp_path, *words)
+        assert refused.code == 2 and f"did you mean '{first}'" in refused.err and not list((tmp_path / "traces").rglob("*.json"))
+    for clip in (first, *([] if target == "scenes" else [f"{first}_s02"])):  # a part of it
+        assert call("run", target, "--clip", clip, "--dry-run", "--store", tmp_path).code == 0
+
+
+def test_explain_names_the_clips_that_there_are(made: Made) -> None:
+    """Not those of tasks that have none, nor of what is not known yet."""
+    said = made.ask("explain", "--clip", "nope").err
+    assert said.rstrip().endswith(f"Valid: {', '.join(sorted(VIDEOS))}")
+    said = made.ask("explain", "--clip", "nope", "--set", "source_read.max_frames=50").err
+    assert "Valid: P" in said and "*" not in said
+
+
 LOOKS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
 
 
