@@ -112,7 +112,8 @@ def test_wrong_calls_exit_2(recording: Path, tmp_path: Path, capsys: pytest.Capt
     calls = [
         [str(tmp_path / "none.mcap"), str(recording)], [str(tmp_path / "empty")], ["--diff", str(recording)],
         [*two, "--save", str(tmp_path / "x.rrd")],
-        [*two, "--layout", str(tmp_path / "x.json")], [*two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
+        [*two, "--layout", str(tmp_path / "x.json")], [*two, "--sort", "colour"],
+        [two[0], "--sort", "colour"], ["--diff", *two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
     ]  # fmt: skip
     for arguments in calls:
         assert main(["inspect", *arguments]) == 2, arguments
