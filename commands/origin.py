@@ -54,12 +54,17 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     try:
         found = discover(source, digest, clips)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     videos = tuple(_with_truth(video, found) for video in found.videos)
     if target == "extraction-report" and found.kind == "bare":
         raise UsageError(f"--source {source}: expected masks and ground truth to score the extraction by, got neither; make the "
                          "data set instead: run dataset --source")
     return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
+
+
+def _refusal(source: Path, error: Exception) -> UsageError:
+    """The path stands there once, also where the error begins with it."""
+    return UsageError(f"--source {source}: {str(error).removeprefix(f'{source}: ')}")
 
 
 def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
@@ -89,7 +94,7 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
     try:
         found = find(source, digest)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     refused = tuple(Refused(one.name, one.reason) for one in found.refused)
     return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
 
@@ -103,7 +108,7 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
         found = find(source, digest) if source else ()
         actions = tree(Path(settings.sor3d_report.actions), digest) if settings.sor3d_report.actions else None
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}" if source else f"sor3d_report.actions: {error}") from error
+        raise (_refusal(source, error) if source else UsageError(f"sor3d_report.actions: {error}")) from error
     name = OWN_ROOMS[target] if source is None else source.resolve().name
     return Origin(name if source is None or target == "interactions" else f"{target}-{name}", sequences=found, actions=actions)
 
@@ -118,7 +123,7 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
     try:
         found = pictures(source, settings.static_read.backend, digest)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)
 
 
