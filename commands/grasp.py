@@ -38,12 +38,13 @@ def grasp(files: Files, options: Options) -> int:
     """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
     and options that do not fit."""
     _check(files, options)
-    from afford.candidates.read import read
+    from afford.candidates.read import check_regions, read
     from afford.candidates.write import write
     from stages import grasp_candidates
 
     try:
         scene = read(files)
+        check_regions(files, scene)
         found = grasp_candidates.run(scene, grasp_candidates.Params(count=options.count, span_m=options.span_m))
     except ValueError as error:
         raise UsageError(str(error)) from error

@@ -13,8 +13,8 @@ from typing import Any
 from rich.console import Console
 
 from afford.recording.summary import Summary, summarise
-from commands.errors import UsageError
-from commands.inspect_tables import print_json, show_many, show_one
+from commands.errors import UsageError, unknown
+from commands.inspect_tables import SORTS, print_json, show_many, show_one
 
 SUFFIX = ".mcap"
 DIGEST = re.compile("[0-9a-f]{4,64}")
@@ -45,6 +45,8 @@ class Verdict:
 
 def inspect(paths: Sequence[str], options: Options) -> int:
     """Recordings (files or folders of them) or one artifact (a digest); 0 fine, 1 a problem. UsageError for a wrong call."""
+    if options.sort not in SORTS:
+        raise unknown("--sort", options.sort, SORTS)
     if options.diff:
         return _difference(paths, options)
     if len(paths) == 1 and DIGEST.fullmatch(paths[0]) and not Path(paths[0]).exists():
@@ -84,7 +86,7 @@ def _verdict(path: Path, strict: bool) -> Verdict:
     if strict:
         from afford.recording.check_file import check_file
 
-        problems += check_file(path)
+        problems = check_file(path) or problems
     if strict and not problems:
         from afford.recording.check_content import check_content
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from commands.errors import UsageError
 from commands.inspect_tables import print_json, size
-from commands.session import open_runner
+from commands.session import seen_runner
 from runner import LostError, Runner
 
 VALUE = "value.json"
@@ -22,7 +22,7 @@ MANY = 3
 
 def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
     """Describe the artifact of a digest (or its beginning); 1 when its files are damaged or lost, UsageError for none."""
-    runner = open_runner(store)
+    runner = seen_runner(store)
     try:
         found = runner.lineage(artifact)
     except ValueError as error:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
-from commands.errors import UsageError
+from commands.errors import UsageError, unknown
 from maps.settings import Origin, Settings
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
@@ -21,12 +22,16 @@ NEEDED = {"motions": "motion of hands, see docs/motion-format.md"}
 """Targets that make nothing without a source, and what that is."""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
+RENDERED = ("dataset", "recordings", "scenes", "extraction-report")
+"""Targets that make something of every rendered clip where no source is given."""
+PART = re.compile(r"_s\d+")
+"""what is added to a video's name where it is cut into several clips"""
 
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str],
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
-    only the videos of `clips` are read, where some are named."""
+    only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError."""
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
     if target == "motions":
@@ -44,18 +49,32 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if target == "train" and (source is None or _is_dataset(source)):
         return _lessons(source, settings, digest), None
     if source is None:
-        return _synthetic(target, settings), None
+        rendered = _synthetic(target, settings)
+        if target in RENDERED:
+            _check_clips(clips, [spec.video_id for spec in rendered.specs])
+        return rendered, None
     if not source.exists():
         raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/own-video.md")
     try:
         found = discover(source, digest, clips)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     videos = tuple(_with_truth(video, found) for video in found.videos)
     if target == "extraction-report" and found.kind == "bare":
         raise UsageError(f"--source {source}: expected masks and ground truth to score the extraction by, got neither; make the "
                          "data set instead: run dataset --source")
     return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
+
+
+def _refusal(source: Path, error: Exception) -> UsageError:
+    """The path stands there once, also where the error begins with it."""
+    return UsageError(f"--source {source}: {str(error).removeprefix(f'{source}: ')}")
+
+
+def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
+    for clip in clips:
+        if not any(clip == name or (clip.startswith(name) and PART.fullmatch(clip[len(name) :])) for name in rendered):
+            raise unknown("clip", clip, rendered)
 
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
@@ -96,7 +115,7 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
     try:
         found = find(source, digest)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     refused = tuple(Refused(one.name, one.reason) for one in found.refused)
     return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
 
@@ -110,7 +129,7 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
         found = find(source, digest) if source else ()
         actions = tree(Path(settings.sor3d_report.actions), digest) if settings.sor3d_report.actions else None
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}" if source else f"sor3d_report.actions: {error}") from error
+        raise (_refusal(source, error) if source else UsageError(f"sor3d_report.actions: {error}")) from error
     name = OWN_ROOMS[target] if source is None else source.resolve().name
     return Origin(name if source is None or target == "interactions" else f"{target}-{name}", sequences=found, actions=actions)
 
@@ -125,7 +144,7 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
     try:
         found = pictures(source, settings.static_read.backend, digest)
     except ValueError as error:
-        raise UsageError(f"--source {source}: {error}") from error
+        raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)
 
 

@@ -7,13 +7,13 @@ import dataclasses
 import inspect
 import itertools
 import json
-import sys
 import tomllib
 import typing
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from commands.bounds import check
 from commands.errors import UsageError, unknown
 from maps.settings import PRESETS, Settings
 
@@ -58,6 +58,9 @@ def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
         tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except (OSError, ValueError) as error:
         raise UsageError(f"--params {path}: expected a TOML or JSON file with one table per stage, got: {error}") from error
+    if not isinstance(tables, dict):
+        raise UsageError(f"--params {path}: expected one table per stage, got {type(tables).__name__}; write it as "
+                         '{"mask_densify": {"radius": 10}}')
     for stage, table in tables.items():
         if not isinstance(table, dict):
             raise UsageError(f"--params {path}: {stage}: expected a table of parameters, got {type(table).__name__}")
@@ -81,9 +84,7 @@ def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if name not in types:
         raise unknown(f"parameter of {stage}", name, types)
     fitted = _fit(f"{stage}.{name}", value, types[name])
-    backends = vars(sys.modules[type(params).__module__]).get("BACKENDS", {}) if name == "backend" else {}
-    if backends and fitted not in backends:
-        raise unknown(f"backend of {stage}", fitted, backends)
+    check(stage, name, fitted, params)
     try:
         return dataclasses.replace(chosen, **{stage: dataclasses.replace(params, **{name: fitted})})
     except ValueError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.run import Request
-from commands.session import STORE, digester, open_runner
+from commands.session import STORE, digester, open_runner, seen_runner
 from commands.settings import columns
 from commands.weights import weighed
 from pipeline import TARGETS
@@ -50,13 +50,14 @@ def dry_run(request: Request) -> int:
 
 def explain(request: Request, stage: str | None, clip: str | None) -> int:
     """Why each task would run, or ran the last time."""
-    runner, graph, target = _prepared(request)
+    runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
     names = [node.name for node in graph.stages()]
     if stage and stage.replace("-", "_") not in names:
         raise unknown("stage", stage, names)
     plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
+        known -= {"", "*"}  # of one task for all, and of what is not known yet
         raise unknown("clip", clip, known)
     if request.json:
         _print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})
@@ -67,7 +68,7 @@ def explain(request: Request, stage: str | None, clip: str | None) -> int:
 
 def status(request: Request) -> int:
     """Per stage: how many shards are cached, would run, wait for others; and what failed and has not succeeded since."""
-    runner, graph, target = _prepared(request)
+    runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
     plans, failures = runner.plan(graph, target), runner.failures()
     counts = {node.name: Counter(p.status for p in plans if p.stage == node.name) for node in graph.stages()}
     if request.json:
@@ -107,7 +108,11 @@ def graph(request: Request, out: Path | None) -> int:
     from afford.report.drawing import draw
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
-    draw([node.name for node in drawn.stages()], sorted(edges), out)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        draw([node.name for node in drawn.stages()], sorted(edges), out)
+    except OSError as error:
+        raise UsageError(f"--out {out}: expected a file that can be written, got {error.strerror or error}") from error
     sys.stdout.write(f"{out}\n")
     return 0
 
@@ -124,7 +129,7 @@ def _stages_of(graph: Graph, at: int) -> Iterator[str]:
 
 def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     """Walk from an artifact (a digest, its beginning, or any path in or linked from the store) to the leafs."""
-    runner = open_runner(store)
+    runner = seen_runner(store)
     path = Path(artifact)
     try:
         found = runner.lineage(_digest_of(runner, path) if path.exists() else artifact)
@@ -172,7 +177,7 @@ def _grow(tree: Tree, origin: Any, seen: set[str]) -> None:
 
 def verify(store: Path | None, as_json: bool) -> int:
     """Hash everything in the store again; 1 when something is damaged, missing or changed."""
-    verdict = open_runner(store).verify()
+    verdict = seen_runner(store).verify()
     if as_json:
         _print_json({**asdict(verdict), "ok": verdict.ok})
     else:
@@ -186,7 +191,7 @@ def verify(store: Path | None, as_json: bool) -> int:
 
 def gc(store: Path | None, as_json: bool) -> int:
     """Delete what the last use of every shard does not reach."""
-    swept = open_runner(store).gc()
+    swept = seen_runner(store).gc()
     if as_json:
         _print_json(asdict(swept))
     else:
@@ -201,10 +206,10 @@ def _target(request: Request) -> str:
     return target
 
 
-def _prepared(request: Request) -> tuple[Runner, Graph, str]:
+def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> tuple[Runner, Graph, str]:
     target = _target(request)
     chosen = columns(request.sets, request.params)
-    runner = open_runner(request.store, glance=True)
+    runner = opened(request.store, glance=True)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
     place, _ = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
     return runner, built(target, place, weighted)[0], target

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
     from runner.runner import NothingToLeaveError, Runner, UnknownNameError
     from runner.source import SourceError
-    from runner.store import LostError, StoreError
+    from runner.store import LostError, StoreError, is_store
     from runner.walk import UnknownShardError
 
 __all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingToLeaveError", "Observer", "Reason",
-           "RunReport", "Runner", "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError"]
+           "RunReport", "Runner", "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError", "is_store"]
 HOMES = {"codec": ("Codec",), "graph": ("Graph", "GraphError", "Handle"), "source": ("SourceError",),
          "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"),
          "runner": ("NothingToLeaveError", "Runner", "UnknownNameError"),
-         "store": ("LostError", "StoreError"), "walk": ("UnknownShardError",)}  # fmt: skip
+         "store": ("LostError", "StoreError", "is_store"), "walk": ("UnknownShardError",)}  # fmt: skip
 """module -> its names; each is imported when first asked for, so that the map can be read without the engine"""
 
 

@@ -355,6 +355,11 @@ class Store:
         return Path(f"{self.root}/{room}/{digest[:2]}/{digest[2:]}{suffix}")
 
 
+def is_store(root: Path) -> bool:
+    """Whether a folder was once prepared as a store. Nothing is written."""
+    return all(os.path.isdir(root / name) for name in ("blobs", "manifests", "traces"))
+
+
 def prepare_store(root: Path) -> None:
     """Make the folders; StoreError in one sentence when the place cannot be written to."""
     try:

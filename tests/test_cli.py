@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,14 +13,24 @@ from pathlib import Path
 import h5py
 import pytest
 
+from commands.params import show as show_params
+from commands.settings import described
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
+from stages import mask_densify
 from tests.command import KEYS, PER_CLIP, PER_RUN, Made, call
 from tests.tiny_source import VIDEOS
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = {*PER_CLIP, *PER_RUN}
+
+
+class Terminal(io.StringIO):
+    """What is written is shown to a person."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 @pytest.fixture
@@ -91,7 +103,50 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     {"nothing": lambda: None, "file": source.touch, "empty": source.mkdir}[what]()
     refused = call("run", "dataset", "--source", source, "--store", tmp_path / "store")
-    assert refused.code == 2 and f"--source {source}" in refused.words and "expected" in refused.words
+    assert refused.code == 2 and f"--source {source}: expected" in refused.err and refused.err.count(str(source)) == 1
+
+
+@pytest.mark.parametrize("target", ["dataset", "scenes", "recordings", "extraction-report"])
+def test_a_rendered_clip_that_there_is_not_is_refused(target: str, tmp_path: Path) -> None:
+    """Their names are known before anything is rendered: a plan refuses it as a run does."""
+    first = "P91_01" if target == "extraction-report" else "P93_01"
+    for words in ((), ("--dry-run",)):
+        refused = call("run", target, "--clip", first, "--clip", first.replace("0", "O"), "--store", tmp_path, *words)
+        assert refused.code == 2 and f"did you mean '{first}'" in refused.err and not list((tmp_path / "traces").rglob("*.json"))
+    for clip in (first, *([] if target == "scenes" else [f"{first}_s02"])):  # a part of it
+        assert call("run", target, "--clip", clip, "--dry-run", "--store", tmp_path).code == 0
+
+
+def test_explain_names_the_clips_that_there_are(made: Made) -> None:
+    """Not those of tasks that have none, nor of what is not known yet."""
+    said = made.ask("explain", "--clip", "nope").err
+    assert said.rstrip().endswith(f"Valid: {', '.join(sorted(VIDEOS))}")
+    said = made.ask("explain", "--clip", "nope", "--set", "source_read.max_frames=50").err
+    assert "Valid: P" in said and "*" not in said
+
+
+LOOKS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
+
+
+@pytest.mark.parametrize("words", LOOKS, ids=" ".join)
+@pytest.mark.parametrize("what", ["nothing", "file", "empty"])
+def test_verbs_that_look_refuse_what_is_no_store(words: tuple[str, ...], what: str, tmp_path: Path) -> None:
+    """Exit 2, one sentence, and nothing is made there."""
+    store = tmp_path / "store"
+    {"nothing": lambda: None, "file": store.touch, "empty": store.mkdir}[what]()
+    refused = call(*words, "--store", store)
+    assert refused.code == 2 and refused.err.count("\n") == 1
+    assert refused.err.startswith(f"error: --store {store}: expected a store that a run has made")
+    assert [path.name for path in tmp_path.rglob("*")] == ([] if what == "nothing" else ["store"])
+
+
+@pytest.mark.parametrize("inside", ["", "deeper"])
+def test_a_store_cannot_be_a_file(inside: str, tmp_path: Path) -> None:
+    """Nor lie in one; exit 2, one sentence."""
+    (tmp_path / "file").touch()
+    for words in (("run", "dataset"), ("run", "dataset", "--dry-run"), ("export", "epic", tmp_path / "out")):
+        refused = call(*words, "--store", tmp_path / "file" / inside)
+        assert refused.code == 2 and "expected a folder, got the file" in refused.err and refused.err.count("\n") == 1
 
 
 def test_a_verb_alone_shows_help() -> None:
@@ -157,6 +212,17 @@ def test_graph_refuses_other_formats(tmp_path: Path) -> None:
     assert refused.code == 2 and ".svg or .png" in refused.err
 
 
+def test_graph_makes_the_folder_that_it_draws_to(tmp_path: Path) -> None:
+    """Where that cannot be, one sentence says so."""
+    assert call("graph", "--out", tmp_path / "new" / "deep" / "graph.svg").code == 0
+    assert "<svg" in (tmp_path / "new" / "deep" / "graph.svg").read_text()
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.svg").mkdir()
+    for out in (tmp_path / "file" / "graph.svg", tmp_path / "folder.svg"):
+        refused = call("graph", "--out", out)
+        assert refused.code == 2 and f"--out {out}: expected a file that can be written" in refused.err
+
+
 def test_lineage_leads_to_the_files_from_outside(made: Made) -> None:
     """From a published file, or from the beginning of a digest, down to the video."""
     recording = made.store / "recordings" / made.source.name / f"{VIDEOS[0]}.mcap"
@@ -186,6 +252,21 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
         assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
     assert Settings().sor3d_train != type(Settings().sor3d_train)()
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a pipe each stands on one line with its meaning; on a narrow terminal too no name is cut."""
+    said = Terminal() if terminal else io.StringIO()
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "stdout", said)
+    show_params(None, False)
+    text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
+    for stage in dataclasses.fields(Settings):
+        for field in dataclasses.fields(stage.default):
+            assert re.search(rf"^{stage.name}\.{field.name} ", text, re.MULTILINE), f"{stage.name}.{field.name}"
+    doc = next(doc for _, _, _, doc in described(mask_densify.Params()) if len(doc) > 60)
+    assert (doc in text) != terminal and "…" not in text
 
 
 def test_inspect_summarises_what_run_published(made: Made) -> None:

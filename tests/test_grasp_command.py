@@ -126,6 +126,29 @@ def test_what_does_not_fit_is_one_sentence(case: str, look: Path, tmp_path: Path
     assert done.code == 2 and said in done.err and done.err.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
+EMPTY: list[tuple[list[str], str]] = [
+    (["--left", "none.png"], "none.png and right.png: expected a region for a hand, got none; "),
+    (["--left", "none.png", "--hands", "left"], "none.png: expected a region with depth for the left hand, got an empty mask; "),
+    (["--left", "away.png"], "away.png: expected a region with depth for the left hand, got 3 pixel(s), none with depth in "),
+    (["--left", "there.png", "--hands", "both"], "right.png: expected a region with depth for the right hand, got an empty mask; "),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), EMPTY)
+def test_an_empty_region_is_named(words: list[str], said: str, tmp_path: Path) -> None:
+    """The file of the mask and the hand that it is for; where it lies on no depth, the file of the depth as well."""
+    depth, away, there = np.full((30, 40), 0.5), np.zeros((30, 40), np.uint8), np.zeros((30, 40), np.uint8)
+    depth[:5], away[2, 3:6], there[10:20, 10:20] = 0, 255, 255
+    np.save(tmp_path / "depth.npy", depth)
+    for name, mask in {"none": 0 * away, "right": 0 * away, "away": away, "there": there}.items():
+        assert cv2.imwrite(str(tmp_path / f"{name}.png"), mask)
+    placed = [str(tmp_path / word) if word.endswith(".png") else word for word in words]
+    done = call("grasp", tmp_path / "depth.npy", "--out", tmp_path / "out", "--right", tmp_path / "right.png",
+                "--focal-px", "200", *placed)  # fmt: skip
+    said_here = done.err.replace(f"{tmp_path}/", "")
+    assert done.code == 2 and said_here.startswith(f"error: {said}") and done.err.count("\n") == 1
+
+
 @pytest.mark.parametrize(("content", "said"), [
     (np.zeros((4, 4), np.float32), "no pixel with depth"), (np.full((4, 4), 700.0), "a median of 700 m"),
     (np.zeros((4, 4, 3)), "float64 (4, 4, 3)"), (np.zeros((4, 4), int), "int64 (4, 4)"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -72,6 +73,29 @@ def test_damage_makes_it_exit_1(recording: Path, tmp_path: Path, capsys: pytest.
         "cut": False, "empty": False, "flipped": False, "good": True}  # fmt: skip
 
 
+def test_what_is_no_recording_is_said_in_a_sentence(recording: Path, tmp_path: Path) -> None:
+    """At a glance too: too short, another kind of file, cut short, damaged at its end; no name of an exception."""
+    whole = recording.read_bytes()
+    broken = whole[:-200] + b"\xff" * 160 + whole[-40:]
+    words = {"too short": b"", "another kind": b"a picture, say, of a kettle " * 9, "cut short": whole[:-100],
+             "--strict says where": broken}  # fmt: skip
+    for hint, data in words.items():
+        (tmp_path / "a.mcap").write_bytes(data)
+        problem = summarise(tmp_path / "a.mcap").problem
+        assert hint in problem and not re.search("[a-z][A-Z]|Error|unpack|buffer", problem), problem
+    for cut in range(16, len(whole) - 1, 997):
+        (tmp_path / "a.mcap").write_bytes(whole[:cut])
+        assert summarise(tmp_path / "a.mcap").problem.startswith("cut short")
+
+
+def test_a_recording_that_cannot_be_opened_says_why(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(self: Path, *mode: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refused)
+    assert summarise(recording).problem == "cannot be read: Permission denied"
+
+
 def test_a_folder_is_a_table(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line per recording."""
     for name in ("a", "b"):
@@ -88,7 +112,8 @@ def test_wrong_calls_exit_2(recording: Path, tmp_path: Path, capsys: pytest.Capt
     calls = [
         [str(tmp_path / "none.mcap"), str(recording)], [str(tmp_path / "empty")], ["--diff", str(recording)],
         [*two, "--save", str(tmp_path / "x.rrd")],
-        [*two, "--layout", str(tmp_path / "x.json")], [*two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
+        [*two, "--layout", str(tmp_path / "x.json")], [*two, "--sort", "colour"],
+        [two[0], "--sort", "colour"], ["--diff", *two, "--sort", "colour"], ["ffff", "--store", str(tmp_path / "s")],
     ]  # fmt: skip
     for arguments in calls:
         assert main(["inspect", *arguments]) == 2, arguments

@@ -7,6 +7,7 @@ import os
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -139,6 +140,33 @@ def test_one_bad_picture_does_not_stop_the_others(store: Path, tmp_path: Path) -
         assert failure["message"] in done.words and "Traceback" not in done.err
     index = json.loads((tmp_path / "out" / "predictions.json").read_text())
     assert index["predictions"] == done.json["predictions"] and index["failures"] == done.json["failures"]
+
+
+def test_a_picture_of_one_pixel_is_a_picture(store: Path, tmp_path: Path) -> None:
+    """Alone, and beside another one."""
+    write_picture(tmp_path / "in" / "a.png", np.full((1, 1, 3), 100, np.uint8)), write_picture(tmp_path / "in" / "b.png")
+    assert predict(store, tmp_path / "in" / "a.png", tmp_path / "one", task="cut").code == 0
+    assert mask(tmp_path / "one" / "a" / "left.png").shape == (1, 1)
+    done = predict(store, tmp_path / "in", tmp_path / "out", "--batch", "2", task="cut")
+    assert done.code == 0 and [one["folder"] for one in done.json["predictions"]] == ["a", "b"]
+
+
+def test_a_picture_on_which_the_model_breaks_stops_no_other(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is refused in one sentence that names the file and the error; the others of its batch are asked without it."""
+    for n in range(3):
+        write_picture(tmp_path / "in" / f"{n}.png", tiny_asked.picture(60, 90 + n))
+    whole = Predictor.predict_batch
+
+    def breaks(self: Predictor, images: list[np.ndarray], *rest: Any) -> Any:
+        if any(image.shape[1] == 91 for image in images):
+            raise RuntimeError("out of memory")
+        return whole(self, images, *rest)
+
+    monkeypatch.setattr(Predictor, "predict_batch", breaks)
+    done = predict(store, tmp_path / "in", tmp_path / "out", "--batch", "3")
+    assert done.code == 1 and [one["folder"] for one in done.json["predictions"]] == ["0", "2"]
+    (failure,) = done.json["failures"]
+    assert f"{tmp_path / 'in' / '1.png'}: expected" in failure["message"] and "RuntimeError: out of memory" in failure["message"]
 
 
 def test_batches_say_the_same(store: Path, tmp_path: Path) -> None:

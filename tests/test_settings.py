@@ -72,6 +72,15 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
         settings([], file)
 
 
+@pytest.mark.parametrize(("text", "got"), [("[1, 2]", "list"), ("7", "int"), ("null", "NoneType"), ('{"mask_densify": 3}', "int")])
+def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -> None:
+    """JSON may be a list or a number; the file is named, and what was there."""
+    file = tmp_path / "p.json"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=rf"p\.json: .*expected .*table.*, got {got}"):
+        settings([], file)
+
+
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
     for field in dataclasses.fields(Settings):

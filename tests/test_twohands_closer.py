@@ -92,3 +92,12 @@ def test_both_looks_vote() -> None:
     found = joined(first, closer, (slice(5, 14), slice(2, 11)))
     assert found.taxonomy.sum() == pytest.approx(1) and found.taxonomy[1] / found.taxonomy[0] == pytest.approx(2)
     assert found.probability.sum() == 2 * 81 and found.probability[:, :, 5:14, 2:11].all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (3, 2)])
+def test_what_vanishes_at_the_size_of_the_picture_is_not_looked_at_again(size: tuple[int, int]) -> None:
+    """A picture of a few pixels: the object lies between the points that are kept, and no empty crop is made of it."""
+    objects = torch.full((2, 16, 24), -9.0)
+    objects[1, 6, 7] = 9.0
+    told = Told(np.zeros((2, 1, *size), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
+    assert window(told, SIZE) is None

@@ -55,6 +55,20 @@ def read(files: Files) -> GraspScene:
                       _hands(files, region), mask, points)
 
 
+def check_regions(files: Files, scene: GraspScene) -> None:
+    """SourceError, which names the file, when no hand is taken, or one whose region holds no pixel with depth."""
+    places = _places(files)
+    if not scene.hands.any():
+        raise SourceError(" and ".join(str(path) for path in places if path), "a region for a hand", "none",
+                          "predict again, or say with --hands which hand is meant")
+    for side, path, mask, used in zip(SIDES, places, scene.region, scene.hands, strict=True):
+        if used and not (mask & (scene.depth_m > 0)).any():
+            empty = "an empty mask" if path else "no mask"
+            got = f"{int(mask.sum())} pixel(s), none with depth in {files.depth}" if mask.any() else empty
+            raise SourceError(str(path or f"--{side}"), f"a region with depth for the {side} hand", got,
+                              "check masks and depth, or leave that hand out with --hands")
+
+
 def read_depth(path: Path) -> np.ndarray:
     """(h, w) float32 metres, 0 where nothing was measured, of a 16-bit PNG in millimetres or a .npy in metres."""
     expected, fix = "a depth picture: PNG of 16 bits in millimetres, or .npy (h, w) in metres", "convert it"
@@ -105,9 +119,14 @@ def _json(path: Path, what: str) -> Any:
         raise SourceError(str(path), what, _why(error), "check the path") from error
 
 
+def _places(files: Files) -> list[Path | None]:
+    """The mask of the left and of the right hand."""
+    return [given or (files.masks / f"{side}.png" if files.masks else None)
+            for side, given in zip(SIDES, (files.left, files.right), strict=True)]  # fmt: skip
+
+
 def _regions(files: Files, shape: tuple[int, ...]) -> np.ndarray:
-    paths = [given or (files.masks / f"{side}.png" if files.masks else None)
-             for side, given in zip(SIDES, (files.left, files.right), strict=True)]  # fmt: skip
+    paths = _places(files)
     if not any(paths):
         raise SourceError("masks", "a folder of `predict` or a mask of a hand", "none",
                           "give --masks DIR, --left PNG or --right PNG")  # fmt: skip

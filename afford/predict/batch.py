@@ -31,10 +31,10 @@ def answers(predictor: Predictor, sources: Sequence[Source], question: Question,
             continue
         waiting.append(item)
         if len(waiting) == batch:
-            yield from ask(predictor, waiting, question)
+            yield from _asked(predictor, waiting, question)
             waiting = []
     if waiting:
-        yield from ask(predictor, waiting, question)
+        yield from _asked(predictor, waiting, question)
 
 
 def count(source: Source, every: int) -> int:
@@ -43,6 +43,23 @@ def count(source: Source, every: int) -> int:
         return len(range(0, len(probe(source.path).pts), every)) if source.is_video else 1
     except (ValueError, OSError):
         return 1
+
+
+def _asked(predictor: Predictor, pictures: list[Picture], question: Question) -> list[Answer | Refused]:
+    """One answer for each. Where a batch fails, each of its pictures is asked alone, and those that fail again are refused."""
+    try:
+        return [*ask(predictor, pictures, question)]
+    except Exception as error:
+        if len(pictures) > 1:
+            return [item for picture in pictures for item in _asked(predictor, [picture], question)]
+        return [_refused(pictures[0], error)]
+
+
+def _refused(one: Picture, error: Exception) -> Refused:
+    height, width = one.rgb.shape[:2]
+    name = one.source if one.frame is None else f"{one.source}, frame {one.frame}"
+    return Refused(one.source, f"{name}: expected a picture that the model can be asked about, got one of {width} x {height} "
+                               f"pixels that ends in {type(error).__name__}: {error}; leave it out")  # fmt: skip
 
 
 def _read(sources: Sequence[Source], every: int) -> Iterator[Picture | Refused]:

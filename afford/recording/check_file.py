@@ -46,6 +46,8 @@ def check_file(path: Path) -> list[str]:
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         try:
             _walk(data, seen)
+        except DamageError as error:
+            seen.problems.append(f"damaged: {error}")
         except Exception as error:  # a damaged length or compressed block can raise anything
             seen.problems.append(f"damaged: {type(error).__name__}: {error}")
     return seen.problems

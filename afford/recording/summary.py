@@ -6,6 +6,7 @@ import struct
 from collections import defaultdict
 from dataclasses import dataclass
 from itertools import pairwise
+from os import SEEK_END
 from pathlib import Path
 from typing import IO
 
@@ -13,11 +14,13 @@ from mcap.reader import McapReader, make_reader
 from mcap.records import ChunkIndex
 from mcap.records import Statistics as McapStatistics
 
+from afford.recording.check_file import MAGIC
 from afford.recording.content import EPOCH_NS
 
 RECORD_HEAD, MESSAGE_HEAD = 9, 31
 """bytes of opcode and length; of those and the fixed fields of a message"""
 SECOND_NS = 10**9
+RECOVER = "`rerun mcap convert --recover` saves what is there"
 
 
 @dataclass(frozen=True)
@@ -58,15 +61,36 @@ def summarise(path: Path) -> Summary:
     size = path.stat().st_size
     try:
         with path.open("rb") as stream:
-            return _summary(path, size, stream, make_reader(stream))
-    except Exception as error:
-        return Summary(str(path), size, f"cannot be read: {type(error).__name__} {error}".strip())
+            problem = _ends(stream, size)
+            return Summary(str(path), size, problem) if problem else _read(path, size, stream)
+    except OSError as error:
+        return Summary(str(path), size, f"cannot be read: {error.strerror or error}")
+
+
+def _ends(stream: IO[bytes], size: int) -> str:
+    """What the first and last bytes say against a finished MCAP file, '' for nothing."""
+    if size < 2 * len(MAGIC):
+        return f"too short for an MCAP file: {size} bytes"
+    if stream.read(len(MAGIC)) != MAGIC:
+        return "no MCAP file: its first bytes are those of another kind"
+    stream.seek(-len(MAGIC), SEEK_END)
+    return "" if stream.read() == MAGIC else f"cut short: its last bytes are not those of MCAP; {RECOVER}"
+
+
+def _read(path: Path, size: int, stream: IO[bytes]) -> Summary:
+    stream.seek(0)
+    try:
+        return _summary(path, size, stream, make_reader(stream))
+    except OSError:
+        raise
+    except Exception:  # a damaged length can raise anything
+        return Summary(str(path), size, "damaged: its summary cannot be read or does not fit its chunks; --strict says where")
 
 
 def _summary(path: Path, size: int, stream: IO[bytes], reader: McapReader) -> Summary:
     found = reader.get_summary()
     if found is None or found.statistics is None:
-        return Summary(str(path), size, "has no summary: not finished; `rerun mcap convert --recover` saves what is there")
+        return Summary(str(path), size, f"has no summary: not finished; {RECOVER}")
     times, lengths = _messages(stream, found.chunk_indexes)
     topics = tuple(sorted((_topic(c.topic, found.schemas[c.schema_id].name, times[c.id], lengths[c.id])
                            for c in found.channels.values()), key=lambda t: t.topic))  # fmt: skip

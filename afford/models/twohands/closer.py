@@ -24,7 +24,7 @@ SPECK = 0.2
 
 def window(told: Told, size_px: tuple[int, int]) -> Box | None:
     """Where to look again: the box of the object with ActAffordance's border; None when the first look was close enough, or
-    nothing was found."""
+    nothing was found that is seen at the picture's own size."""
     if told.objects is None:
         return None
     height, width = told.probability.shape[2:]
@@ -32,6 +32,8 @@ def window(told: Told, size_px: tuple[int, int]) -> Box | None:
     if not found.any():
         return None
     large = cv2.resize(found.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).view(bool)
+    if not large.any():  # a picture of a few pixels
+        return None
     rows, columns = box(large)
     filled = (rows.stop - rows.start) * (columns.stop - columns.start) / (height * width)
     return None if filled > FILLED else box(large, round(BORDER * max(height, width)))
