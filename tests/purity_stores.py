@@ -37,6 +37,7 @@ from stages import (
     mesh_read,
     mesh_texture,
     model_train,
+    motion_files,
     motion_read,
     motion_report,
     motion_synthesise,
@@ -46,6 +47,7 @@ from stages import (
     positive_affordance_projection,
     static_evaluate,
     static_read,
+    static_report,
     view_render,
 )
 from tests import made_sequences
@@ -182,7 +184,9 @@ def motions(store: Path, folder: Path) -> None:
     for name, found in clips.items():
         fitted = graph.named(f"fit_{name}").add(hand_retarget.run, motion=graph.each(found), hand=hand, params=any_clip)
         everything = graph.collect(fitted)
-        graph.target(name, graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params()))
+        told = graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params())
+        params = motion_files.Params()
+        graph.target(name, graph.named(f"files_{name}").add(motion_files.run, references=told, params=params, ctx=graph.ctx))
         run(store, name, graph)
 
 
@@ -264,7 +268,8 @@ def told(store: Path, folder: Path) -> None:
                          ctx=graph.ctx)  # fmt: skip
     scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
                        params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
-    graph.target("told", recorded, scored)
+    table = graph.add(static_report.run, reports=(scored,), params=static_report.Params(), ctx=graph.ctx)
+    graph.target("told", recorded, table)
     run(store, "told", graph)
     with_fonts(store)
 
@@ -280,7 +285,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
                 "negative_affordance_files", "object_record", "negative_affordance_score", "negative_affordance_report"),
     found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
     hands: ("hand_model",),
-    motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report"),
+    motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
                "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks"),
     judged: ("grasp_judge",),
@@ -288,7 +293,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
     interacted: ("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),
     afforded: ("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_evaluate", "sor3d_report"),
-    told: ("interaction_record", "static_evaluate"),
+    told: ("interaction_record", "static_evaluate", "static_report"),
 }  # fmt: skip
 """what fills a store, and the stages of which it holds a run"""
 ELSEWHERE = {stage: maker for maker, stages in MAKERS.items() for stage in stages}

@@ -53,7 +53,7 @@ def everything(model: SamModel, rgb: np.ndarray, grid: Grid, points: np.ndarray)
     side = int(model.config.vision_config.image_size)
     scale = side / max(height, width)
     inner = round(height * scale), round(width * scale)
-    image = torch.from_numpy(rgb).permute(2, 0, 1)[None].float().to(model.device) / 255
+    image = torch.from_numpy(rgb.copy()).permute(2, 0, 1)[None].float().to(model.device) / 255
     small = normalised(interpolate(image, inner, mode="bilinear", align_corners=False, antialias=True))
     embedding = model.get_image_embeddings(pad(small, (0, side - inner[1], 0, side - inner[0])).to(model.dtype))
     kept: list[tuple[np.ndarray, np.ndarray]] = []
