@@ -11,6 +11,8 @@ from runner import Runner
 
 FILES = "files/"
 """where the codec keeps the files of a FileTree inside its artifact"""
+LISTED = ".clips"
+"""which recordings of clips a folder has, by name"""
 
 
 def publish(runner: Runner, digest: str, folder: Path) -> Path:
@@ -36,6 +38,18 @@ def publish_file(runner: Runner, digest: str, path: Path) -> Path:
     _link(files[0], partial)
     os.replace(partial, path)
     return path
+
+
+def retire(folder: Path, made: set[str], whole: bool) -> None:
+    """After the recordings of clips `made`, names of files, were put into `folder`: those of clips that a `whole` run no longer has
+    are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it."""
+    listed = folder / LISTED
+    before = set(listed.read_text(encoding="utf-8").splitlines()) if listed.exists() else set()
+    for name in before - made if whole else ():
+        (folder / name).unlink(missing_ok=True)
+    partial = listed.with_name(f"{LISTED}.partial-{os.getpid()}")
+    partial.write_text("".join(f"{name}\n" for name in sorted(made if whole else before | made)), encoding="utf-8")
+    os.replace(partial, listed)
 
 
 def _place(files: Mapping[str, Path], folder: Path) -> None:

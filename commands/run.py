@@ -20,7 +20,7 @@ from commands.compare import Names, built, publish_columns
 from commands.errors import UsageError, unknown
 from commands.origin import NEEDED, origin
 from commands.progress import observer
-from commands.publish import publish, publish_file
+from commands.publish import publish, publish_file, retire
 from commands.session import digester, open_runner
 from commands.settings import columns
 from commands.weights import weighed
@@ -33,6 +33,8 @@ from schemas.grasp_task import LEVELS
 T = TypeVar("T")
 USUAL_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
 """tables that take many hours: how long a run of them lasts where nothing is said; the next one goes on"""
+CLIPS = ("clip_record", "object_record")
+"""stages that record a clip, or an object"""
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
@@ -91,7 +93,7 @@ def run(request: Request) -> int:
     limit_s = limited(request, target)
     with observer(quiet=False) as shown:
         ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)
-        report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names),
+        report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names, not (request.clips or only)),
                                           force, limit_s)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
@@ -123,11 +125,16 @@ def made(
         return report, publish(report)
 
 
-def _published(runner: Runner, report: RunReport, place: Origin, names: Names) -> tuple[dict[str, str], dict[str, float]]:
-    """Outputs under names that people can find, and what was measured; of a comparison, those of every column."""
+def _published(runner: Runner, report: RunReport, place: Origin, names: Names, every: bool) -> tuple[
+        dict[str, str], dict[str, float]]:  # fmt: skip
+    """Outputs under names that people can find, and what was measured; of a comparison, those of every column. Where `every` clip
+    was asked for and none failed, recordings of clips that are no more go."""
     if names:
         return publish_columns(runner, report, names, runner.place.store / "reports" / f"{place.name}-compare")
     outputs = _publish(runner, report, place)
+    clips = {f"{shard.rpartition('/')[2]}.mcap" for stage in CLIPS for shard, _ in report.outputs.get(stage, ())}
+    if clips:
+        retire(runner.place.store / "recordings" / place.name, clips, every and report.ok and not report.left)
     return outputs, _metrics(report, outputs)
 
 
@@ -142,7 +149,7 @@ def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]
                 out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
             elif stage == "benchmark_set":
                 out["benchmark"] = str(publish(runner, digest, store / "benchmarks" / place.name))
-            elif stage in ("clip_record", "object_record"):
+            elif stage in CLIPS:
                 publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage.startswith("record_"):

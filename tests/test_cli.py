@@ -14,6 +14,7 @@ import h5py
 import pytest
 
 from commands.params import show as show_params
+from commands.publish import LISTED
 from commands.settings import described
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
@@ -270,8 +271,9 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
 
 
 def test_inspect_summarises_what_run_published(made: Made) -> None:
-    """The folder of recordings, strictly."""
+    """The folder of recordings, strictly; it knows which of them are of clips."""
     folder = made.store / "recordings" / made.source.name
+    assert (folder / LISTED).read_text().split() == [f"{video}.mcap" for video in VIDEOS]
     assert call("inspect", folder, "--strict").code == 0
     told = call("inspect", folder, "--json")
     assert told.code == 0 and all(video in told.out for video in VIDEOS)
