@@ -1,10 +1,11 @@
 """Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
 
     PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--settings | --static | --ablation
-        [--rows ROW,ROW] [--seeds N] [--minutes N]]
+        [--rows ROW,ROW] [--first-seed N] [--seeds N] [--minutes N]]
 
 Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
-alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
+alone, of all trainings that benchmarks/sor3d_ablation.json knows, to which those of this run are added; with --set besides, of this
+run alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
 small and paper are and how they are trained, alone. Nothing in those is typed by hand.
 """
 
@@ -19,6 +20,7 @@ import cv2
 from afford.models.sor3d.config import VARIANTS
 from afford.models.sor3d.model import build
 from afford.sor3d import published
+from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, into, make, took
 from commands.settings import described
 from stages import sor3d_report
@@ -40,6 +42,7 @@ def main() -> None:
     parser.add_argument("--settings", action="store_true")
     parser.add_argument("--rows", default=",".join(sor3d_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=sor3d_report.Params.seeds)
+    parser.add_argument("--first-seed", type=int, default=sor3d_report.Params.first_seed)
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--minutes", help="with --ablation: rows that are not finished by then are marked so")
     asked = parser.parse_args()
@@ -47,12 +50,9 @@ def main() -> None:
         into(PAGE, "settings", SELF, schedule())
         into(PAGE, "sizes", SELF, sizes())
         return
-    limit = ("--minutes", asked.minutes) if asked.minutes else ()
     sets = tuple(word for one in asked.set for word in ("--set", one))
     if asked.ablation:
-        plan = ("--set", f"sor3d_report.rows={asked.rows}", "--set", f"sor3d_report.seeds={asked.seeds}")
-        found = make("sor3d-ablation", asked.store, *limit, *sets, *plan)
-        into(PAGE, "ablation", SELF, told(asked) + body(Path(found["outputs"]["report"])))
+        into(PAGE, "ablation", SELF, ablation(asked, sets))
         return
     if asked.static:
         into(PAGE, "static", SELF, body(Path(make("static-sets", asked.store, *sets)["outputs"]["static_report"])))
@@ -62,6 +62,17 @@ def main() -> None:
     into(PAGE, "model", SELF, f"{took(PAGE, 'model', SELF, lasted(made))}{body(report)}\n![{CAPTION}](pictures/{PICTURE.name})\n")
     into(README, "sor3d", SELF, short(made["metrics"]))
     cv2.imwrite(str(PICTURE), cv2.imread(str(report / "sheet.png")), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+
+
+def ablation(asked: argparse.Namespace, sets: tuple[str, ...]) -> str:
+    """The table, with what is known of earlier trainings where these are trained as those were."""
+    limit = ("--minutes", asked.minutes) if asked.minutes else ()
+    plan = (f"sor3d_report.{name}={getattr(asked, name)}" for name in ("rows", "seeds", "first_seed"))
+    found = make("sor3d-ablation", asked.store, *limit, *sets, *(word for one in plan for word in ("--set", one)))
+    report = Path(found["outputs"]["report"])
+    if sets:
+        return told(asked) + body(report)
+    return sor3d_kept.table(sor3d_kept.add(sor3d_kept.KEPT, report / "scores.json", sor3d_kept.head()), found["metrics"])
 
 
 def told(asked: argparse.Namespace) -> str:

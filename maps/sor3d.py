@@ -114,7 +114,8 @@ def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     then; go on at will"""
     mine    = replace(p.sor3d_report, ablation=True)
     x       = lessons(g, origin, p)
-    planned = recipes(mine.rows, range(mine.seeds), p.sor3d_train.variant)
+    seeds   = range(mine.first_seed, mine.first_seed + mine.seeds)
+    planned = recipes(mine.rows, seeds, p.sor3d_train.variant)
     q       = replace(p, sor3d_train=replace(p.sor3d_train, steps=mine.steps or p.sor3d_train.steps))
     kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is late) for late in (False, True)]
     scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q), some, q, True) for some in kinds if some]

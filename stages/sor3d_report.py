@@ -30,7 +30,9 @@ class Params:
                              "pretrained")
     """sor3d_ablation: what is trained; pretrained is the whole model on an encoder that learned actions before"""
     seeds: int = 3
-    """sor3d_ablation: trainings of each row, with the seeds 0, 1, ..."""
+    """sor3d_ablation: trainings of each row, with the seeds first_seed, first_seed + 1, ..."""
+    first_seed: int = 0
+    """sor3d_ablation: where the seeds begin; another on each of several machines, whose scores.json tell them apart"""
     steps: int = 0
     """sor3d_ablation: steps of each training; 0: as many as sor3d_train has"""
     pretrained: bool = False

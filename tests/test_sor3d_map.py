@@ -48,6 +48,9 @@ def test_the_ablation_trains_the_rows_that_are_asked_for() -> None:
     assert "pretrained_model_train" not in {node.name for node in graph.stages()}
     (training,) = [node for node in graph.stages() if node.name == "model_train"]
     assert training.params.steps == 1
+    later = replace(few, sor3d_report=replace(few.sor3d_report, seeds=2, first_seed=3))
+    (recipes,) = [node for node in build("sor3d-ablation", Origin("x"), later).nodes if node.name == "planned"]
+    assert [recipe.name for recipe in recipes.value] == ["rgb-3", "rgb-4"]
     with pytest.raises(ValueError, match="expected rows of rgb"):
         build("sor3d-ablation", Origin("x"), replace(FEW, sor3d_report=replace(FEW.sor3d_report, rows=("best",))))
 

@@ -1,0 +1,42 @@
+"""Figures of the trainings of SOR3D-AFF's ablation, kept beside the scripts: hours, a few at a time, become one table."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from afford.sor3d import page
+from afford.sor3d.recipes import ALL, recipes
+from afford.sor3d.report import by_label, plan
+from benchmarks.pages import ROOT
+
+KEPT = ROOT / "benchmarks" / "sor3d_ablation.json"
+
+Kept = dict[str, dict[str, Any]]
+"""row-seed -> the commit that it was trained at, and its figures"""
+
+
+def add(kept: Path, scores: Path, commit: str) -> Kept:
+    """What is known of every training, and now of those of a report's scores.json too, which replace what was known of them."""
+    known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
+    known |= {name: {"commit": commit, "figures": figures} for name, figures in json.loads(scores.read_text()).items()}
+    kept.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+    return known
+
+
+def table(known: Kept, motion: Mapping[str, float]) -> str:
+    """Every row over as many seeds as any row has, and at which commits they were trained; the motion, which has no seeds."""
+    planned = recipes(ALL, range(1 + max(int(name.rpartition("-")[2]) for name in known)))
+    done = {name: one["figures"] for name, one in known.items()}
+    text = page.ablation(by_label(planned, done), plan(planned)) + page.motion(motion)
+    commits = ", ".join(dict.fromkeys(known[recipe.name]["commit"] for recipe in planned if recipe.name in known))
+    return f"Trained at the commits {commits}.\n\n{text.partition(chr(10) * 2)[2]}"
+
+
+def head() -> str:
+    """The commit that is checked out."""
+    command = ("git", "rev-parse", "--short", "HEAD")
+    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
