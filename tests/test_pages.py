@@ -45,3 +45,11 @@ def test_the_short_table_of_grasps_marks_what_is_not_finished(seeds: int, unfini
     named = FIGURES | {"seeds": float(seeds), "unfinished": float(unfinished)}
     rows = bench_grasp.short({f"student.{name}.unseen_size": value for name, value in named.items()}).splitlines()[2:]
     assert rows == [f"| student | unseen size | 50.0 | 4.0 | 5.0 | 0.25 | {told} |"]
+
+
+def test_what_stands_apart_is_cut_out_of_a_report() -> None:
+    """Heading and all, between others or last; what is not there changes nothing."""
+    report = "A.\n\n## One\n\n1\n\n## Two\n\n2\n"
+    assert bench_grasp.without(report, "One") == "A.\n\n## Two\n\n2\n"
+    assert bench_grasp.without(report, "Two") == "A.\n\n## One\n\n1\n\n"
+    assert bench_grasp.without(report, "Three") == report and bench_grasp.section(report, "One") == "1\n"
