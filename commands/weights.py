@@ -12,21 +12,26 @@ from commands.registries import of_stage
 from maps.settings import Settings
 from maps.weights import Weighed
 from schemas.files import FileTree
+from stages import model_train
 
 
 def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
-    """The settings with the files of every model that a chosen backend reads. `model` then only says what it is called: where it
-    lies is in no key. UsageError when a model cannot be found."""
+    """The settings with the files of every model that a chosen backend reads, and of the `backbones` that a training starts from.
+    `model` and `backbones` then only say what they are called: where they lie is in no key. UsageError when a model cannot be
+    found."""
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
     for field in dataclasses.fields(Settings):
         params = getattr(chosen, field.name)
+        if isinstance(params, model_train.Params) and params.backbones:
+            found[field.name] = _files(f"{field.name}.backbones", params.backbones, digest)
+            named[field.name] = dataclasses.replace(params, backbones=_label(params.backbones))
         if not (_asked(params) and reads_weights(params)):
             continue
         if not params.model:
             raise UsageError(f"{field.name}.backend={params.backend} reads weights, and none are named: add "
                              f"--set {field.name}.model=MODEL, {_needs(field.name, params.backend)}")
-        found[field.name] = _files(field.name, params.model, digest)
+        found[field.name] = _files(f"{field.name}.model", params.model, digest)
         named[field.name] = dataclasses.replace(params, model=_label(params.model))
     if not found:
         return chosen
@@ -51,13 +56,13 @@ def _needs(stage: str, backend: str) -> str:
     return next(one.weights for one in of_stage(stage) if one.name == backend)
 
 
-def _files(stage: str, model: str, digest: Callable[[Path], str]) -> FileTree:
+def _files(parameter: str, model: str, digest: Callable[[Path], str]) -> FileTree:
     from afford.models.hub import files
 
     try:
         return files(model, digest)
     except ValueError as error:
-        raise UsageError(f"{stage}.model: {error}") from error
+        raise UsageError(f"{parameter}: {error}") from error
 
 
 def _label(model: str) -> str:

@@ -9,6 +9,7 @@ from afford.sor3d.recipes import PRETRAINED, label, recipes
 from maps.interactions import Interactions, sequences
 from maps.recording import record_run
 from maps.settings import Origin, Settings
+from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
 from schemas.interaction_scores import InteractionScores
@@ -84,7 +85,7 @@ def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ..
     more: dict[str, Any] = {"encoder": before(g, origin, dataset, p)} if of else {}
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     return g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe,          params=p.sor3d_train,
-                                           ctx=g.ctx, **more)
+                                           ctx=g.ctx, **more, **weights(g, p, "sor3d_train"))
 
 
 def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings,

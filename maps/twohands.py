@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from afford.training.recipes import recipes
 from maps.extraction import mined
 from maps.recording import record_run
 from maps.settings import Origin, Settings
+from maps.weights import weights
 from runner import Graph
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree
@@ -55,7 +57,8 @@ def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
 
 def learn(g: Graph, dataset: FileTree, p: Settings) -> Trained:
     """A data set -> a trained two-hand model, with its curves."""
-    return g.add(model_train.run,           dataset=dataset,                          params=p.model_train, ctx=g.ctx)
+    started: dict[str, Any] = weights(g, p, "model_train")
+    return g.add(model_train.run,           dataset=dataset,                          params=p.model_train, ctx=g.ctx, **started)
 
 
 def ask(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
@@ -138,7 +141,7 @@ def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe,
     steps   = p.ablation_report.steps or p.model_train.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
-                                              params=replace(p.model_train, steps=steps))
+                                              params=replace(p.model_train, steps=steps), **weights(g, p, "model_train"))
     said    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
                                                 params=replace(p.predict_cases, name=""), ctx=g.ctx)
     scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)

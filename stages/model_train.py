@@ -2,7 +2,7 @@
 
 Reads   FileTree of a data set: what dataset_pack writes, released 2HANDS (h5 + json), or any folder of `datasets` with the
         columns image, mask_left, mask_right, narration (backend sor3d: what interaction_pack writes); a Recipe, for a row of
-        the ablation; for sor3d the files of a pre-training, if there was one
+        the ablation; for sor3d the files of a pre-training, if there was one; the weights that `backbones` names, if any
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
 Method  AdamW, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that
@@ -61,7 +61,8 @@ class Params:
     seed: int = 0
     """seed of weights, order and augmentation"""
     backbones: str = ""
-    """clip, vlm: folder of pretrained parts, tiny random ones without; sor3d: a VGG16 checkpoint for the stream of motion"""
+    """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without; sor3d: a VGG16 checkpoint for the stream of
+    motion"""
     height_px: int = 128
     """height of the model's input; sor3d is square"""
     width_px: int = 160
@@ -142,13 +143,14 @@ SOR3D_PAPER_ACTIONS = replace(SOR3D_PAPER, backend="sor3d_actions", steps=4000, 
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
-        encoder: FileTree | None = None) -> Trained:
+        encoder: FileTree | None = None, weights: FileTree | None = None) -> Trained:  # fmt: skip
     """Train in the scratch folder, where a killed training goes on; sor3d from the `encoder` that sor3d_actions left, if any."""
     from afford.dataset import files
+    from afford.models.weights import placed
     from afford.training import curves, fit, launch, written
     from afford.training.repeatable import repeatable
 
-    job = _job(params, recipe)
+    job = _job(placed(params, weights, "backbones"), recipe)
     if encoder is not None:
         if params.backend != "sor3d":
             raise ValueError(f"model_train: expected backend sor3d for what starts from an encoder, got {params.backend!r}")
@@ -164,5 +166,13 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
     return Trained(files.tree(name, root), log)
 
 
+def takes_backbones(params: Params) -> bool:
+    """Whether the chosen model has pretrained parts to start from."""
+    return params.backend == "sor3d" or (params.backend == "twohands" and params.variant != "small")
+
+
 def _job(params: Params, recipe: Recipe | None = None):  # type: ignore[no-untyped-def]  # Job is a leaf's type
+    if params.backbones and not (recipe or takes_backbones(params)):
+        raise ValueError(f"model_train: expected no backbones for backend {params.backend}, variant {params.variant}, which starts "
+                         f"from nothing, got {params.backbones!r}; leave them out")
     return load(BACKENDS, params.backend)(params, recipe, THREADS)

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
+from afford.models.hub import files
 from afford.models.twohands.predictor import Predictor
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
@@ -22,6 +23,8 @@ from schemas.files import FileTree
 from schemas.training import Recipe, Trained
 from stages import dataset_pack, model_train, training_record
 from tests.made_samples import Scratch, clip
+from tests.tiny_models import save_backbones
+from tests.tiny_root import digest
 
 PARAMS = model_train.Params(steps=6, batch=4, warmup=2, validate_every=3, val_samples=6, height_px=64, width_px=96, seed=5)
 
@@ -98,11 +101,27 @@ def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_pa
     params = replace(PARAMS, steps=1, warmup=1, validate_every=0, val_samples=2, height_px=32, width_px=64)
     job = model_train._job(replace(params, variant="clip"))
     assert (job.config.size_px, job.config.frozen, job.plan.parallel, job.coarse_share) == ((32, 32), False, 1, 0)
+    for backend in ("boxes", "sor3d_actions", "twohands"):
+        with pytest.raises(ValueError, match=f"expected no backbones for backend {backend}, variant small"):
+            model_train._job(model_train.Params(backend=backend, backbones="folder"))
     assert not job.config.frozen and model_train._job(replace(params, variant="clip", backbones="folder")).config.frozen
     recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills")
     found = model_train.run(dataset, params, Scratch(tmp_path), recipe)
     assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
     assert model_train._job(PARAMS).plan.parallel == 2 and model_train._job(replace(PARAMS, devices=2)).plan.parallel == 1
+
+
+def test_where_pretrained_parts_lie_changes_nothing_and_what_they_hold_does(dataset: FileTree, tmp_path: Path) -> None:
+    """They come as an input; the parameter only calls them something."""
+    params = replace(PARAMS, variant="clip", steps=1, warmup=1, validate_every=0, val_samples=2, height_px=64, backbones="both")
+
+    def made(place: str, seed: int) -> dict[str, str]:
+        weights = files(str(save_backbones(tmp_path / place, seed=seed)), digest)
+        found = model_train.run(dataset, params, Scratch(tmp_path / f"{place}-scratch"), weights=weights)
+        return {file.name: digest(file.path) for file in found.files.files if file.name.startswith("model/")}
+
+    first = made("here", 0)
+    assert made("there", 0) == first != made("other", 3)
 
 
 def test_a_job_travels_as_text() -> None:

@@ -15,8 +15,9 @@ from afford.models.weights import placed, root, stamp
 from commands.errors import UsageError
 from commands.settings import settings
 from commands.weights import reads_weights, weighed
-from maps.settings import Settings
+from maps.settings import Origin, Settings
 from maps.weights import Weighed, weights
+from pipeline import build
 from runner import Graph
 from schemas.files import FileRef, FileTree
 from stages import mask_densify
@@ -79,6 +80,20 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     assert (found.mask_densify.model, found.part_describe.model) == ("model", "gpt")
     assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
     assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
+
+
+def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
+    """A changed checkpoint is another training; where it lies is none. A backend without pretrained parts refuses it."""
+    plain = build("train", Origin("x"), Settings())
+    chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
+    found = weighed(chosen, digest)
+    assert isinstance(found, Weighed) and found.model_train.backbones == found.sor3d_train.backbones == "model"
+    for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
+        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith("model_train")]
+        assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
+    assert not any("weights" in dict(node.inputs) for node in plain.stages())
+    with pytest.raises(UsageError, match=r"boxes_train\.backbones: .*got nothing there"):
+        weighed(settings(["boxes_train.backbones=/no/such/place"], None), digest)
 
 
 @pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])

@@ -13,14 +13,14 @@ from schemas.files import FileTree
 P = TypeVar("P")
 
 
-def placed(params: P, weights: FileTree | None) -> P:
-    """Params of a stage whose `model` says where the files of `weights` lie on this machine; as they are when there are none.
+def placed(params: P, weights: FileTree | None, named: str = "model") -> P:
+    """Params of a stage whose `named` says where the files of `weights` lie on this machine; as they are when there are none.
 
     The place is in no key: the content of the files is.
     """
     if weights is None:
         return params
-    return replace(params, model=str(root(weights)))  # type: ignore[type-var]  # the Params of a stage are a dataclass
+    return replace(params, **{named: str(root(weights))})  # type: ignore[type-var]  # the Params of a stage are a dataclass
 
 
 def root(weights: FileTree) -> Path:
