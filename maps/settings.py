@@ -152,7 +152,7 @@ class Settings:
     grasp_report: grasp_report.Params = grasp_report.Params()
     static_read: static_read.Params = static_read.Params()
     static_evaluate: static_evaluate.Params = static_evaluate.Params()
-    boxes_train: Training = replace(SOR3D, backend="boxes", row="rgbd", batch=8, steps=1000, lr=5e-4)
+    boxes_train: Training = replace(SOR3D, backend="boxes", row="rgbd", batch=8, steps=1000, lr=5e-4, bf16=False)
     interaction_record: interaction_record.Params = interaction_record.Params()
     interaction_plan: interaction_plan.Params = interaction_plan.Params()
     interaction_render: interaction_render.Params = interaction_render.Params()

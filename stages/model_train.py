@@ -86,7 +86,7 @@ class Params:
     clip_norm: float = 1.0
     """largest norm of the gradient, 0 for any"""
     bf16: bool = False
-    """mixed precision; pays on GPUs"""
+    """mixed precision, where the device has instructions for it: GPUs, and CPUs with AMX or AVX512-BF16"""
     validate_every: int = 1500
     """steps between two validations"""
     patience: int = 0
@@ -131,7 +131,7 @@ class Params:
 
 
 SOR3D = Params(backend="sor3d", height_px=72, steps=1300, batch=16, accumulate=1, lr=3e-3, warmup=20, validate_every=325,
-               balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.45)  # fmt: skip
+               balance=0.0, foreground_weight=3.0, turn=0.5, static_share=0.5, coarse_share=0.45, bf16=True)  # fmt: skip
 """the embedded model of SOR3D-AFF, from nothing on two cores"""
 SOR3D_PAPER = Params(backend="sor3d", variant="paper", height_px=300, steps=96200, batch=2, accumulate=1, lr=2e-5, warmup=1,
                      decay=False, weight_decay=0.0, clip_norm=0.0, validate_every=4810, balance=0.0, static_share=0.0,

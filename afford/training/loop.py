@@ -113,7 +113,15 @@ def _validate(task: Task, state: State, plan: Plan, folder: Path) -> None:
 
 
 def _precision(plan: Plan) -> torch.autocast:
-    return torch.autocast(torch.device(plan.device).type, torch.bfloat16, plan.bf16)
+    """Mixed, where it was asked for and the device has instructions for it: a CPU that has none would only be slower."""
+    kind = torch.device(plan.device).type
+    return torch.autocast(kind, torch.bfloat16, plan.bf16 and (kind != "cpu" or quick_bf16()))
+
+
+def quick_bf16() -> bool:
+    """Whether this CPU multiplies bfloat16."""
+    found = torch.cpu.get_capabilities()
+    return any(found.get(name, False) for name in ("amx_bf16", "avx512_bf16", "bf16"))
 
 
 def seed_of(*numbers: int) -> int:

@@ -44,15 +44,18 @@ class Frames(NamedTuple):
 
 
 def frames(clips: Sequence[Seen], config: Sor3dConfig) -> Frames:
-    """Sequences of one length and size. ValueError when a flow does not fit its clip."""
+    """Sequences of one length and size. ValueError when a flow does not fit its clip.
+
+    Without torch up to the last line: batches are made in a thread beside the training, whose threads wait for those of torch.
+    """
     pairs = [(_appearance(clip, config), _motion(clip, config)) for clip in clips]
-    return Frames(*(torch.stack(parts) for parts in zip(*pairs, strict=True)))
+    return Frames(*(torch.from_numpy(np.stack(parts)) for parts in zip(*pairs, strict=True)))
 
 
-def _appearance(clip: Seen, config: Sor3dConfig) -> Tensor:
+def _appearance(clip: Seen, config: Sor3dConfig) -> np.ndarray:
     rgb = (clip.rgb.astype(np.float32) / 255 - MEAN) / SPREAD
     depth = relative(clip.depth_m.astype(np.float32), config.depth_span_m)
-    return torch.from_numpy(np.concatenate([rgb, depth[..., None]], -1)).permute(0, 3, 1, 2).contiguous()
+    return np.concatenate([rgb.transpose(0, 3, 1, 2), depth[:, None]], 1)
 
 
 def relative(depth_m: np.ndarray, span_m: float) -> np.ndarray:
@@ -62,13 +65,13 @@ def relative(depth_m: np.ndarray, span_m: float) -> np.ndarray:
     return np.where(known, np.clip((depth_m - middle) / span_m, -1, 1), 0).astype(np.float32)
 
 
-def _motion(clip: Seen, config: Sor3dConfig) -> Tensor:
+def _motion(clip: Seen, config: Sor3dConfig) -> np.ndarray:
     """(t, 3, h, w): flow i - 1 at frame i, its sizes raised to a power."""
     steps, height, width = clip.rgb.shape[:3]
-    motion = np.zeros((steps, height, width, 3), np.float32)
+    motion = np.zeros((steps, 3, height, width), np.float32)
     if len(clip.flow):
         if clip.flow.shape != (steps - 1, height, width, 3):
             raise ValueError(f"flow: expected {(steps - 1, height, width, 3)} for a clip of {steps} frames, got {clip.flow.shape}")
         colours = (clip.flow.astype(np.float32) - clip.still.astype(np.float32)) / STEP
-        motion[1:] = np.sign(colours) * np.abs(colours) ** np.float32(config.motion_power)
-    return torch.from_numpy(motion).permute(0, 3, 1, 2).contiguous()
+        motion[1:] = (np.sign(colours) * np.abs(colours) ** np.float32(config.motion_power)).transpose(0, 3, 1, 2)
+    return motion
