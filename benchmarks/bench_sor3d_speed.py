@@ -21,6 +21,7 @@ from afford.models.sor3d.config import VARIANTS, Sor3dConfig
 from afford.models.sor3d.inputs import Frames
 from afford.models.sor3d.losses import LossParams, losses
 from afford.models.sor3d.model import Sor3d, build
+from afford.training.precision import mixed
 from stages.model_train import SOR3D, SOR3D_PAPER
 
 PAGE = Path(__file__).with_name("sor3d_speed.md")
@@ -28,7 +29,7 @@ PUBLISHED_MS = 22
 FRAMES, REPEATS = 10, {"small": 9, "paper": 3}
 PLANS = {"small": SOR3D, "paper": SOR3D_PAPER}
 HEAD = ("model", "device", "px", "million parameters", "picture, ms", f"video of {FRAMES} frames, ms", "the same, mirrored too, ms",
-        "batch", "learned, sequences / s", "peak of the device, GiB")  # fmt: skip
+        "batch", "learns in", "learned, sequences / s", "peak of the device, GiB")  # fmt: skip
 
 
 def median_s(work: Callable[[], object], device: str, repeats: int) -> float:
@@ -72,7 +73,9 @@ def learned_per_s(model: Sor3d, name: str, device: str) -> float:
     label, action = (torch.zeros(shape, dtype=torch.long, device=device) for shape in ((plan.batch, size, size), (plan.batch,)))
 
     def step() -> None:
-        losses(model(frames), label, action, LossParams(dice=plan.dice_weight), 0.0)["total"].backward()
+        with mixed(device, plan.bf16):
+            found = losses(model(frames), label, action, LossParams(dice=plan.dice_weight), 0.0)
+        found["total"].backward()
         optimiser.step()
         optimiser.zero_grad()
 
@@ -85,9 +88,16 @@ def row(name: str, device: str) -> list[str]:
     model = build(config, 0).to(device).eval()
     count = sum(parameter.numel() for parameter in model.parameters())
     times = [f"{ms:.1f}" for ms in answers_ms(model, device, REPEATS[name])]
-    rate = f"{learned_per_s(model, name, device):.2f}"
+    rate = f"{learned_per_s(model, name, device):.2g}"
     peak = f"{torch.cuda.max_memory_allocated() / 2**30:.1f}" if device == "cuda" else ""
-    return [name, device, str(config.size_px), f"{count / 1e6:.2f}", *times, str(PLANS[name].batch), rate, peak]
+    learns = [str(PLANS[name].batch), precision(name, device), rate]
+    return [name, device, str(config.size_px), f"{count / 1e6:.2f}", *times, *learns, peak]
+
+
+def precision(name: str, device: str) -> str:
+    """What a plan multiplies while it learns, on a device of this machine."""
+    with mixed(device, PLANS[name].bf16):
+        return str((torch.ones(2, 2, device=device) @ torch.ones(2, 2, device=device)).dtype).removeprefix("torch.")
 
 
 def main() -> None:
@@ -98,8 +108,8 @@ def main() -> None:
     table = ["| " + " | ".join(cells) + " |" for cells in (HEAD, ["---"] * 2 + ["--:"] * (len(HEAD) - 2), *rows)]
     said = "" if len(devices) > 1 else " No CUDA device was at hand."
     PAGE.write_text("\n".join([
-        "# Speed of SOR3D-AFF's model", "", "Random weights, float32. CPU: CPU time on one core; cuda: the clock. Learning: "
-        "forward, losses, backward and AdamW. Written by `benchmarks/bench_sor3d_speed.py`.", "", *table, "",
+        "# Speed of SOR3D-AFF's model", "", "Random weights. Answers are in float32. CPU: CPU time on one core; cuda: the clock. "
+        "Learning: forward, losses, backward and AdamW. Written by `benchmarks/bench_sor3d_speed.py`.", "", *table, "",
         f"Published: {PUBLISHED_MS} ms a mask.{said}"]) + "\n")
     print(PAGE.read_text())
 

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from afford.training import checkpoint, events
 from afford.training.ahead import ahead
 from afford.training.gradients import one_by_one, together
+from afford.training.precision import mixed
 from afford.training.ranks import ALONE, Ranks
 from afford.training.schedule import warmup_decay
 from afford.training.state import State, resume
@@ -72,7 +73,7 @@ def _step(task: Task, model: nn.Module, batches: list[Any], optimiser: torch.opt
     optimiser.zero_grad(set_to_none=True)
 
     def loss(batch: Any) -> Mapping[str, Tensor]:
-        with _precision(plan):
+        with mixed(plan.device, plan.bf16):
             return task.loss(model, batch)
 
     found = together(loss, batches, model, plan.parallel) if plan.parallel > 1 else one_by_one(loss, batches, model, ranks)
@@ -103,25 +104,13 @@ def _keep(task: Task, state: State, scalars: Mapping[str, Tensor], optimiser: to
 
 def _validate(task: Task, state: State, plan: Plan, folder: Path) -> None:
     task.model.eval()
-    with torch.no_grad(), _precision(plan):
+    with torch.no_grad(), mixed(plan.device, plan.bf16):
         found = task.validate()
         previews = folder / "previews"
         previews.mkdir(parents=True, exist_ok=True)
         task.preview(previews, state.step)
     state.note("val", found)
     state.judge(found[task.judged_by], task.model, plan.patience)
-
-
-def _precision(plan: Plan) -> torch.autocast:
-    """Mixed, where it was asked for and the device has instructions for it: a CPU that has none would only be slower."""
-    kind = torch.device(plan.device).type
-    return torch.autocast(kind, torch.bfloat16, plan.bf16 and (kind != "cpu" or quick_bf16()))
-
-
-def quick_bf16() -> bool:
-    """Whether this CPU multiplies bfloat16."""
-    found = torch.cpu.get_capabilities()
-    return any(found.get(name, False) for name in ("amx_bf16", "avx512_bf16", "bf16"))
 
 
 def seed_of(*numbers: int) -> int:
