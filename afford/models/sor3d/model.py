@@ -94,8 +94,8 @@ def prior(action: Tensor) -> Tensor:
 
 def _laid(groups: Sequence[Tensor]) -> Tensor:
     """(n, t, c, h, w) of each group -> all frames, (sum of n * t, c, h, w), with the channels of a pixel beside each other:
-    convolutions of single precision are quicker on a CPU. Those of mixed precision are so anyhow, and there few channels side by
-    side keep the normalisation from whole registers."""
+    convolutions of single precision are quicker on a CPU. In mixed precision they are as they come: convolutions are quick anyhow,
+    and few channels side by side keep the normalisation from whole registers."""
     frames = torch.cat([frames.flatten(0, 1) for frames in groups])
     mixed = frames.device.type == "cpu" and torch.is_autocast_enabled("cpu")
     return frames if mixed else frames.contiguous(memory_format=torch.channels_last)
