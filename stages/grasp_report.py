@@ -5,7 +5,8 @@ Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior;
         GraspExam of all that was planned, finished or not
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png,
         two_tasks.png
-Method  means over episodes, then over seeds; Wilson's intervals; the teacher against the row without a prior (hti.*_with, _without)
+Method  means over episodes, then over seeds; Wilson's intervals; the teacher against rows without a prior
+        (hti.*_with, _without, _by_script)
 Fails   ValueError when nothing was played, or when those two did not learn equally long
 Paper   AffordDex, tables of results and ablations
 """

@@ -105,3 +105,17 @@ def test_the_prior_is_compared_over_common_seeds_after_equal_training() -> None:
     assert ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(lines([], said))
     with pytest.raises(ValueError, match="as many updates as teacher-0, got 100 and 200"):
         ablation(runs, [logs[0], TrainingLog("naa_only-0", (), 100, 100)])
+
+
+def test_a_script_instead_of_the_prior_stands_beside_both() -> None:
+    """Alone with the teacher as well; seeds that it does not have count for nobody."""
+    runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16]),
+            played("naa_only", 1, [1, 1], [70, 70]), played("on_script", 0, [0, 1], [20, 22])]  # fmt: skip
+    logs = [TrainingLog(f"{row}-{seed}", (), 200, 200) for row in ("teacher", "naa_only", "on_script") for seed in (0, 1)]
+    said = ablation(runs, logs)
+    assert (said["hti.jerk_with"], said["hti.jerk_without"], said["hti.jerk_by_script"]) == (11, 15, 21)
+    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(lines([], said))
+    alone = ablation([runs[0], runs[-1]], logs)
+    assert alone["hti.succ_by_script"] == 0.5 and "hti.succ_without" not in alone and "without |" not in "\n".join(lines([], alone))
+    with pytest.raises(ValueError, match="on_script-0: expected as many updates"):
+        ablation(runs, [*logs[:-2], TrainingLog("on_script-0", (), 100, 100)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from schemas.training import TrainingLog
 MAIN = "bullet"
 """the engine whose figures have no prefix"""
 MM, PCT = 1000.0, 100.0
-WITHOUT = "naa_only"
-"""the training that differs from the teacher in having no prior, and what that entails (recipes.ALONE)"""
+WITHOUT = {"without": "naa_only", "by_script": "on_script"}
+"""word in metrics -> the training that differs from the teacher in having no prior, and what that entails (recipes.ALONE), or in
+having a grasp by script instead (recipes.SCRIPT), which nobody has shown it"""
+COLUMN = {"with": "with", "without": "without", "by_script": "a script instead"}
 COMPARED = {"succ": "success", "jerk": "log_jerk", "hls": "hls", "as_violation_pct": "as_violation_pct"}
 """name in metrics -> figure of an episode"""
 WORDS = {"prior": "the prior", "clip": "motors that go where the clip goes", "still": "nobody"}
@@ -32,18 +35,19 @@ def tracking(found: Sequence[ClipsFollowed]) -> dict[str, float]:
 
 
 def ablation(episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog]) -> dict[str, float]:
-    """hti.<figure>_with and _without: the teacher against the same training without a prior, on training objects, over the seeds
-    that both have; nothing where there is none. ValueError when they did not learn from equally many updates."""
+    """hti.<figure>_with, _without and _by_script: the teacher against the same training without a prior, on training objects, over
+    the seeds that all of them have; nothing where there is none to compare. ValueError when they did not learn from equally many
+    updates."""
     out = dict[str, float]()
     for engine in dict.fromkeys(one.engine for one in episodes):
-        by = {policy: {one.seed: one for one in episodes if (one.policy, one.level, one.engine) == (policy, "train", engine)}
-              for policy in (TEACHER, WITHOUT)}  # fmt: skip
-        seeds = sorted(set(by[TEACHER]) & set(by[WITHOUT]))
-        _equally_long(logs, seeds)
+        by = {word: {one.seed: one for one in episodes if (one.policy, one.level, one.engine) == (policy, "train", engine)}
+              for word, policy in {"with": TEACHER, **WITHOUT}.items()}  # fmt: skip
+        found = {word: runs for word, runs in by.items() if runs}
+        seeds = sorted(set.intersection(*map(set, found.values()))) if {"with"} < set(found) else []
+        _equally_long(logs, [WITHOUT[word] for word in found if word in WITHOUT], seeds)
         prefix = "hti." if engine == MAIN else f"{engine}.hti."
-        for name, figure in COMPARED.items() if seeds else ():
-            for word, policy in (("with", TEACHER), ("without", WITHOUT)):
-                out[f"{prefix}{name}_{word}"] = float(np.mean([np.nanmean(by[policy][seed].figure(figure)) for seed in seeds]))
+        out |= {f"{prefix}{name}_{word}": float(np.mean([np.nanmean(runs[seed].figure(figure)) for seed in seeds]))
+                for word, runs in found.items() for name, figure in COMPARED.items() if seeds}  # fmt: skip
     return out
 
 
@@ -61,12 +65,12 @@ def lines(found: Sequence[ClipsFollowed], compared: Mapping[str, float]) -> list
     out += [""] if found else []
     if compared:
         out += ["## With and without the prior", "",
-                f"`{TEACHER}` and `{WITHOUT}` after equally many updates of PPO, training objects.", "",
+                f"`{TEACHER}` beside `{'` and `'.join(WITHOUT.values())}` after equally many updates of PPO, training objects.", "",
                 "| engine | | Succ % | log jerk | HLS | AS %, all |", "|---|---|--:|--:|--:|--:|"]  # fmt: skip
     for prefix in [p for p in ("", "mujoco.") if f"{p}hti.succ_with" in compared]:
-        for word in ("with", "without"):
+        for word in [word for word in COLUMN if f"{prefix}hti.succ_{word}" in compared]:
             succ, jerk, hls, unsafe = (compared[f"{prefix}hti.{name}_{word}"] for name in COMPARED)
-            out.append(f"| {prefix[:-1] or MAIN} | {word} | {PCT * succ:.1f} | {jerk:.1f} | {hls:.1f} | {unsafe:.1f} |")
+            out.append(f"| {prefix[:-1] or MAIN} | {COLUMN[word]} | {PCT * succ:.1f} | {jerk:.1f} | {hls:.1f} | {unsafe:.1f} |")
     return [*out, ""] if compared else out
 
 
@@ -83,10 +87,10 @@ def _each(found: Sequence[ClipsFollowed]) -> Iterator[tuple[ClipsFollowed, str, 
                 "clips": float(rows.sum())}  # fmt: skip
 
 
-def _equally_long(logs: Sequence[TrainingLog], seeds: Sequence[int]) -> None:
+def _equally_long(logs: Sequence[TrainingLog], rows: Sequence[str], seeds: Sequence[int]) -> None:
     steps = {log.name: log.steps for log in logs}
-    for seed in seeds:
-        both = [steps.get(f"{row}-{seed}") for row in (TEACHER, WITHOUT)]
+    for row, seed in product(rows, seeds):
+        both = [steps.get(f"{one}-{seed}") for one in (TEACHER, row)]
         if both[0] != both[1]:
-            raise ValueError(f"grasp_report, {WITHOUT}-{seed}: expected as many updates as {TEACHER}-{seed}, got {both[1]} and "
+            raise ValueError(f"grasp_report, {row}-{seed}: expected as many updates as {TEACHER}-{seed}, got {both[1]} and "
                              f"{both[0]}; train both with the same rl_grasp_refinement.updates")
