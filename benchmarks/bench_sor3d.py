@@ -21,7 +21,7 @@ from afford.models.sor3d.config import VARIANTS
 from afford.models.sor3d.model import build
 from afford.sor3d import published
 from benchmarks import sor3d_kept
-from benchmarks.pages import ROOT, into, make, took
+from benchmarks.pages import ROOT, head, into, make, took
 from commands.settings import described
 from stages import sor3d_report
 from stages.model_train import SOR3D, SOR3D_PAPER
@@ -72,7 +72,7 @@ def ablation(asked: argparse.Namespace, sets: tuple[str, ...]) -> str:
     report = Path(found["outputs"]["report"])
     if sets:
         return told(asked) + body(report)
-    return sor3d_kept.table(sor3d_kept.add(sor3d_kept.KEPT, report / "scores.json", sor3d_kept.head()), found["metrics"])
+    return sor3d_kept.table(sor3d_kept.add(sor3d_kept.KEPT, report / "scores.json", head()), found["metrics"])
 
 
 def told(asked: argparse.Namespace) -> str:

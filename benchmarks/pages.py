@@ -35,6 +35,12 @@ def took(page: Path, name: str, by: str, line: str) -> str:
     return line or (kept.group() if kept else "")
 
 
+def head() -> str:
+    """The commit that is checked out."""
+    command = ("git", "rev-parse", "--short", "HEAD")
+    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+
 def _parts(page: Path, name: str, by: str) -> tuple[str, str, str]:
     """A page up to its block, the block, and the rest."""
     start, end = f"<!-- {name}: written by benchmarks/{by} -->", f"<!-- end of {name} -->"

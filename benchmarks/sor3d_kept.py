@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -34,9 +33,3 @@ def table(known: Kept, motion: Mapping[str, float]) -> str:
     text = page.ablation(by_label(planned, done), plan(planned)) + page.motion(motion)
     commits = ", ".join(dict.fromkeys(known[recipe.name]["commit"] for recipe in planned if recipe.name in known))
     return f"Trained at the commits {commits}.\n\n{text.partition(chr(10) * 2)[2]}"
-
-
-def head() -> str:
-    """The commit that is checked out."""
-    command = ("git", "rev-parse", "--short", "HEAD")
-    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()

@@ -3,8 +3,8 @@
 Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets;
         GraspJudgement of a policy; GraspTasks whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
         GraspExam of all that was planned, finished or not
-Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), report.md, curves.png,
-        two_tasks.png
+Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), scores.json (seed by
+        seed), report.md, curves.png, two_tasks.png
 Method  means over episodes, then over seeds; Wilson's intervals; the teacher against rows without a prior
         (hti.*_with, _without, _by_script)
 Fails   ValueError when nothing was played, or when those two did not learn equally long

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.grasp import report_rows
 from afford.grasp.cells import cells
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
@@ -105,7 +106,17 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     assert all(one.name in text for one in tasks()) and "UniDexGrasp++" in text
     here = Scratch(tmp_path_factory.mktemp("report"))
     files = grasp_report.run((strict, script), (), (), (), (), (), grasp_report.Params(), here)
-    assert [file.name for file in files.files] == ["metrics.json", "report.md"]
+    assert [file.name for file in files.files] == ["metrics.json", "report.md", "scores.json"]
+
+
+def test_scores_are_told_seed_by_seed(script: GraspEpisodes) -> None:
+    """Where the report has their mean; what cannot be told of one seed is not there."""
+    both = [script, replace(script, seed=7, values=script.values * [0.0 if name == "success" else 1.0 for name in FIGURES])]
+    told = report_rows.scores(both)
+    (row,) = report_rows.rows(cells(both))
+    assert list(told) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
+    assert [one["succ"] for one in told.values()] == [2 * row.figures["succ"], 0.0]
+    assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in told.values())
 
 
 def test_what_was_planned_and_is_not_finished_is_marked(script: GraspEpisodes, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from afford.grasp.report_rows import Row
 from benchmarks import bench_grasp, pages
 
 FIGURES = {"succ": 0.5, "as_violation_pct": 4.0, "hls": 5.0, "negative_contact_end": 0.25}
@@ -39,17 +40,23 @@ def test_a_run_that_was_cached_keeps_how_long_it_took(tmp_path: Path, block: str
     assert pages.took(*page(tmp_path, block), line) == told
 
 
-@pytest.mark.parametrize(("seeds", "unfinished", "told"), [(3, 0, "3"), (2, 1, "2 of 3, not finished")])
-def test_the_short_table_of_grasps_marks_what_is_not_finished(seeds: int, unfinished: int, told: str) -> None:
-    """As the report does; a policy without figures has no row."""
-    named = FIGURES | {"seeds": float(seeds), "unfinished": float(unfinished)}
-    rows = bench_grasp.short({f"student.{name}.unseen_size": value for name, value in named.items()}).splitlines()[2:]
-    assert rows == [f"| student | unseen size | 50.0 | 4.0 | 5.0 | 0.25 | {told} |"]
+@pytest.mark.parametrize(("seeds", "told"), [(3, "3"), (2, "2 of 3, not finished")])
+def test_the_short_table_of_grasps_marks_what_is_not_finished(seeds: int, told: str) -> None:
+    """As the report does; only policies that are shown, in PyBullet."""
+    rows = [Row(policy, "unseen_size", engine, FIGURES, seeds, 3)
+            for policy in ("student", "lambda_half") for engine in ("bullet", "mujoco")]  # fmt: skip
+    assert bench_grasp.short(rows).splitlines()[2:] == [f"| student | unseen size | 50.0 | 4.0 | 5.0 | 0.25 | {told} |"]
 
 
-def test_what_stands_apart_is_cut_out_of_a_report() -> None:
-    """Heading and all, between others or last; what is not there changes nothing."""
+def test_a_section_is_what_stands_under_its_heading() -> None:
+    """Between others or last; one that is not there is said, for a block would lose what it has."""
     report = "A.\n\n## One\n\n1\n\n## Two\n\n2\n"
-    assert bench_grasp.without(report, "One") == "A.\n\n## Two\n\n2\n"
-    assert bench_grasp.without(report, "Two") == "A.\n\n## One\n\n1\n\n"
-    assert bench_grasp.without(report, "Three") == report and bench_grasp.section(report, "One") == "1\n"
+    assert [bench_grasp.section(report, name) for name in ("One", "Two")] == ["1\n", "2\n"]
+    with pytest.raises(SystemExit, match="Three: the report has no such section"):
+        bench_grasp.section(report, "Three")
+
+
+def test_every_section_has_its_block() -> None:
+    """On the page that it names."""
+    for name, (page, _) in bench_grasp.SECTIONS.items():
+        assert f"<!-- {name}: written by benchmarks/bench_grasp.py -->" in (pages.ROOT / "docs" / page).read_text(), name

@@ -40,10 +40,11 @@ class Cell(NamedTuple):
         return float(np.std(each, ddof=1)) if len(each) > 1 else float("nan")
 
     def depth_mm(self, percent: float) -> float:
-        """Percentile over all steps of all episodes in which hand and object touch; NaN where they never do."""
-        found = np.concatenate([one.depth_m.ravel() for one in self.runs])
-        found = found[np.isfinite(found)]
-        return float(1000 * np.percentile(found, percent)) if len(found) else float("nan")
+        """Percentile over all steps of each seed's episodes in which hand and object touch, then mean over seeds; NaN where they
+        never do."""
+        found = [one.depth_m[np.isfinite(one.depth_m)] for one in self.runs]
+        each = [np.percentile(depths, percent) for depths in found if len(depths)]
+        return float(1000 * np.mean(each)) if each else float("nan")
 
     def interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval of Succ, over all episodes."""

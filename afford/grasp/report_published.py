@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from afford.grasp.cells import PCT, Cell, number
+from afford.grasp.cells import PCT, number
 from afford.grasp.published import ROWS, Published
 from afford.grasp.recipes import NO_NEGATIVE, STUDENT, TEACHER
+from afford.grasp.report_rows import Row
 
 SAME: tuple[tuple[str, str, str], ...] = (
     (TEACHER, "state", "AffordDex"),
@@ -24,13 +25,14 @@ SAME: tuple[tuple[str, str, str], ...] = (
 negative terms stands beside both"""
 
 
-def lines(found: Sequence[Cell]) -> list[str]:
+def lines(found: Sequence[Row]) -> list[str]:
     """Markdown: the published rows; before them, where there are such, ours and theirs in one line."""
-    return [*_beside(found), *_published()]
+    return [*beside(found), *_published()]
 
 
-def _beside(found: Sequence[Cell]) -> list[str]:
-    rows = [_line(cell, theirs) for cell, theirs in pairs(found)]
+def beside(found: Sequence[Row]) -> list[str]:
+    """Those that mean the same; nothing where there is none."""
+    rows = [_line(row, theirs) for row, theirs in pairs(found)]
     head = ["## Beside the published", "", "Rows that mean the same, not the same test: objects and physics are others; HLS there",
             "is by a vision-language model, so that the two do not compare. AS of ours over successes.", "",
             "| table | theirs | ours | level | engine | Succ, theirs | ours | HLS, theirs | ours | AS, theirs | ours | seeds |",
@@ -38,20 +40,19 @@ def _beside(found: Sequence[Cell]) -> list[str]:
     return [*head, *rows, ""] if rows else []
 
 
-def pairs(found: Sequence[Cell]) -> Iterator[tuple[Cell, Published]]:
-    """What both have, in the order of SAME: a cell with episodes and the published row of its level."""
+def pairs(found: Sequence[Row]) -> Iterator[tuple[Row, Published]]:
+    """What both have, in the order of SAME: a row with figures and the published row of its level."""
     for ours, table, row in SAME:
         for theirs in ROWS:
             if (theirs.table, theirs.row) == (table, row):
-                yield from ((cell, theirs) for cell in found
-                            if (cell.policy, cell.level) == (ours, theirs.level) and cell.runs)  # fmt: skip
+                yield from ((one, theirs) for one in found if (one.policy, one.level) == (ours, theirs.level) and one.figures)
 
 
-def _line(cell: Cell, theirs: Published) -> str:
-    ours = PCT * cell.mean("success"), cell.mean("hls"), cell.mean("as_violation_pct", successes=True)
+def _line(row: Row, theirs: Published) -> str:
+    ours = PCT * row.figures["succ"], *(row.figures.get(name, float("nan")) for name in ("hls", "as_violation_pct"))
     both = zip((theirs.succ, theirs.hls, theirs.as_pct), ours, strict=True)
     values = " | ".join(f"{given:g} | {number(own, 1)}" for given, own in both)
-    return f"| {theirs.table} | {theirs.row} | {cell.policy} | {cell.level} | {cell.engine} | {values} | {len(cell.runs)} |"
+    return f"| {theirs.table} | {theirs.row} | {row.policy} | {row.level} | {row.engine} | {values} | {row.seeds} |"
 
 
 def _published() -> list[str]:

@@ -1,0 +1,118 @@
+"""Figures of examined policies of grasping, kept beside the scripts: seeds that were trained apart become one table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from afford.grasp import report_published, report_rows
+from afford.grasp.recipes import ROWS, STUDENTS
+from afford.grasp.report import ABOUT
+from afford.grasp.report_rows import FIGURES, Row
+from benchmarks.pages import ROOT
+from schemas.grasp_task import LEVELS
+from stages.grasp_report import Params
+
+KEPT = ROOT / "benchmarks" / "grasp_rows.json"
+POOLED = ("succ_low", "succ_high", "succ_sd", "episodes")
+"""not means over seeds"""
+
+Kept = dict[str, dict[str, Any]]
+"""policy-seeds-level-engine -> the commit that it was trained at, and its figures; seeds are one (1) or, where only their mean is
+known, several (0..2)"""
+
+
+class Known(NamedTuple):
+    """Figures of some seeds of one cell."""
+
+    cell: tuple[str, str, str]
+    """policy, level, engine"""
+    seeds: frozenset[int]
+    commit: str
+    figures: Mapping[str, float]
+
+
+def add(kept: Path, scores: Path, commit: str) -> Kept:
+    """What is known, and now what a report's scores.json tells too. It replaces what was known of the same seeds; a seed that is
+    part of a mean whose other seeds are not there stays as it is in that mean, and is said to."""
+    known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
+    fresh: Kept = {name: {"commit": commit, "figures": figures} for name, figures in json.loads(scores.read_text()).items()}
+    new = read(fresh)
+    for name, old in zip(tuple(known), read(known), strict=True):
+        same = [one for one in new if one.cell == old.cell and one.seeds & old.seeds]
+        if same and old.seeds <= frozenset[int]().union(*(one.seeds for one in same)):
+            del known[name]
+        for one in same if name in known else ():
+            twin = _name(one)
+            print(f"{twin}: stays as it is in {name}, for not all seeds of that mean were trained anew")
+            del fresh[twin]
+    known |= fresh
+    kept.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
+    return known
+
+
+def read(known: Kept) -> list[Known]:
+    """By cell and seeds."""
+    out = list[Known]()
+    for name, one in known.items():
+        policy, seeds, level, engine = name.rsplit("-", 3)
+        first, _, last = seeds.partition("..")
+        each = frozenset(range(int(first), int(last or first) + 1))
+        out.append(Known((policy, level, engine), each, one["commit"], one["figures"]))
+    return out
+
+
+def rows(known: Kept) -> list[Row]:
+    """A line for each policy, level and engine over all seeds that are known, in the order of the recipes and levels."""
+    found = dict[tuple[str, str, str], list[Known]]()
+    for one in read(known):
+        found.setdefault(one.cell, []).append(one)
+    order = tuple(dict.fromkeys((*Params().rows, *ROWS, *STUDENTS, *sorted(policy for policy, _, _ in found))))
+    places = sorted(found, key=lambda cell: (order.index(cell[0]), LEVELS.index(cell[1]), cell[2]))
+    return [Row(*cell, merged(found[cell]), sum(len(one.seeds) for one in found[cell]), _planned(cell[0])) for cell in places]
+
+
+def merged(parts: Sequence[Known]) -> dict[str, float]:
+    """Means over seeds, their standard deviation, and the interval of Succ over all episodes."""
+    count = [len(one.seeds) for one in parts]
+    out = {name: _mean(parts, name) for name, _, _ in FIGURES if name not in POOLED and any(name in one.figures for one in parts)}
+    if sum(count) > 1:
+        within = sum((k - 1) * one.figures.get("succ_sd", 0.0) ** 2 for k, one in zip(count, parts, strict=True))
+        between = sum(k * (one.figures["succ"] - out["succ"]) ** 2 for k, one in zip(count, parts, strict=True))
+        out["succ_sd"] = float(np.sqrt((within + between) / (sum(count) - 1)))
+    episodes = [round(one.figures["episodes"]) for one in parts]
+    won = sum(round(one.figures["succ"] * n) for n, one in zip(episodes, parts, strict=True))
+    wilson = binomtest(won, sum(episodes)).proportion_ci(method="wilson")
+    return out | {"succ_low": float(wilson.low), "succ_high": float(wilson.high), "episodes": float(sum(episodes))}
+
+
+def table(known: Kept) -> str:
+    """All of them with the commits they were trained at, and those that have published rows beside those."""
+    found = rows(known)
+    commits = ", ".join(dict.fromkeys(_commits(read(known), found)))
+    head = f"Trained at the commits {commits}."
+    return "\n".join([head, "", *ABOUT, "", *report_rows.lines(found), "", *report_published.beside(found)])
+
+
+def _commits(known: Sequence[Known], found: Sequence[Row]) -> Iterable[str]:
+    for row in found:
+        yield from (one.commit for one in known if one.cell == (row.policy, row.level, row.engine))
+
+
+def _mean(parts: Sequence[Known], name: str) -> float:
+    have = [one for one in parts if name in one.figures]
+    return float(np.average([one.figures[name] for one in have], weights=[len(one.seeds) for one in have]))
+
+
+def _planned(policy: str) -> int:
+    return Params().seeds if policy in {*ROWS, *STUDENTS} else 1
+
+
+def _name(one: Known) -> str:
+    policy, level, engine = one.cell
+    return f"{policy}-{min(one.seeds)}-{level}-{engine}"
