@@ -1,14 +1,14 @@
 """Train and examine hands that grasp, and write how they do where people read it.
 
-    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full [--sections NAMES]] [--minutes N]
-        [--set STAGE.PARAM=VALUE ...]
+    PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full [--policies NAMES] [--sections NAMES]]
+        [--minutes N] [--set STAGE.PARAM=VALUE ...]
 
 Writes the results block of docs/grasping.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png; with --full the block of
-all rows and the table of the README, of all policies that benchmarks/grasp_rows.json knows, to which those of this run are added.
-So seeds and rows can be trained a few at a time, and on other machines: `--set grasp_report.seeds=1 --set
-rl_grasp_refinement.seed=2 --set grasp_student.seed=2` is the third seed. Sections that stand apart are renewed when they are named:
-followed (how near the prior comes to clips) and full (what it is worth) in docs/imitation.md, told (N_t as predicted), uses (use by
-use) and pairs (one object, two tasks) in docs/grasping.md. Nothing in those is typed by hand.
+all rows and the table of the README, of all policies that benchmarks/grasp_rows.json knows, to which those of this run, or those of
+them that are named, are added. So seeds and rows can be trained a few at a time, and on other machines: `--set grasp_report.seeds=1
+--set rl_grasp_refinement.seed=2 --set grasp_student.seed=2` is the third seed. Sections that stand apart are renewed when they are
+named: followed (how near the prior comes to clips) and full (what it is worth) in docs/imitation.md, told (N_t as predicted), uses (use
+by use) and pairs (one object, two tasks) in docs/grasping.md. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -40,11 +40,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--store")
     parser.add_argument("--full", action="store_true")
+    parser.add_argument("--policies", default="", help="with --full: those to add to the table; all")
     parser.add_argument("--sections", default="", help=f"with --full: of {','.join(SECTIONS)}, those to renew")
     parser.add_argument("--set", action="append", default=[], help="for fewer rows or seeds")
     parser.add_argument("--minutes", help="with --full: rows that are not finished by then are marked so")
     asked = parser.parse_args()
-    wanted = [name for name in asked.sections.split(",") if name]
+    wanted, policies = ([name for name in names.split(",") if name] for names in (asked.sections, asked.policies))
     if strange := sorted(set(wanted) - set(SECTIONS)):
         parser.error(f"--sections: expected some of {','.join(SECTIONS)}, got {','.join(strange)}")
     more = [*(("--minutes", asked.minutes) if asked.minutes else ()), *(word for one in asked.set for word in ("--set", one))]
@@ -53,14 +54,14 @@ def main() -> None:
     settings = f"Asked for: `{' '.join(asked.set)}`.\n\n" if asked.set else ""
     text = (report / "report.md").read_text().partition("\n\n")[2].partition("\n## teacher")[0] + "\n"
     if asked.full:
-        full(report, {name: settings + section(text, SECTIONS[name][1]) for name in wanted})
+        full(report, policies, {name: settings + section(text, SECTIONS[name][1]) for name in wanted})
     else:
         alone(report, settings + text, found)
 
 
-def full(report: Path, sections: Mapping[str, str]) -> None:
+def full(report: Path, policies: Sequence[str], sections: Mapping[str, str]) -> None:
     """The table with what this run adds to it, and sections of the run's report."""
-    known = grasp_kept.add(grasp_kept.KEPT, report / "scores.json", head())
+    known = grasp_kept.add(grasp_kept.KEPT, report / "scores.json", head(), policies)
     into(ROOT / "docs" / "grasping.md", "grasp-full", SELF, grasp_kept.table(known))
     into(ROOT / "README.md", "grasp", SELF, short(grasp_kept.rows(known)))
     for name, text in sections.items():

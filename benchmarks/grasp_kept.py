@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,11 +37,13 @@ class Known(NamedTuple):
     figures: Mapping[str, float]
 
 
-def add(kept: Path, scores: Path, commit: str) -> Kept:
-    """What is known, and now what a report's scores.json tells too. It replaces what was known of the same seeds; a seed that is
-    part of a mean whose other seeds are not there stays as it is in that mean, and is said to."""
+def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -> Kept:
+    """What is known, and now what a report's scores.json tells of the policies, or of all, too. It replaces what was known of the same
+    seeds; a seed that is part of a mean whose other seeds are not there stays as it is in that mean, and is said to."""
     known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
-    fresh: Kept = {name: {"commit": commit, "figures": figures} for name, figures in json.loads(scores.read_text()).items()}
+    told: dict[str, dict[str, float]] = json.loads(scores.read_text())
+    fresh: Kept = {name: {"commit": commit, "figures": figures} for name, figures in told.items()
+                   if not policies or name.rsplit("-", 3)[0] in policies}  # fmt: skip
     new = read(fresh)
     for name, old in zip(tuple(known), read(known), strict=True):
         same = [one for one in new if one.cell == old.cell and one.seeds & old.seeds]

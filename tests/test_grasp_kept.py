@@ -56,6 +56,7 @@ def test_a_run_replaces_what_was_known_of_its_seeds(tmp_path: Path) -> None:
     assert known == json.loads(path.read_text()) and commits == {
         "teacher-0..1-train-bullet": "aaa", "teacher-0-unseen_size-bullet": "aaa", "prior-0-train-bullet": "bbb",
         "lambda_half-1-train-bullet": "bbb"}  # fmt: skip
+    assert grasp_kept.add(path, told, "ccc", ["lambda_half"])["prior-0-train-bullet"]["commit"] == "bbb"
     told.write_text(json.dumps(scores(runs)))
     assert {"teacher-0-train-bullet", "teacher-1-train-bullet"} == {
         name for name in grasp_kept.add(path, told, "ccc") if name.startswith("teacher") and "-train-" in name}  # fmt: skip
