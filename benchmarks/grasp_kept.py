@@ -38,7 +38,7 @@ class Known(NamedTuple):
 
 
 def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -> Kept:
-    """What is known, and now what a report's scores.json tells of the policies, or of all, too. It replaces what was known of the same
+    """What is known, and now what a report's scores.json tells of the policies, or of all. It replaces what was known of the same
     seeds; a seed that is part of a mean whose other seeds are not there stays as it is in that mean, and is said to."""
     known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
     told: dict[str, dict[str, float]] = json.loads(scores.read_text())
