@@ -73,7 +73,7 @@ def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
     page = (ROOT / "docs" / "grasping.md", "grasp", SELF)
     line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     anew = found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
-    into(*page, took(*page, line if anew else "") + text)
+    into(*page, took(*page, line if anew else "") + text.replace("\n## ", "\n### "))
     for name, picture in (("curves", "grasp_curves"), ("two_tasks", "two_tasks")):
         shutil.copyfile(report / f"{name}.png", ROOT / "docs" / "pictures" / f"{picture}.png")
     sheet = next(Path(found["outputs"]["films"]).glob("*.png"))
