@@ -67,7 +67,8 @@ class Inline:
         self._jobs = deque(job for job in self._jobs if job.key != key)
 
     def close(self) -> None:
-        """Nothing runs outside `wait`."""
+        """Nothing runs outside `wait`: only what values were saved in is left."""
+        self._store.clean()
 
 
 @dataclass

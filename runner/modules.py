@@ -75,7 +75,7 @@ class Modules:
         base = self.root.joinpath(*name.split("."))
         for path, package in ((base.with_name(base.name + ".py"), False), (base / "__init__.py", True)):
             if path.is_file():
-                return self._parsed(name, path, package)
+                return self._read(name, path, package)
         return Module(name, str(base)) if base.is_dir() and self._holds_code(name, base) else None
 
     def _holds_code(self, name: str, folder: Path) -> bool:

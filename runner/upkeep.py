@@ -196,11 +196,19 @@ def sweep(root: Path) -> None:
 def _has_owner(folder: Path) -> bool:
     """Whether the process that the name states may still be there: it lives, or is on another host and was at work today."""
     where, _, rest = folder.name.partition(".")[2].rpartition("-")[0].rpartition("-")
-    if where == host() and rest.isdigit():
-        return os.path.isdir(f"/proc/{rest}") if os.path.isdir("/proc/self") else True
+    if where == host() and rest.isdigit() and os.path.isdir("/proc/self"):
+        return _lives(rest)
     with suppress(FileNotFoundError):
         return time.time() - folder.stat().st_mtime < DAY_S
     return False
+
+
+def _lives(process: str) -> bool:
+    """Whether a process is there and has not ended (one that nobody waits for stays in the table as a zombie)."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
 
 
 def _reached(store: Store, traces: Traces) -> Iterator[str]:

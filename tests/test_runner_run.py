@@ -128,6 +128,14 @@ def test_a_failed_shard_fails_alone_and_is_tried_again(project: Project) -> None
     assert project.run("ab", "bad", jobs=1).ok
 
 
+@pytest.mark.parametrize("jobs", [0, 1])
+def test_a_stage_that_ends_itself_fails_alone(jobs: int, project: Project) -> None:
+    """SystemExit is a failure of the shard, not the end of the run."""
+    report = project.run("ab", "quit", jobs=jobs)
+    assert {failure.shard for failure in report.failures} == {"w1/w1.0", "w1/w1.1"} and "SystemExit" in report.failures[0].message
+    assert text(project, report) == "A A"
+
+
 def test_when_everything_fails_nothing_is_collected(project: Project) -> None:
     """A collect without any success is blocked, not empty."""
     report = project.run("bad")
