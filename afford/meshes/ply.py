@@ -36,12 +36,9 @@ def read_ply(files: FileTree, file: FileRef) -> Surface:
         return replace(surface, uv=np.asarray(uv, np.float64)[faces], images=(pixels,))
     face, vertex = found.get("face_colors"), found.get("vertex_colors")
     if vertex is not None:
-        if len(vertex) != len(surface.vertices):
-            raise SourceError(file.name, "a colour for each vertex", f"{len(vertex)} for {len(surface.vertices)} vertices",
-                              "export the mesh again")
-        return coloured(surface, _bytes(vertex)[faces])
+        return coloured(surface, _bytes(vertex, len(surface.vertices), file.name)[faces])
     if face is not None and len(face) == len(faces):
-        return coloured(surface, np.repeat(_bytes(face)[:, None], 3, axis=1))
+        return coloured(surface, np.repeat(_bytes(face, len(faces), file.name)[:, None], 3, axis=1))
     return surface
 
 
@@ -72,7 +69,10 @@ def _triangles(found: dict[str, Any], name: str) -> np.ndarray:
         raise SourceError(name, "faces of 3 corners or more", reason(error), "export the file again") from error
     if out.ndim != 2 or out.shape[1] != 3:
         raise SourceError(name, "faces of 3 corners or more", f"an array {quads.shape}", "export the file again")
-    check_corners(out, len(found["vertices"]), name)
+    vertices = found["vertices"]
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "uif":
+        raise SourceError(name, "vertices of three numbers", f"{vertices.dtype} {vertices.shape}", "export the file again")
+    check_corners(out, len(vertices), name)
     return out
 
 
@@ -92,7 +92,11 @@ def _ordered(surface: Surface, header: str) -> Surface:
     return surface if same else replace(surface, line=np.full(len(surface.faces), -1))
 
 
-def _bytes(colours: np.ndarray) -> np.ndarray:
-    """(n, 3) uint8 of colours 0..255, or 0..1 when they are floats."""
-    values = np.asarray(colours)[:, :3]
+def _bytes(colours: np.ndarray, count: int, name: str) -> np.ndarray:
+    """(n, 3) uint8 of `count` colours 0..255, or 0..1 when they are floats; SourceError when they are something else."""
+    values = np.asarray(colours)
+    if values.ndim != 2 or len(values) != count or values.shape[1] < 3 or values.dtype.kind not in "uif":
+        got = f"{values.dtype} {values.shape}"
+        raise SourceError(name, f"{count} colours of red, green and blue", got, "export the mesh again")
+    values = values[:, :3]
     return values.astype(np.uint8) if values.dtype.kind in "ui" else np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)

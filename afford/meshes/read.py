@@ -13,6 +13,9 @@ from afford.meshes.urdf import read_urdf
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 
+FARTHEST = 1e9
+"""in any unit: squares and products of what is larger leave the range of numbers"""
+
 
 def read(files: FileTree) -> Surface:
     """The surface of one object in the unit of its file; SourceError names the file and what is wrong with it."""
@@ -25,6 +28,8 @@ def read(files: FileTree) -> Surface:
         broken = int((~np.isfinite(values)).any(axis=1).sum())
         if broken:
             raise SourceError(file.name, f"finite {what}", f"{broken} with NaN or infinity", "export the mesh again")
+        if np.abs(values).max() > FARTHEST:
+            raise SourceError(file.name, f"{what} of at most {FARTHEST:g}", f"{np.abs(values).max():g}", "export the mesh again")
     return surface
 
 

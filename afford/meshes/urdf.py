@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import xml.etree.ElementTree as Xml
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -19,6 +20,8 @@ from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]
 PACKAGE = "package://"
+TRIANGLES = {"box": 12, "sphere": 1280, "cylinder": 128}
+"""of the shapes that a URDF describes, as they are drawn"""
 MAX_DEPTH = 256
 """joints between a link and the base: an arm with a hand has 15; each link costs as many products of matrices"""
 
@@ -63,7 +66,7 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
     poses = _poses(root, file.name)
     colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
     found: list[Surface] = []
-    shapes = _Shapes(files, file, read_mesh)
+    shapes = _Shapes(files, file, read_mesh, root)
     for link in root.findall("link"):
         name = link.get("name", "")
         for visual in link.findall("visual"):
@@ -77,13 +80,16 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
 
 
 class _Shapes:
-    """The shapes of one URDF: each mesh file is read once, and what all have together is counted."""
+    """The shapes of one URDF: each mesh file is read once, and the triangles of all copies are counted before they are made."""
 
-    def __init__(self, files: FileTree, file: FileRef, read_mesh: ReadMesh) -> None:
+    def __init__(self, files: FileTree, file: FileRef, read_mesh: ReadMesh, root: Xml.Element) -> None:
+        kinds = list(root.iterfind("link/visual/geometry/*"))
         self.files, self.file, self.read_mesh = files, file, read_mesh
+        self._uses = Counter(kind.get("filename") for kind in kinds)
         self._meshes: dict[str, Surface] = {}
         self._pictures = Pictures()
         self._triangles = 0
+        self._count(sum(TRIANGLES.get(kind.tag, 0) for kind in kinds))
 
     def read(self, visual: Xml.Element) -> Surface:
         """The geometry of a visual, in its own frame; SourceError for none, or for too many triangles together."""
@@ -91,15 +97,17 @@ class _Shapes:
         kind = next(iter(geometry), None) if geometry is not None else None
         if kind is None:
             raise SourceError(self.file.name, "a shape in <geometry>", "nothing", "name a mesh")
-        shape = self._mesh(kind) if kind.tag == "mesh" else _plain(_solid(kind, self.file.name))
-        self._triangles += len(shape.faces)
+        return self._mesh(kind) if kind.tag == "mesh" else _plain(_solid(kind, self.file.name))
+
+    def _count(self, triangles: int) -> None:
+        self._triangles += triangles
         check_triangles(self._triangles, self.file.name)
-        return shape
 
     def _mesh(self, kind: Xml.Element) -> Surface:
         found = mesh_file(self.files, self.file, kind)
         if found.name not in self._meshes:
             self._meshes[found.name] = self.read_mesh(self.files, found)
+            self._count(len(self._meshes[found.name].faces) * self._uses[kind.get("filename")])
             for image in self._meshes[found.name].images:
                 self._pictures.count(image, self.file.name)
         return moved(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))

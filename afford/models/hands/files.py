@@ -10,6 +10,7 @@ from pathlib import Path
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
+from afford.models.described import read_config
 from afford.models.hands.model import Hands, HandsConfig
 from schemas.files import FileTree
 
@@ -35,14 +36,12 @@ def write(scratch: Path, model: Hands, card: str) -> Path:
 def read(where: Path | FileTree) -> Hands:
     """The network that `write` wrote, out of a folder or a store; ValueError says which file does not fit."""
     config, weights = (_file(where, name) for name in (CONFIG, WEIGHTS))
-    fields = json.loads(config.read_text(encoding="utf-8"))
-    if fields.pop("format", None) != FORMAT:
-        raise ValueError(f"{config}: expected \"format\": \"{FORMAT}\"; train a finder with hands_train")
-    model = Hands(HandsConfig(**{**fields, "widths": tuple(fields["widths"])}))
+    model = Hands(read_config(config, HandsConfig, FORMAT, str(config), "train a finder with hands_train"))
     try:
         model.load_state_dict(load_file(weights))
-    except (SafetensorError, RuntimeError) as error:
-        raise ValueError(f"{weights}: expected the weights that {CONFIG} describes; {error}") from error
+    except (OSError, SafetensorError, RuntimeError) as error:
+        got = " ".join(str(error).split())
+        raise ValueError(f"{weights}: expected the weights that {CONFIG} describes; {got}") from error
     return model
 
 
