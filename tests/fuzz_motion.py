@@ -46,7 +46,8 @@ def record() -> dict[str, object]:
     """Every field of our own format."""
     pose = np.tile([0.1, 0.2, 0.9, 0.0, 0.0, 0.0, 1.0], (FRAMES, 1))
     return {"keypoints": hand() * 1000, "fps": 60.0, "hand": "right", "unit": "mm", "phase": ["reach"] * 2 + ["hold"] * 2,
-            "object_name": "cup", "object_pose": pose * [*[1000] * 3, *[1] * 4], "palm": np.tile(np.eye(4), (FRAMES, 1, 1))}  # fmt: skip
+            "object_name": "cup", "object_pose": pose * [1000, 1000, 1000, 1, 1, 1, 1],
+            "palm": np.tile(np.eye(4), (FRAMES, 1, 1))}  # fmt: skip
 
 
 def write_keypoints(folder: Path, ending: str) -> Path:
@@ -162,11 +163,11 @@ READERS: list[FuzzedReader] = [
 
 def large_npz(folder: Path) -> Path:
     """A clip whose keypoints are 2.5 GB of zeros in 2 MiB."""
-    with zipfile.ZipFile(folder / "clip.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("keypoints.npy", "w", force_zip64=True) as member:
-            np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (5_000_000, 21, 3)})
-            for _ in range(2500):
-                member.write(bytes(1_008_000))
+    with (zipfile.ZipFile(folder / "clip.npz", "w", zipfile.ZIP_DEFLATED) as archive,
+          archive.open("keypoints.npy", "w", force_zip64=True) as member):  # fmt: skip
+        np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (5_000_000, 21, 3)})
+        for _ in range(2500):
+            member.write(bytes(1_008_000))
     return folder / "clip.npz"
 
 
