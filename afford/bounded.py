@@ -41,6 +41,8 @@ HEADER_ERRORS = (ValueError, TypeError, SyntaxError, tokenize.TokenError, Overfl
 IMAGE_ERRORS = (OSError, ValueError, SyntaxError, TypeError, LookupError, EOFError, OverflowError, AttributeError, RuntimeError,
                 struct.error, zlib.error)  # fmt: skip
 """what Pillow raises for the header of a picture that is damaged"""
+Refuse = Callable[[str], SourceError]
+"""what was got -> the error that says so"""
 
 
 class TooLargeError(SourceError):
@@ -90,28 +92,35 @@ def not_an_image(name: str, length: int) -> SourceError:
 
 def load_npy(path: Path, name: str, most: int = MAX_ARRAY_BYTES) -> np.ndarray:
     """Array of numbers or text in an .npy of at most `most` bytes. TooLargeError beyond the limit, SourceError for another file."""
+
+    def refuse(got: str) -> SourceError:
+        return SourceError(name, "an .npy of plain numbers", got, "save it with allow_pickle=False, without objects")
+
     try:
-        size = path.stat().st_size
         with path.open("rb") as stream:
-            return _array(stream, size, name, most)
+            return _array(stream, path.stat().st_size, name, most, refuse)
     except OSError as error:
-        raise SourceError(name, "an .npy of plain numbers", error.strerror or str(error), "check the path") from error
+        raise SourceError(name, "an .npy of plain numbers", reason(error), "check the path") from error
 
 
 def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: True,
              most: int = MAX_ARRAY_BYTES) -> dict[str, np.ndarray]:  # fmt: skip
     """Arrays of numbers or text in an .npz by name, those that are `wanted`, in the order of the file. TooLargeError when they
     unpack to more than `most` bytes, SourceError for another file."""
+
+    def refuse(got: str) -> SourceError:
+        return SourceError(name, "an .npz of plain arrays", got, "save it with numpy.savez, without objects")
+
     try:
         with zipfile.ZipFile(path) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             chosen = {key: info for key, info in members.items() if wanted(key)}
             _check_bytes(sum(info.file_size for info in chosen.values()), name, "arrays", most)
-            return {key: _member_array(archive, info, f"{name}, {key}", most) for key, info in chosen.items()}
+            return {key: _member_array(archive, info, f"{name}, {key}", most, refuse) for key, info in chosen.items()}
     except SourceError:
         raise
     except ZIP_ERRORS as error:
-        raise SourceError(name, "an .npz of plain arrays", reason(error), "save it with numpy.savez, without objects") from error
+        raise refuse(reason(error)) from error
 
 
 def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int) -> bytes:
@@ -132,16 +141,16 @@ def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most
     return b"".join(parts)
 
 
-def npy_header(stream: BinaryIO, name: str) -> Header:
-    """Shape and dtype that the header of an .npy states; SourceError when it is none, or not one of numbers or text."""
+def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
+    """Shape and dtype that the header of an .npy states; what `refuse` gives when it is none, or not one of numbers or text."""
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read(stream)
     except HEADER_ERRORS as error:
-        raise SourceError(name, "an .npy of plain numbers", reason(error), "save it with numpy.save, without objects") from error
+        raise refuse(reason(error)) from error
     if dtype.kind not in PLAIN_KINDS or dtype.itemsize == 0 or any(size < 0 for size in shape):
-        raise SourceError(name, "an .npy of plain numbers", f"{dtype} {shape}", "save it with numpy.save, without objects")
+        raise refuse(f"{dtype} {shape}")
     return Header(shape, dtype)
 
 
@@ -151,23 +160,22 @@ def reason(error: BaseException) -> str:
     return said.splitlines()[0] if said else type(error).__name__
 
 
-def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int) -> np.ndarray:
+def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int, refuse: Refuse) -> np.ndarray:
     data = read_member(archive, info, name, most)
-    return _array(io.BytesIO(data), len(data), name, most)
+    return _array(io.BytesIO(data), len(data), name, most, refuse)
 
 
-def _array(stream: BinaryIO, size: int, name: str, most: int) -> np.ndarray:
-    """The array of a stream of `size` bytes, which it must fill."""
-    header = npy_header(stream, name)
+def _array(stream: BinaryIO, size: int, name: str, most: int, refuse: Refuse) -> np.ndarray:
+    """The array of a stream of `size` bytes."""
+    header = npy_header(stream, refuse)
     _check_bytes(header.bytes, name, "an array", most)
     if header.bytes > size - stream.tell():
-        raise SourceError(name, f"{header.bytes} bytes for {header.dtype} {header.shape}", f"{size - stream.tell()}",
-                          "was the file cut short? save it again")
+        raise refuse(f"{size - stream.tell()} bytes for {header.dtype} {header.shape}")
     stream.seek(0)
     try:
         found: np.ndarray = np.lib.format.read_array(stream, allow_pickle=False)
     except HEADER_ERRORS as error:
-        raise SourceError(name, "an .npy of plain numbers", reason(error), "save it with numpy.save, without objects") from error
+        raise refuse(reason(error)) from error
     return found
 
 

@@ -41,9 +41,11 @@ def read(file: FileRef, side: str) -> Mano:
     found = load_npz(file.path, file.name, SHAPES.__contains__)
     for name, shape in SHAPES.items():
         array = found.get(name)
-        if array is None or array.shape != shape or array.dtype.kind not in "fiu" or not np.isfinite(array).all():
-            got = "none" if array is None else f"{array.dtype} {array.shape}"
-            raise SourceError(f"{file.name}, {name}", f"finite numbers {shape}", got, "save all arrays of MANO v1.2")
+        if array is None or array.shape != shape:
+            got = "none" if array is None else str(array.shape)
+            raise SourceError(f"{file.name}, {name}", f"numbers {shape}", got, "save all arrays of MANO v1.2")
+        if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise SourceError(f"{file.name}, {name}", "finite numbers", f"others ({array.dtype})", "save all arrays of MANO v1.2")
     parents = found.pop("kintree_table")[0].astype(np.int64)
     if ((parents[1:] < 0) | (parents[1:] >= np.arange(1, len(parents)))).any():
         raise SourceError(f"{file.name}, kintree_table", "parents before their children", str(parents.tolist()),

@@ -7,10 +7,10 @@ import json
 import shutil
 from pathlib import Path
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+import torch
+from safetensors.torch import save_file
 
-from afford.models.described import read_config
+from afford.models.described import fill, read_config
 from afford.models.parts.model import Parts, PartsConfig
 from schemas.files import FileTree
 
@@ -35,13 +35,10 @@ def read(files: FileTree) -> Parts:
     """The scorer that `write` wrote; ValueError says which file does not fit."""
     config, weights = (_file(files, name) for name in (CONFIG, WEIGHTS))
     where = f"{CONFIG} of {files.name}"
-    model = Parts(read_config(config, PartsConfig, FORMAT, where, "train a scorer with scorer_train"))
-    try:
-        model.load_state_dict(load_file(weights))
-    except (OSError, SafetensorError, RuntimeError) as error:
-        got = " ".join(str(error).split())
-        raise ValueError(f"{WEIGHTS} of {files.name}: expected the weights that {CONFIG} describes; {got}") from error
-    return model
+    sizes = read_config(config, PartsConfig, FORMAT, where, "train a scorer with scorer_train")
+    with torch.device("meta"):
+        model = Parts(sizes)
+    return fill(model, weights, f"{WEIGHTS} of {files.name}")
 
 
 def _file(files: FileTree, name: str) -> Path:
