@@ -100,12 +100,15 @@ def _weights(backend: Backend, owner: str, params: Any) -> str:
 
 
 def _in_cache(model: str) -> bool:
-    """Whether a hub id was downloaded before."""
+    """Whether a hub id was downloaded before, in the revision that it names."""
     from huggingface_hub import try_to_load_from_cache
     from huggingface_hub.errors import HFValidationError
 
+    from afford.models.hub import pinned
+
     try:
-        return isinstance(try_to_load_from_cache(model, "config.json"), str)
+        repository, revision = pinned(model)
+        return isinstance(try_to_load_from_cache(repository, "config.json", revision=revision), str)
     except HFValidationError:  # a path
         return False
 
