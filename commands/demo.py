@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +15,13 @@ from commands.session import STORE
 if TYPE_CHECKING:
     from afford.demo.examples import Example
 
+LAST_PORT = 65535
+
 
 def demo(host: str, port: int, model: Path | None, device: str, store: Path | None) -> int:
     """Serve until the user stops it. UsageError when there is no model, or the address cannot be had."""
+    if not 0 <= port <= LAST_PORT:
+        raise UsageError(f"--port {port}: expected a port of 0 (any that is free) to {LAST_PORT}")
     from commands.predict import open_model
 
     stored, predictor = open_model(model, store, device)
@@ -27,8 +32,9 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     console = Console(stderr=True)
     try:
         site = Site(host, port, ask, ask.about(), _examples((store or STORE) / "benchmarks", console))
-    except (OSError, OverflowError) as error:
-        raise UsageError(f"--host {host} --port {port}: expected an address that is free on this machine, got: {error}") from error
+    except OSError as error:
+        wanted = "that is free; stop what listens there, or give --port 0" if error.errno == errno.EADDRINUSE else "of this machine"
+        raise UsageError(f"--host {host} --port {port}: expected an address {wanted} ({error})") from error
     console.print(f"model {escape(stored.name)} {stored.digest[:12]}", highlight=False)
     console.print(f"[bold]{site.url}[/]  (Ctrl+C stops it)", highlight=False)
     if not site.is_local:
