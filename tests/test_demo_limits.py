@@ -148,21 +148,46 @@ def test_a_crowd_waits_at_the_door() -> None:
         site.shutdown()
 
 
+HELLO = b"GET /model.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
 def test_connections_at_once_are_bounded(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    """One too many is 503 and a sentence; when another leaves there is a place."""
+    """One more than are served is 503 and a sentence; when one of them has its answer there is a place."""
     monkeypatch.setattr(crowd, "MAX_CONNECTIONS", 3)
-    hello = b"GET /model.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    with serving() as site:
-        with ExitStack() as stack:
-            held = [stack.enter_context(connected(site)) for _ in range(3)]
-            for one in held:
-                one.sendall(hello)
-                assert reply(one)[0] == 200
-            for _ in range(20):
-                status, said = told(site, hello)
-                assert status == 503 and said["error"].startswith("3 visitors are connected already; wait")
-        while told(site, hello)[0] == 503:
-            time.sleep(0.01)
+    asked, may_end = threading.Semaphore(0), threading.Event()
+
+    def slow(data: bytes, task: str, hands: str) -> dict[str, Any]:
+        asked.release()
+        may_end.wait(20)
+        return {}
+
+    with serving(slow) as site, ExitStack() as stack:
+        held = [stack.enter_context(connected(site)) for _ in range(3)]
+        for one in held:
+            one.sendall(post("task=x"))
+            asked.acquire()
+        for _ in range(20):
+            status, said = told(site, HELLO)
+            assert status == 503 and said["error"].startswith("3 visitors are served already; wait")
+        may_end.set()
+        assert [reply(one) for one in held] == [(200, {})] * 3
+        assert told(site, HELLO) == (200, {})
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\n", HELLO], ids=["nothing", "half a request", "a whole one, kept open"])
+def test_silent_connections_keep_nobody_out(sent: bytes, monkeypatch: pytest.MonkeyPatch,
+                                            capfd: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    """Many more than may be open: the oldest of them give way, every visitor is answered, threads do not pile up."""
+    monkeypatch.setattr(crowd, "MAX_CONNECTIONS", 8)
+    before = threading.active_count()
+    with serving() as site, ExitStack() as stack:
+        for _ in range(60):
+            one = stack.enter_context(connected(site))
+            one.sendall(sent)
+            assert sent != HELLO or reply(one) == (200, {})
+        assert told(site, post("task=x"))[0] == 200
+        assert threading.active_count() <= before + 1 + 8
     assert capfd.readouterr().err == ""
 
 

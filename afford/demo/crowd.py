@@ -9,11 +9,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import ThreadingHTTPServer
 from typing import Any
 
 MAX_CONNECTIONS = 128
+DROP_S = 0.5
+"""longest wait for the place of a connection that was dropped"""
 LINGER_S = 1.0
 """how long a refused connection stays open, so that its visitor gets to read why"""
 
@@ -44,21 +46,26 @@ class Room:
 
 
 class CrowdServer(ThreadingHTTPServer):
-    """A server with at most MAX_CONNECTIONS connections, a thread each; further ones get 503."""
+    """A server with at most MAX_CONNECTIONS connections, a thread each. A further one takes the place of the one that has been
+    silent for longest, or gets 503 where all are busy. A handler calls `silent` before it waits for a request, `busy` when it has
+    one."""
 
     daemon_threads = True
     request_queue_size = 128
 
     def __init__(self, *args: Any) -> None:
         self._seats = threading.BoundedSemaphore(MAX_CONNECTIONS)
+        self._silent: dict[socket.socket, None] = {}
+        self._lock = threading.Lock()
         self._refused: deque[tuple[float, socket.socket]] = deque()
         super().__init__(*args)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, or refuse it where MAX_CONNECTIONS are open."""
-        if not self._seats.acquire(blocking=False):
+        """Serve a connection in a thread of its own, or refuse it where MAX_CONNECTIONS are busy."""
+        if not (self._seats.acquire(blocking=False) or (self._drop() and self._seats.acquire(timeout=DROP_S))):
             self._refuse(request)
             return
+        self.silent(request)
         try:
             super().process_request(request, client_address)
         except BaseException:  # no thread was started that would
@@ -70,7 +77,29 @@ class CrowdServer(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self.busy(request)
             self._seats.release()
+
+    def silent(self, connection: socket.socket) -> None:
+        """Note that a connection waits for a request and may be dropped."""
+        with self._lock:
+            self._silent[connection] = None
+
+    def busy(self, connection: socket.socket) -> None:
+        """Note that a connection has a request, or has ended."""
+        with self._lock:
+            self._silent.pop(connection, None)
+
+    def _drop(self) -> bool:
+        """End the connection that has been silent for longest, if there is one; its thread ends, too."""
+        with self._lock:
+            oldest = next(iter(self._silent), None)
+            if oldest is None:
+                return False
+            del self._silent[oldest]
+            with suppress(OSError):  # its visitor has left
+                oldest.shutdown(socket.SHUT_RDWR)
+            return True
 
     def service_actions(self) -> None:
         """Close connections that were refused some time ago, and those of a crowd at once."""
@@ -90,7 +119,7 @@ class CrowdServer(ThreadingHTTPServer):
 
     def _refuse(self, connection: socket.socket) -> None:
         """Say in one sentence that there is no place, without waiting for anything."""
-        body = error_json(f"{MAX_CONNECTIONS} visitors are connected already; wait a moment and try again")
+        body = error_json(f"{MAX_CONNECTIONS} visitors are served already; wait a moment and try again")
         head = (f"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json; charset=utf-8\r\n"
                 f"Content-Length: {len(body)}\r\nRetry-After: 1\r\nConnection: close\r\n\r\n")  # fmt: skip
         connection.setblocking(False)

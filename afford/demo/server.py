@@ -122,7 +122,14 @@ class Handler(BaseHTTPRequestHandler):
     def handle_one_request(self) -> None:
         """One request, whose line and headers must come within HEAD_S."""
         self._incoming.ends = time.monotonic() + HEAD_S
+        self.server.silent(self.connection)
         super().handle_one_request()
+
+    def parse_request(self) -> bool:
+        """Whether line and headers are a request; its connection is not dropped for others."""
+        whole = super().parse_request()
+        self.server.busy(self.connection)
+        return whole
 
     def do_GET(self) -> None:
         """The page and its parts."""
