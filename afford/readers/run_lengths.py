@@ -8,6 +8,8 @@ import numpy as np
 
 FIRST = 48
 """character that stands for 0"""
+MOST_BITS = 60
+"""of one number; an image has fewer pixels by far"""
 
 
 def decode(counts: Any, height_px: int, width_px: int) -> np.ndarray:
@@ -26,7 +28,7 @@ def _uncompress(text: str) -> list[int]:
     value = shift = 0
     for character in text:
         bits = ord(character) - FIRST
-        if not 0 <= bits < 64:
+        if not 0 <= bits < 64 or shift > MOST_BITS:
             raise ValueError(f"character {character!r} in compressed counts")
         value |= (bits & 31) << shift
         shift += 5
