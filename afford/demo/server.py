@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from afford.bounded import TooLargeError
 from afford.demo.answer import QuestionError
 from afford.demo.examples import Example
-from afford.predict.picture import TooLargeError
 from afford.readers.errors import SourceError
 
 MAX_BODY_BYTES = 16 << 20
