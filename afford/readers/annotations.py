@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
 from collections.abc import Sequence
 
+from afford.bounded import ZIP_ERRORS, read_member, reason
 from afford.readers import coco, visor
 from afford.readers.corrections import check_used, read_corrections
 from afford.readers.discover import DENSE, EXTRAS, SPARSE
@@ -17,6 +17,9 @@ from afford.readers.rows import Note, Sheet
 from afford.readers.strict_json import parse
 from schemas.clip import KeyFrame
 from schemas.files import FileRef, FileTree
+
+MOST_BYTES = 1 << 31
+"""of the JSON of one video: interpolations of the longest videos have some hundred MiB"""
 
 
 def has_masks(files: FileTree) -> bool:
@@ -68,14 +71,15 @@ def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
 
 def _bytes(file: FileRef) -> bytes:
     """The JSON text of a file, or of the one JSON file in a zip."""
-    data = file.path.read_bytes()
     if not file.name.endswith(".zip"):
-        return data
+        return file.path.read_bytes()
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            inside = [name for name in archive.namelist() if name.endswith(".json")]
+        with zipfile.ZipFile(file.path) as archive:
+            inside = [item for item in archive.infolist() if item.filename.endswith(".json")]
             if len(inside) == 1:
-                return archive.read(inside[0])
-    except zipfile.BadZipFile as error:
-        raise SourceError(file.name, "a zip file", str(error), "get the file again") from error
+                return read_member(archive, inside[0], file.name, MOST_BYTES)
+    except SourceError:
+        raise
+    except ZIP_ERRORS as error:
+        raise SourceError(file.name, "a zip file", reason(error), "get the file again") from error
     raise SourceError(file.name, "one JSON file in the zip", f"{len(inside)}", "unpack it by hand")
