@@ -137,6 +137,13 @@ def _write_dataset(root: Path) -> Path:
     return next((root / "dataset" / "data").glob("*.parquet"))
 
 
+def _write_shard(root: Path) -> Path:
+    """A data set without its manifest, so that Arrow alone notices what is wrong."""
+    path = _write_dataset(root)
+    (root / "dataset" / "manifest.json").unlink()
+    return path
+
+
 def _read_dataset(path: Path) -> object:
     samples = list(Dataset(path.parents[1]))
     list(rows(path.parents[1], "train", ("sample_id", "motion", "mask_left")))
@@ -170,5 +177,6 @@ READERS: list[FuzzedReader] = [
     FuzzedReader("video probe", _write_video, probe, (SourceError,)),
     FuzzedReader("video decode", _write_video, lambda path: decode_video(path, 1, 30, None, (456, 256)), (SourceError,)),
     FuzzedReader("Parquet data set", _write_dataset, _read_dataset, (SourceError,)),
+    FuzzedReader("Parquet without manifest", _write_shard, _read_dataset, (SourceError,)),
 ]
 BOMBS: list[Bomb] = []
