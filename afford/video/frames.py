@@ -32,7 +32,7 @@ def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Fram
 def _find(files: FileTree, name: str) -> FileRef:
     file = files.find(name)
     if file is None:
-        raise SourceError(name, f"a file of {files.name}", "nothing", "read the source again")
+        raise SourceError(name, f"among the files of {files.name}", "nothing", "read the source again")
     return file
 
 

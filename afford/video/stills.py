@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from afford.bounded import check_image, not_an_image
+from afford.bounded import TooLargeError, check_image
 from afford.readers.errors import SourceError
 from afford.video.size import shrink
 
@@ -26,13 +26,15 @@ def read_stills(pictures: Iterable[tuple[str, bytes]], box_wh: tuple[int, int]) 
 
 
 def _decode(name: str, data: bytes, box_wh: tuple[int, int]) -> np.ndarray:
-    check_image(data, name)
     try:
+        check_image(data, name)
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    except cv2.error:
+    except TooLargeError:
+        raise
+    except (SourceError, cv2.error):
         image = None
     if image is None:
-        raise not_an_image(name, len(data))
+        raise SourceError(name, "an image", f"{len(data)} bytes that cannot be decoded", "get the file again")
     return shrink(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), box_wh)
 
 
