@@ -11,10 +11,12 @@ from afford.readers.corrections import check_used, read_corrections
 from afford.readers.discover import DENSE, EXTRAS, SPARSE
 from afford.readers.errors import SourceError
 from afford.readers.grid import check_grid
+from afford.readers.hand_names import check_names
 from afford.readers.hands import key_frame
 from afford.readers.mapping import read_mapping
 from afford.readers.rows import Note, Sheet
 from afford.readers.strict_json import parse
+from afford.video.number import epic_rate
 from schemas.clip import KeyFrame
 from schemas.files import FileRef, FileTree
 
@@ -36,6 +38,8 @@ def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) ->
         dense = file.name.startswith(DENSE)
         found = _placed(_sheets(file, dense, mapped), file.name, notes)
         check_grid(found, file.name, notes)
+        if epic_rate(files.name) is None:  # masks that VISOR publishes are as they are
+            check_names(found, file.name, notes)
         sheets.update({sheet.frame: (sheet, dense) for sheet in found})
     check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
     keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]

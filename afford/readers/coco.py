@@ -10,6 +10,7 @@ from pycocotools import mask as coco_mask
 
 from afford.readers.effort import box_px, check_drawn, outline_px
 from afford.readers.errors import SourceError
+from afford.readers.grid import refuse_normalised
 from afford.readers.polygons import FAR_PX, trace
 from afford.readers.rows import Row, Sheet, grid_size, once, worn_on
 from afford.readers.run_lengths import boxed, run_lengths
@@ -36,6 +37,7 @@ def sheets(document: Any, name: str) -> list[Sheet]:
         if entry(raw, "image_id", int, where) not in raws:
             raise SourceError(f"{where}, field 'image_id'", "the id of an image", str(raw["image_id"]), "correct it")
         raws[raw["image_id"]].append(raw)
+    _check_pixels(document, name)
     check_drawn((_drawn_px(raw, image, name) for image in images for raw in raws[image["id"]]), name)
     offset = 1 - _first_frame(document.get("info"))
     found = [_sheet(image, raws[image["id"]], names, name, offset) for image in images]
@@ -81,6 +83,12 @@ def _drawn_px(raw: Any, image: Any, name: str) -> int:
     corners = [polygon.reshape(-1, 2) for polygon in _flat(segmentation, label)]
     lengths = sum(outline_px(polygon, label) for polygon in corners)
     return lengths + (box_px(np.concatenate(corners), width_px, height_px) if corners else 0)
+
+
+def _check_pixels(document: Any, name: str) -> None:
+    polygons = [polygon for raw in document["annotations"] if isinstance(raw.get("segmentation"), list)
+                for polygon in _flat(raw["segmentation"], f"{name}, annotation {raw['id']}, field 'segmentation'")]
+    refuse_normalised(polygons, f"{name}, field 'segmentation'")
 
 
 def _strip_px(runs: np.ndarray, height_px: int) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 from afford.readers.effort import check_drawn
 from afford.readers.errors import SourceError
+from afford.readers.grid import refuse_normalised
 from afford.readers.mapping import released
 from afford.readers.rows import Row, Sheet, grid_size, once, outlines, worn_on
 from afford.readers.strict_json import entry
@@ -28,6 +29,7 @@ def sheets(document: Any, name: str, grid_wh: tuple[int, int], mapped: Mapped) -
     """
     points = entry(document, "video_annotations", list, name)
     found = [_sheet(point, f"{name}, image {number}", grid_wh, mapped) for number, point in enumerate(points, start=1)]
+    refuse_normalised([p.points for sheet in found for row in sheet.rows for p in row.polygons], f"{name}, field 'segments'")
     check_drawn((_drawn_px(sheet) for sheet in found), name)
     return [sheet for sheet in found if sheet.frame == NOWHERE] + once(sheet for sheet in found if sheet.frame != NOWHERE)
 
