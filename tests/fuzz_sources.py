@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import struct
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from pycocotools import mask as coco_mask
 
 from afford.dataset.load import Dataset, rows
@@ -179,4 +183,164 @@ READERS: list[FuzzedReader] = [
     FuzzedReader("Parquet data set", _write_dataset, _read_dataset, (SourceError,)),
     FuzzedReader("Parquet without manifest", _write_shard, _read_dataset, (SourceError,)),
 ]
-BOMBS: list[Bomb] = []
+
+
+# -- bombs -------------------------------------------------------------------------------------------------------------
+
+
+def _deep(root: Path) -> Path:
+    path = root / "a.json"
+    path.write_text("[" * 200_000)
+    return path
+
+
+def _masks(size_px: int, annotations: int, segmentation: Any) -> Callable[[Path], Path]:
+    """One's own video whose only image states a size, with masks."""
+    def write(root: Path) -> Path:
+        path = _write_own(root)
+        image = {"id": 1, "file_name": "frame_000001.png", "width": size_px, "height": size_px}
+        rows = [{"id": n, "image_id": 1, "category_id": 1, "segmentation": segmentation} for n in range(annotations)]
+        path.write_text(json.dumps({"images": [image], "annotations": rows, "categories": [{"id": 1, "name": "left hand"}]}))
+        return path
+
+    return write
+
+
+def _square(size_px: int) -> list[list[int]]:
+    return [[0, 0, size_px, 0, size_px, size_px, 0, size_px]]
+
+
+def _isolated(root: Path) -> Path:
+    """Key frames far apart, one to a clip, a narration and a remark about each."""
+    count, held = 20_000, [tiny_root.mask("left hand", "h", ([[-20, 1], [90, 5], [90, 90]],))]
+    path = _write_visor(root)
+    (root / "videos" / f"{VIDEO}.MP4").unlink()
+    frames = [1 + 100 * n for n in range(count)]
+    tiny_root.write_points(root, VIDEO, [tiny_root.image(VIDEO, frame, held) for frame in frames])
+    folder = root / "rgb_frames"
+    folder.mkdir()
+    with zipfile.ZipFile(folder / f"{VIDEO}.zip", "w") as archive:
+        for frame in frames:
+            archive.writestr(f"{VIDEO}_frame_{frame:010d}.jpg", "x")
+    tiny_root.write_rows(root / "EPIC_100_train.csv", [tiny_root.row(VIDEO, n, start_frame=n, stop_frame=n) for n in range(2000)])
+    return path
+
+
+def _stated_zip(root: Path) -> Path:
+    """The second frame states 2.5 GB."""
+    return _patched(_write_zip(root), 2_500_000_000)
+
+
+def _lying_zip(root: Path) -> Path:
+    """The second frame states 1,000 bytes and unpacks to 600 MB."""
+    path = _write_zip(root)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for key in (1, 16, 31):
+            with archive.open(f"{made_epic.VIDEO}_frame_{key:010d}.jpg", "w") as stream:
+                for _ in range(600 if key == 16 else 1):
+                    stream.write(bytes(1_000_000) if key == 16 else made_epic.jpeg())
+    return _patched(path, 1000)
+
+
+def _patched(path: Path, size: int) -> Path:
+    """Write another uncompressed size into the headers of the second file of a zip."""
+    data = bytearray(path.read_bytes())
+    for mark, offset in ((b"PK\x01\x02", 24), (b"PK\x03\x04", 22)):
+        at = data.index(mark, data.index(mark) + 1)
+        data[at + offset : at + offset + 4] = size.to_bytes(4, "little")
+    path.write_bytes(bytes(data))
+    return path
+
+
+def _stated_json(root: Path) -> Path:
+    """Interpolated masks whose JSON states 2.5 GB."""
+    path = _write_dense(root)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("readme.txt", "")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"PK\x01\x02") + 24
+    data[at : at + 4] = (2_500_000_000).to_bytes(4, "little")
+    path.write_bytes(bytes(data))
+    return path
+
+
+def _png(width_px: int, height_px: int, kind: bytes) -> bytes:
+    """A PNG that states a size and holds next to nothing."""
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    head = struct.pack(">II", width_px, height_px) + kind
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(10**6))) + chunk(b"IEND", b"")
+
+
+def _large_picture(root: Path) -> Path:
+    path = _write_picture(root)
+    path.write_bytes(_png(32_000, 32_000, bytes((8, 2, 0, 0, 0))))
+    return path
+
+
+def _rewritten(path: Path, column: str, value: pa.Array) -> Path:
+    """A shard of one row, without a manifest, with one column replaced."""
+    table = pq.read_table(path).slice(0, 1)
+    at = table.schema.get_field_index(column)
+    pq.write_table(table.set_column(at, table.schema.field(at), value), path, compression="zstd", use_dictionary=False,
+                   write_statistics=False)  # fmt: skip
+    return path
+
+
+def _large_mask(root: Path) -> Path:
+    path = _write_shard(root)
+    mask = {"bytes": _png(60_000, 60_000, bytes((1, 0, 0, 0, 0))), "path": "a.png"}
+    return _rewritten(path, "mask_left", pa.array([mask], pq.read_schema(path).field("mask_left").type))
+
+
+def _large_group(root: Path) -> Path:
+    """A shard of some kilobytes whose row group states 3 GB."""
+    path = _write_shard(root)
+    data, stated = path.read_bytes(), pq.ParquetFile(path).metadata.row_group(0).total_byte_size
+    length = int.from_bytes(data[-8:-4], "little")
+    pages, footer = data[: -8 - length], data[-8 - length : -8]
+    head, tail = footer.rsplit(_thrift(stated), 1)
+    footer = head + _thrift(3_000_000_000) + tail
+    path.write_bytes(pages + footer + len(footer).to_bytes(4, "little") + b"PAR1")
+    return path
+
+
+def _thrift(number: int) -> bytes:
+    """A whole number as the footers of Parquet have it: zigzag, 7 bits a byte."""
+    left, out = number << 1, bytearray()
+    while left > 127:
+        out.append(left & 127 | 128)
+        left >>= 7
+    return bytes([*out, left])
+
+
+def _endless(root: Path) -> Path:
+    path = _write_words(root)
+    path.write_text("start,stop,narration\n0,1e999,pick up the mug\n")
+    return path
+
+
+def _of(levels: int) -> Callable[[Path], object]:
+    return lambda path: _clips(path.parents[levels])
+
+
+ZIGZAG = [[16_000 if n // 2 % 2 else -16_000 for n in range(100_000)]]
+"""corners of a polygon of a few hundred kilobytes that is 1,600 million px long"""
+REFUSED = (SourceError,)
+BOMBS: list[Bomb] = [
+    Bomb("JSON, 200,000 brackets", _deep, _json, REFUSED),
+    Bomb("COCO, 16384 x 16384", _masks(16_384, 200, _square(16_384)), _of(0), REFUSED),
+    Bomb("COCO, 2,000 masks of 8000 x 8000", _masks(8_000, 2_000, _square(8_000)), _of(0), REFUSED),
+    Bomb("COCO, zigzag", _masks(8_000, 1, ZIGZAG), _of(0), REFUSED),
+    Bomb("COCO, counts without end", _masks(64, 1, {"size": [64, 64], "counts": "o" * 2_000_000}), _of(0), REFUSED),
+    Bomb("COCO, 5,000 small masks of 8000 x 8000", _masks(8_000, 5_000, [[9, 9, 40, 9, 40, 40]]), _of(0), ()),
+    Bomb("VISOR, 20,000 clips", _isolated, _of(3), ()),
+    Bomb("zip, a frame of 2.5 GB", _stated_zip, lambda path: _frames(path.parents[4]), REFUSED),
+    Bomb("zip, a frame that unpacks to more than it states", _lying_zip, lambda path: _frames(path.parents[4]), REFUSED),
+    Bomb("zip, JSON of 2.5 GB", _stated_json, _of(2), REFUSED),
+    Bomb("frame, PNG of 32000 x 32000", _large_picture, lambda path: _frames(path.parents[1]), REFUSED),
+    Bomb("data set, mask of 60000 x 60000", _large_mask, _read_dataset, REFUSED),
+    Bomb("data set, row group of 3 GB", _large_group, _read_dataset, REFUSED),
+    Bomb("narration until 1e999 s", _endless, _of(0), REFUSED),
+]

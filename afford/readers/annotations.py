@@ -32,7 +32,17 @@ def has_masks(files: FileTree) -> bool:
 def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> list[KeyFrame]:
     """Key frames by frame; a ready-made one gives way to the annotator's own. `frames` are the names of the media. SourceError
     when a file is malformed or none has masks. `notes` says what was corrected or left out."""
-    corrections, mapped = read_corrections(files), read_mapping(files, frames)
+    corrections, sheets = read_corrections(files), read_sheets(files, notes, frames)
+    check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
+    keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
+    if not any(keys):
+        raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")
+    return [key for key in keys if key]
+
+
+def read_sheets(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> dict[int, tuple[Sheet, bool]]:
+    """Frame -> the annotations of its image as they are written, and whether they are ready-made; the annotator's own win."""
+    mapped = read_mapping(files, frames)
     sheets: dict[int, tuple[Sheet, bool]] = {}
     for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
         dense = file.name.startswith(DENSE)
@@ -41,11 +51,7 @@ def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) ->
         if epic_rate(files.name) is None:  # masks that VISOR publishes are as they are
             check_names(found, file.name, notes)
         sheets.update({sheet.frame: (sheet, dense) for sheet in found})
-    check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
-    keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
-    if not any(keys):
-        raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")
-    return [key for key in keys if key]
+    return sheets
 
 
 def _mask_files(files: FileTree) -> list[FileRef]:

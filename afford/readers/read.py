@@ -32,8 +32,18 @@ def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Cli
 
     still_fps: rate of a folder of frame images whose own rate nothing states, 1/s.
     """
+    return clips_of(files, media_of_video(files, still_fps), cutting)
+
+
+def media_of_video(files: FileTree, still_fps: float) -> Media:
+    """The frames of the video that exist; SourceError when there are none, or when the source states that more should be there."""
     media = find_media(files, frame_rates(files), still_fps)
     check_end(files, media)
+    return media
+
+
+def clips_of(files: FileTree, media: Media, cutting: Cutting) -> tuple[Clip, ...]:
+    """Clips of a video whose frames are known. SourceError when a file about it cannot be used."""
     notes: list[Note] = []
     keys, narrations, given = (_annotated if has_masks(files) else _bare)(files, media, notes)
     parts = cut(given, media, cutting)

@@ -11,7 +11,7 @@ from afford.video import pack
 from afford.video.decode import Decoded, decode_video
 from afford.video.number import number_in
 from afford.video.stills import read_stills
-from schemas.clip import Footage
+from schemas.clip import Clip, Footage
 from schemas.files import FileRef, FileTree
 from schemas.video import Frames
 
@@ -45,10 +45,10 @@ def _from_video(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Deco
 def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
     number = np.array([number_in(name) for name in clip.media], np.int64)
     time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
-    return number, time_ns, read_stills(zip(clip.media, _pictures(files, clip), strict=True), box_wh)
+    return number, time_ns, read_stills(zip(clip.media, pictures(files, clip), strict=True), box_wh)
 
 
-def _pictures(files: FileTree, clip: Footage) -> Iterator[bytes]:
+def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:
     """The bytes of every image, out of the pack that holds them or files of their own."""
     whole = pack.pack_of(files, clip.media[0])
     if whole is not None:
