@@ -21,14 +21,18 @@ from afford.readers.discover import discover
 from afford.readers.errors import SourceError
 from afford.readers.folder import media_of
 from afford.readers.strict_json import parse
+from afford.recording.check_content import check_content
+from afford.recording.check_file import check_file
+from afford.recording.summary import summarise
 from afford.video.decode import decode_video
 from afford.video.probe import probe
 from schemas.clip import Clip
 from schemas.files import FileTree
-from stages import clip_footage, dataset_pack, frame_decode, source_read
+from stages import clip_footage, dataset_pack, frame_decode, source_read, stage_record
 from tests import made_epic, tiny_root
 from tests.bombs import Bomb
 from tests.fuzzing import FuzzedReader
+from tests.made_recordings import Ctx, outputs
 from tests.made_samples import Scratch, clip
 
 VIDEO = "P95_01"
@@ -164,6 +168,22 @@ def _write_json(root: Path) -> Path:
     return path
 
 
+def _write_recording(root: Path) -> Path:
+    (root / "scratch").mkdir()
+    value, ctx = outputs(0)["narration_labelling"], Ctx(root / "scratch")
+    stage_record.run(value, outputs(0)["frame_decode"], stage_record.Params("narration_labelling"), ctx)  # type: ignore[arg-type]
+    return next((root / "scratch").rglob("*.mcap"))
+
+
+def _inspected(path: Path) -> object:
+    """What `inspect --strict` says: problems in sentences, or nothing."""
+    found = summarise(path)
+    problems = ([found.problem] if found.problem else []) + (check_file(path) or check_content(path))
+    if problems:
+        raise ValueError(problems[0])
+    return found
+
+
 READERS: list[FuzzedReader] = [
     FuzzedReader("VISOR", _write_visor, lambda path: _clips(path.parents[3]), (SourceError,)),
     FuzzedReader("VISOR interpolations, zip", _write_dense, lambda path: _clips(path.parents[2]), (SourceError,)),
@@ -180,6 +200,8 @@ READERS: list[FuzzedReader] = [
     FuzzedReader("frame picture", _write_picture, lambda path: _frames(path.parents[1]), (SourceError,)),
     FuzzedReader("video probe", _write_video, probe, (SourceError,)),
     FuzzedReader("video decode", _write_video, lambda path: decode_video(path, 1, 30, None, (456, 256)), (SourceError,)),
+    FuzzedReader("recording, summary", _write_recording, summarise, ()),
+    FuzzedReader("recording, strict", _write_recording, _inspected, (ValueError,)),
     FuzzedReader("Parquet data set", _write_dataset, _read_dataset, (SourceError,)),
     FuzzedReader("Parquet without manifest", _write_shard, _read_dataset, (SourceError,)),
 ]

@@ -12,6 +12,7 @@ import numpy as np
 from pycocotools import mask as coco
 
 from afford.bounded import MAX_PIXELS
+from afford.png import check_chunks
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 ONE_BIT_GREY = bytes((1, 0, 0, 0, 0))
@@ -95,6 +96,7 @@ def decode_png(data: bytes) -> np.ndarray:
 
 
 def _decoded(data: bytes) -> np.ndarray:
+    check_chunks(data, "mask")
     try:
         grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
     except cv2.error:

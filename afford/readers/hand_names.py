@@ -26,10 +26,10 @@ SHOWN = 5
 def side_of(name: str) -> Hand | None:
     """Side of a hand called `name`: 'left hand', 'hand_left', 'LeftHand', 'Hand (L)', 'l hand', 'lh'; None for any other name."""
     words = _words(name)
-    if len(words) == 1:
-        return JOINED.get(words[0])
     sides = [SIDE[word] for word in words if word in SIDE]
-    return sides[0] if len(words) == 2 and len(sides) == 1 and "hand" in words else None
+    if len(words) == 2 and len(sides) == 1 and "hand" in words:
+        return sides[0]
+    return JOINED.get("".join(words)) if len(words) <= 2 else None
 
 
 def is_vague(name: str) -> bool:
