@@ -144,7 +144,8 @@ def _of_video(video: Examined) -> Iterator[str]:
         yield escape(f"  clips       {len(clips)}: {_some(clips)}")
     if video.categories:
         grids = " and ".join(f"{width}x{height}" for width, height in video.grids)
-        yield escape(f"  masks       {_some([_category(one) for one in video.categories])}" + (f"; drawn on {grids}" if grids else ""))
+        named = _some([_category(one) for one in video.categories])
+        yield escape(f"  masks       {named}" + (f"; drawn on {grids}" if grids else ""))
     elif video.clips:
         yield "  masks       none: hands are looked for (hand_detect)"
     for hand, counts in sorted(video.contacts.items()):

@@ -13,8 +13,8 @@ from schemas.clip import Clip
 from tests.test_readers_own import coco, compressed, read_own
 from tests.tiny_root import OTHER, clips, image, mask, write_root
 
-SPELLINGS = ("{} hand", "hand_{}", "{}_hand", "{}Hand", "{}-hand", "hand {}", "Hand ({})", "hand:{}", "{}hand", "hand{}", "my {} hand",
-             "person's {} hand", "human_{}_hand")  # fmt: skip
+SPELLINGS = ("{} hand", "hand_{}", "{}_hand", "{}Hand", "{}-hand", "hand {}", "Hand ({})", "hand:{}", "{}hand", "hand{}",
+             "my {} hand", "person's {} hand", "human_{}_hand")  # fmt: skip
 SHORT = ("{} hand", "hand_{}", "{}hand", "{}H")
 
 
@@ -40,11 +40,13 @@ def test_every_usual_spelling_is_a_hand(side: str, change: Any) -> None:
 
 
 @pytest.mark.parametrize("name", [
-    "hand", "Hand 2", "hands", "hand_1", "both hands", "left", "Right", "left hand 2", "second hand", "left right hand", "person hand"])
+    "hand", "Hand 2", "hands", "hand_1", "both hands", "left", "Right", "left hand 2", "second hand", "left right hand",
+    "person hand"])
 def test_a_hand_of_unclear_side_is_refused(tmp_path: Path, name: str) -> None:
     """The sentence names the categories and says how to name them."""
     assert side_of(name) is None and is_vague(name)
-    with pytest.raises(SourceError, match=r"names of masks: expected each hand called 'left hand' or 'right hand', got '.*rename them"):
+    expected = "names of masks: expected each hand called 'left hand' or 'right hand', got '.*rename them"
+    with pytest.raises(SourceError, match=expected):
         read_own(tmp_path, named(name))
 
 

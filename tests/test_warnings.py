@@ -43,7 +43,7 @@ def doubtful(made: Made, tmp_path: Path) -> Made:
 def test_warnings_are_counted_and_shown_by_a_cached_run_too(
     doubtful: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """An unknown contact and a wrong size, of the clip that has them and of no other; the second run does nothing and says the same."""
+    """An unknown contact and a wrong size, of the clip that has them and of no other; a second run says the same."""
     first = reported(doubtful, monkeypatch)
     runner = open_runner(doubtful.store)
     found = gather(runner, first)
@@ -69,7 +69,8 @@ def test_a_clean_source_has_none(made: Made, tmp_path: Path, monkeypatch: pytest
 
 def test_many_warnings_of_one_video_are_summed_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The first three stand there, the others are counted."""
-    monkeypatch.setattr("commands.warnings.gather", lambda runner, report: [Warned("source_read", "v", f"no {n}") for n in range(90)])
+    found = [Warned("source_read", "v", f"no {n}") for n in range(90)]
+    monkeypatch.setattr("commands.warnings.gather", lambda runner, report: found)
     show_warnings(None, None)  # type: ignore[arg-type]  # not looked at
     assert capsys.readouterr().err.splitlines() == [
         "90 warning(s)", *(f"  source_read v: no {n}" for n in range(3)), "  source_read v: and 87 more"]

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 
 from afford.readers.errors import SourceError
 
-
 LARGEST = 10**15
 """whole numbers beyond it are none of a table: frames, classes"""
 UNREADABLE = (ValueError, SyntaxError, TypeError, RecursionError, MemoryError)

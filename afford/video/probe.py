@@ -79,7 +79,8 @@ def _stream(container: av.container.InputContainer, name: str) -> av.VideoStream
 
 
 def _unreadable(name: str, got: str) -> SourceError:
-    return SourceError(name, "a video that can be read (MP4, MKV, MOV, AVI, WebM, MPEG)", got, "is the file cut short? get it again")
+    expected = "a video that can be read (MP4, MKV, MOV, AVI, WebM, MPEG)"
+    return SourceError(name, expected, got, "is the file cut short? get it again")
 
 
 def frames_at(info: Probe, fps: float | None, name: str) -> np.ndarray:
