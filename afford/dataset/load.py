@@ -70,7 +70,7 @@ def shards(root: Path, split: str) -> list[Path]:
 
 
 def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError when one is damaged."""
+    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
     for path in shards(root, split):
         for group in range(_groups(path)):
             with refused(path):

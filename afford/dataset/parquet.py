@@ -27,21 +27,21 @@ DAMAGE = (pa.ArrowException, cv2.error, zlib.error, struct.error, OSError, Value
 
 
 @contextmanager
-def refused(path: Path) -> Iterator[None]:
-    """Any damage of a shard that comes up inside, as one SourceError that names the file."""
+def refused(path: Path, name: str = "") -> Iterator[None]:
+    """Any damage of a shard that comes up inside, as one SourceError that names the file, as `name` where it has another one."""
     try:
         yield
     except SourceError:
         raise
     except DAMAGE as error:
-        raise SourceError(f"{path.parent.name}/{path.name}", "a whole shard of a data set", reason(error),
+        raise SourceError(name or f"{path.parent.name}/{path.name}", "a whole shard of a data set", reason(error),
                           "compare it with manifest.json; get the file, or make the data set, again") from error
 
 
-def opened(path: Path) -> pq.ParquetFile:
+def opened(path: Path, name: str = "") -> pq.ParquetFile:
     """A shard whose pages are verified when they are read. SourceError when it is no Parquet file, or its footer is another than
     manifest.json says, where there is one."""
-    with refused(path):
+    with refused(path, name):
         stated = _stated_footer(path)
         if stated and stated != footer_digest(path):
             raise ValueError("a footer that is not the one in manifest.json")
@@ -53,8 +53,10 @@ def _stated_footer(path: Path) -> str:
     root = path.parent.parent
     if not (root / MANIFEST).is_file():
         return ""
-    listed = json.loads((root / MANIFEST).read_bytes())["files"].get(path.relative_to(root).as_posix(), {})
-    return str(listed.get(FOOTER, ""))
+    entry = json.loads((root / MANIFEST).read_bytes())
+    for key in ("files", path.relative_to(root).as_posix(), FOOTER):  # a manifest of another form states none
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    return str(entry or "")
 
 
 def read_group(path: Path, group: int, columns: Sequence[str]) -> pa.Table:
