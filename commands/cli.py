@@ -56,6 +56,19 @@ def run(
 
 
 @app.command()
+def check(
+    folder: Annotated[Path, typer.Argument(help="EPIC root, folder with a video (and masks), or folder of meshes")],
+    clip: Clips = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """What would become of a source: clips, masks, contacts, narrations, warnings, refusals. Nothing is written."""
+    from commands.check import check as look
+
+    raise typer.Exit(look(folder, tuple(clip or ()), tuple(set_ or ()), json))
+
+
+@app.command()
 def status(target: Target = "dataset", source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
            store: Store = None, json: Json = False) -> None:  # fmt: skip
     """How much of a target is made, and what failed."""

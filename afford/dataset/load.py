@@ -14,10 +14,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from afford.bounded import check_image
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
+from afford.dataset.parquet import opened, read_group, refused
+from afford.png import check_chunks
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -68,26 +70,33 @@ def shards(root: Path, split: str) -> list[Path]:
 
 
 def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rows of the table as they are written (images as bytes), in order; one row group in memory."""
+    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
     for path in shards(root, split):
-        with pq.ParquetFile(path) as file:
-            for group in range(file.num_row_groups):
-                yield from file.read_row_group(group, columns=list(columns), use_threads=False).to_pylist()
+        for group in range(_groups(path)):
+            with refused(path):
+                found = read_group(path, group, columns).to_pylist()
+            yield from found
+
+
+def _groups(path: Path) -> int:
+    with opened(path) as file:
+        return int(file.num_row_groups)
 
 
 class Dataset(Sequence[Item]):
-    """One split. Indexing decodes one sample; iterating reads the shards in order."""
+    """One split. Indexing decodes one sample; iterating reads the shards in order. SourceError when a shard is damaged."""
 
     def __init__(self, root: Path, split: str = "train") -> None:
         self.files = shards(root, split)
-        opened = [pq.ParquetFile(path) for path in self.files]
-        self.groups = [(n, group) for n, file in enumerate(opened) for group in range(file.num_row_groups)]
-        self.ends = list(accumulate(opened[n].metadata.row_group(group).num_rows for n, group in self.groups))
-        self.features = json.loads(opened[0].schema_arrow.metadata[b"huggingface"])["info"]["features"]
+        lengths = [_lengths(path) for path in self.files]
+        self.groups = [(n, group) for n, rows in enumerate(lengths) for group in range(len(rows))]
+        self.ends = list(accumulate(length for rows in lengths for length in rows))
+        with opened(self.files[0]) as file, refused(self.files[0]):
+            self.features = json.loads(file.schema_arrow.metadata[b"huggingface"])["info"]["features"]
         self._group = lru_cache(maxsize=4)(self._read)
 
     def __len__(self) -> int:
-        return self.ends[-1]
+        return self.ends[-1] if self.ends else 0
 
     def __getitem__(self, index: Any) -> Any:
         """Sample `index`; negative ones count from the end."""
@@ -115,14 +124,22 @@ class Dataset(Sequence[Item]):
 
     def _read(self, group: int) -> _Group:
         number, inside = self.groups[group]
-        with pq.ParquetFile(self.files[number]) as file:
-            return _Group(file.read_row_group(inside, columns=list(NEEDED), use_threads=False).combine_chunks())
+        path = self.files[number]
+        with refused(path):
+            return _Group(path, read_group(path, inside, NEEDED).combine_chunks())
+
+
+def _lengths(path: Path) -> list[int]:
+    """Rows of each row group of a shard."""
+    with opened(path) as file:
+        return [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
 
 
 class _Group:
     """A row group, its columns unpacked, its pictures not yet decoded."""
 
-    def __init__(self, table: pa.Table) -> None:
+    def __init__(self, path: Path, table: pa.Table) -> None:
+        self.path = path
         self.size = table.num_rows
         self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
         self.jpeg = table["image"].chunk(0).field("bytes")
@@ -132,11 +149,18 @@ class _Group:
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
 
     def item(self, n: int) -> Item:
-        data = np.frombuffer(self.jpeg[n].as_buffer(), np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
-        if image is None:
-            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG; compare the shard with manifest.json")
+        """Sample `n`, decoded; SourceError when a picture of it is damaged."""
+        with refused(self.path):
+            return self._item(n)
+
+    def _item(self, n: int) -> Item:
+        data = self.jpeg[n].as_py()
+        check_image(data, f"{self.plain['sample_id'][n]}, column `image`")
+        check_chunks(data, f"{self.plain['sample_id'][n]}, column `image`")
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
         planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
+        if image is None or planes.shape[1:] != image.shape[:2]:
+            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG, or none of the size of its masks")
         return Item(image=image, masks=planes, motion=self.motion[n], motion_time_ns=self.times[n],
                     **{name: found[n] for name, found in self.plain.items()})
 
