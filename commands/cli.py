@@ -40,11 +40,13 @@ def run(
     store: Store = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
     rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="let an output of some clips alone, or without those that failed, take "
+                                          "the place of the whole one; default: it is named <name>-part")] = False,
     json: Json = False,
 ) -> None:
     """Make a target. What was made before from the same code, parameters and inputs is not made again."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
-                       minutes=minutes)
+                       minutes=minutes, replace=replace)
     if dry_run:
         from commands.store import dry_run as plan
 

@@ -19,8 +19,9 @@ from afford.readers.discover import Source
 from commands.compare import Names, built, publish_columns
 from commands.errors import UsageError, unknown
 from commands.origin import NEEDED, origin
+from commands.part import Publisher, parts
 from commands.progress import observer
-from commands.publish import publish, publish_file, retire
+from commands.publish import owned, publish, publish_files, retire
 from commands.session import digester, open_runner
 from commands.settings import columns
 from commands.weights import weighed
@@ -58,6 +59,7 @@ class Request:
     rehash: bool = False
     json: bool = False
     minutes: float | None = None
+    replace: bool = False
 
 
 @dataclass
@@ -73,6 +75,8 @@ class Summary:
     seconds: float = 0.0
     left: dict[str, int] | None = None
     """only of a run that ends after some time"""
+    parts: list[str] | None = None
+    """what was published under the name of a part, and why"""
 
 
 def run(request: Request) -> int:
@@ -93,11 +97,17 @@ def run(request: Request) -> int:
     limit_s = limited(request, target)
     with observer(quiet=False) as shown:
         ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)
-        report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names, not (request.clips or only)),
-                                          force, limit_s)
+
+        def publisher(report: RunReport) -> Publisher:
+            why = parts(graph, report, request.clips, len(source.refused) if source else 0)
+            return Publisher(runner, why, request.replace, bool(report.left))
+
+        every = not (request.clips or only)
+        report, (outputs, metrics, notes) = made(
+            ask, lambda report: _published(publisher(report), report, place, names, every), force, limit_s)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
-                      None if limit_s is None else report.left)
+                      None if limit_s is None else report.left, notes or None)
     _show(summary, report, source)
     if request.json:
         said = {name: value for name, value in vars(summary).items() if value is not None}
@@ -125,60 +135,63 @@ def made(
         return report, publish(report)
 
 
-def _published(runner: Runner, report: RunReport, place: Origin, names: Names, every: bool) -> tuple[
-        dict[str, str], dict[str, float]]:  # fmt: skip
-    """Outputs under names that people can find, and what was measured; of a comparison, those of every column. Where `every` clip
-    was asked for and none failed, recordings of clips that are no more go."""
+def _published(to: Publisher, report: RunReport, place: Origin, names: Names, every: bool) -> tuple[
+        dict[str, str], dict[str, float], list[str]]:  # fmt: skip
+    """Outputs under names that people can find, what was measured, and which outputs are parts; of a comparison, those of every
+    column. Where `every` clip was asked for and none failed, recordings of clips that are no more go."""
+    store = to.runner.place.store
     if names:
-        return publish_columns(runner, report, names, runner.place.store / "reports" / f"{place.name}-compare")
-    outputs = _publish(runner, report, place)
-    clips = {f"{shard.rpartition('/')[2]}.mcap" for stage in CLIPS for shard, _ in report.outputs.get(stage, ())}
+        return *publish_columns(to, report, names, store / "reports" / f"{place.name}-compare"), to.notes
+    outputs = _publish(to, report, place)
+    clips = {f"{shard.rpartition('/')[2]}.mcap": digest for stage in CLIPS for shard, digest in report.outputs.get(stage, ())}
     if clips:
-        retire(runner.place.store / "recordings" / place.name, clips, every and report.ok and not report.left)
-    return outputs, _metrics(report, outputs)
+        folder = store / "recordings" / place.name
+        publish_files(to.runner, clips, folder)
+        with owned(store, folder):
+            retire(folder, set(clips), every and report.ok and not report.left)
+    return outputs, _metrics(report, outputs), to.notes
 
 
-def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]:
+def _publish(to: Publisher, report: RunReport, place: Origin) -> dict[str, str]:
     """Friendly names for the outputs of the target: data sets, recordings, reports, files of rendered clips."""
-    store = runner.place.store
+    runner, store = to.runner, to.runner.place.store
     out: dict[str, str] = {}
     for stage, made in report.outputs.items():
         for shard, digest in made:
             clip = shard.rpartition("/")[2]
             if stage in ("dataset_pack", "train_pack"):
-                out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
+                out["dataset"] = to.folder(stage, digest, store / "datasets" / place.name)
             elif stage == "benchmark_set":
-                out["benchmark"] = str(publish(runner, digest, store / "benchmarks" / place.name))
+                out["benchmark"] = to.folder(stage, digest, store / "benchmarks" / place.name)
             elif stage in CLIPS:
-                publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage.startswith("record_"):
-                publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
+                to.file(stage, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage in ("model_train.files", "pretrained_model_train.files"):
-                out["model"] = str(publish(runner, digest, store / "models" / place.name))
+                out["model"] = to.folder(stage, digest, store / "models" / place.name)
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
-                out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+                out["report"] = to.folder(stage, digest, store / "reports" / place.name)
             elif stage == "motion_files":
-                out["report"] = str(publish(runner, digest, store / "motions" / place.name))
+                out["report"] = to.folder(stage, digest, store / "motions" / place.name)
             elif stage in REPORTS or stage == "static_report":
-                out[stage] = str(publish(runner, digest, store / "reports" / place.name / stage))
+                out[stage] = to.folder(stage, digest, store / "reports" / place.name / stage)
             elif stage == "interaction_record":
-                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "interactions"))
+                out["films"] = to.folder(stage, digest, store / "recordings" / place.name / "interactions")
             elif stage == "grasp_record":
-                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
+                out["films"] = to.folder(stage, digest, store / "recordings" / place.name / "grasps")
             elif stage == "hand_imitation.files":
-                out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
+                out["prior"] = to.folder(stage, digest, store / "models" / f"{place.name}-prior")
             elif stage == "policies":
                 out |= _policies(runner, digest, place)
             elif stage == "negative_affordance_files":
                 publish(runner, digest, store / "negative" / place.name / clip)
                 out["negative"] = str(store / "negative" / place.name)
             elif stage == "scene_render":
-                parts = dict(runner.children(digest) or ())
+                inside = dict(runner.children(digest) or ())
                 for part in ("files", "truth"):
-                    publish(runner, parts[part], store / "scenes" / place.name / clip / part)
+                    publish(runner, inside[part], store / "scenes" / place.name / clip / part)
                 out["scenes"] = str(store / "scenes" / place.name)
     return out
 
@@ -263,6 +276,8 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
+    for note in summary.parts or ():
+        console.print(f"[yellow]part[/] {escape(note)}", highlight=False, soft_wrap=True)
     few = len(summary.metrics) <= MANY
     for name in sorted(name for name in summary.metrics if few or name.count(".") <= 1):
         console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
