@@ -16,9 +16,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from afford.readers.discover import Source
-from commands.compare import Names, built, publish_columns
+from commands.belongs import check_stages, laid_out
+from commands.compare import Names, publish_columns
 from commands.errors import UsageError, unknown
-from commands.origin import NEEDED, origin
+from commands.origin import NEEDED
 from commands.part import Publisher, parts
 from commands.progress import observer
 from commands.publish import owned, publish, publish_files, retire
@@ -91,9 +92,9 @@ def run(request: Request) -> int:
     chosen = columns(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    place, source = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
-    graph, names = built(target, place, weighted)
+    graph, names, place, source = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
+    check_stages([*force, *([only] if only else [])], target, graph)
     limit_s = limited(request, target)
     with observer(quiet=False) as shown:
         ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)

@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
+from commands.belongs import check_stages, laid_out
 from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.origin import origin
@@ -33,7 +34,9 @@ PIPED_WIDTH = 1000
 def planned(request: Request) -> list[TaskPlan]:
     """What `run` would do, without doing it."""
     runner, graph, target = _prepared(request)
-    return runner.plan(graph, target, shards=request.clips or None, force=request.force)
+    force = [name.replace("-", "_") for name in request.force]
+    check_stages(force, target, graph)
+    return runner.plan(graph, target, shards=request.clips or None, force=force)
 
 
 def dry_run(request: Request) -> int:
@@ -51,9 +54,7 @@ def dry_run(request: Request) -> int:
 def explain(request: Request, stage: str | None, clip: str | None) -> int:
     """Why each task would run, or ran the last time."""
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    names = [node.name for node in graph.stages()]
-    if stage and stage.replace("-", "_") not in names:
-        raise unknown("stage", stage, names)
+    check_stages([stage.replace("-", "_")] if stage else [], target, graph)
     plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
@@ -211,8 +212,8 @@ def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> 
     chosen = columns(request.sets, request.params)
     runner = opened(request.store, glance=True)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    place, _ = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
-    return runner, built(target, place, weighted)[0], target
+    graph, *_ = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
+    return runner, graph, target
 
 
 def _plan(plan: TaskPlan) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyArrowPatch
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path as Curve
 from matplotlib.text import Text
 
@@ -42,7 +42,7 @@ def drawn(stages: list[str], edges: list[tuple[str, str]]) -> tuple[Figure, dict
              for level, column in columns.items() for i, stage in enumerate(column)}  # fmt: skip
     figure.draw_without_rendering()  # boxes are as wide as their words, which only a renderer can measure
     to_units = axes.transData.inverted()
-    ends = {stage: to_units.transform_bbox(box.get_bbox_patch().get_window_extent()) for stage, box in boxes.items()}
+    ends = {stage: to_units.transform_bbox(_patch(box).get_window_extent()) for stage, box in boxes.items()}
     for source, target in edges:
         start, end = ends[source], ends[target]
         axes.add_patch(_arrow((start.x1, (start.y0 + start.y1) / 2), (end.x0, (end.y0 + end.y1) / 2)))
@@ -55,6 +55,12 @@ def _box(axes: Axes, stage: str, x: float, y: float) -> Text:
     box = {"boxstyle": "round,pad=0.45", "fc": fill, "ec": "#34495e", "lw": 0.9}
     name = stage.replace("_", "\n", 1) if len(stage) > 18 else stage
     return axes.text(x, y, name, ha="center", va="center", fontsize=8.5, bbox=box, zorder=3)
+
+
+def _patch(box: Text) -> FancyBboxPatch:
+    patch = box.get_bbox_patch()
+    assert patch is not None  # every text here has one
+    return patch
 
 
 def _arrow(start: tuple[float, float], end: tuple[float, float]) -> FancyArrowPatch:
