@@ -20,9 +20,10 @@ from commands.belongs import check_stages, laid_out
 from commands.compare import Names, publish_columns
 from commands.errors import UsageError, unknown
 from commands.origin import NEEDED
-from commands.part import Publisher, parts
+from commands.part import RECORDS, Publisher, parts
 from commands.progress import observer
 from commands.publish import owned, publish, publish_files, retire
+from commands.record import record
 from commands.session import digester, open_runner
 from commands.settings import columns
 from commands.weights import weighed
@@ -39,6 +40,8 @@ CLIPS = ("clip_record", "object_record")
 """stages that record a clip, or an object"""
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
+MANY_SHARDS = 8
+"""artifacts of one stage that are listed"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
 NEGATIVE = ("mesh_read", "mesh_texture", "object_views", "object_masks", "part_describe", "mask_score",
             "negative_affordance_projection")  # fmt: skip
@@ -61,6 +64,7 @@ class Request:
     json: bool = False
     minutes: float | None = None
     replace: bool = False
+    record: bool = False
 
 
 @dataclass
@@ -76,8 +80,8 @@ class Summary:
     seconds: float = 0.0
     left: dict[str, int] | None = None
     """only of a run that ends after some time"""
-    parts: list[str] | None = None
-    """what was published under the name of a part, and why"""
+    notes: list[str] | None = None
+    """what was published under the name of a part, or not made, and why"""
 
 
 def run(request: Request) -> int:
@@ -87,6 +91,8 @@ def run(request: Request) -> int:
         raise unknown("target", request.target, TARGETS)
     if target in NEEDED and request.source is None:
         raise UsageError(f"run {target}: expected --source with {NEEDED[target]}")
+    if request.record and not request.only:
+        raise UsageError("--record: expected --only STAGE with it; without, every stage is recorded as it is")
     if request.jobs is not None and request.jobs < 0:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
     chosen = columns(request.sets, request.params)
@@ -106,14 +112,31 @@ def run(request: Request) -> int:
         every = not (request.clips or only)
         report, (outputs, metrics, notes) = made(
             ask, lambda report: _published(publisher(report), report, place, names, every), force, limit_s)
+        if only and request.record:
+            more, where = record(runner, graph, only, place, request.clips, shown)
+            notes += [where] if more is None else []
+            if more is not None:
+                outputs["recordings"] = where
+                _add(report, more)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
                       None if limit_s is None else report.left, notes or None)
     _show(summary, report, source)
+    if only and not outputs:
+        _where(report)
     if request.json:
         said = {name: value for name, value in vars(summary).items() if value is not None}
         sys.stdout.write(json.dumps(said, sort_keys=True) + "\n")
     return 0 if report.ok else 1
+
+
+def _add(report: RunReport, more: RunReport) -> None:
+    """Count what a second run did of which the first has not heard."""
+    for mine, theirs in ((report.ran, more.ran), (report.cached, more.cached), (report.failed, more.failed)):
+        mine |= {stage: count for stage, count in theirs.items() if stage.startswith(RECORDS)}
+    report.failures += more.failures
+    report.cpu_s |= more.cpu_s
+    report.seconds += more.seconds
 
 
 def limited(request: Request, target: str) -> float | None:
@@ -277,12 +300,21 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
-    for note in summary.parts or ():
-        console.print(f"[yellow]part[/] {escape(note)}", highlight=False, soft_wrap=True)
+    for note in summary.notes or ():
+        console.print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
     few = len(summary.metrics) <= MANY
     for name in sorted(name for name in summary.metrics if few or name.count(".") <= 1):
         console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
     console.print(f"{summary.seconds:.1f} s")
+
+
+def _where(report: RunReport) -> None:
+    """How to look at what one stage has made that has no other name."""
+    for stage, made in report.outputs.items():
+        for shard, digest in made[:MANY_SHARDS]:
+            sys.stderr.write(f"{stage} {shard}: python pipeline.py inspect {digest[:12]}\n")
+        if len(made) > MANY_SHARDS:
+            sys.stderr.write(f"and {len(made) - MANY_SHARDS} more\n")
 
 
 def _stages(summary: Summary) -> Iterable[str]:

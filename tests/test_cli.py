@@ -8,6 +8,7 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import h5py
@@ -157,6 +158,24 @@ def test_a_verb_alone_shows_help() -> None:
     helped = call("--help")
     assert helped.code == 0 and all(verb in helped.out for verb in verbs)
     assert all(call(verb, "--help").code == 0 for verb in verbs)
+
+
+def test_the_version_is_that_of_the_project() -> None:
+    """One line, and nothing else is done."""
+    said = call("--version")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (said.code, said.out, said.err) == (0, f"afford {project['version']}\n", "")
+
+
+def test_make_quotes_paths_and_writes_no_codes_of_terminals_into_a_pipe() -> None:
+    """The list of targets is plain text; a store and a recording may have blanks in their names."""
+    make = ["make", "--no-print-directory", "-C", str(ROOT)]
+    listed = subprocess.run([*make, "help"], capture_output=True, text=True, check=True).stdout
+    assert "\x1b" not in listed and re.search(r"^  dataset +build the data set", listed, re.MULTILINE)
+    for target in ("dataset", "stage", "report", "train", "demo", "inspect"):
+        words = ["STORE=a b", "RECORDING=c d", "STAGE=mask_densify", target]
+        shown = subprocess.run([*make, "-n", "-o", ".venv/.ready", *words], capture_output=True, text=True, check=True).stdout
+        assert ('"c d"' if target == "inspect" else '"a b"') in shown, target
 
 
 # -- what the verbs say ------------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ def test_a_run_of_some_clips_leaves_the_whole_data_set(mine: Made) -> None:
     said = mine.run("dataset", "--clip", VIDEOS[0])
     assert said.code == 0 and content(data) == before
     assert said.json["outputs"]["dataset"] == str(part) and json.loads(content(part)["statistics.json"])["videos"] == 1
-    assert len(said.json["parts"]) == 1 and said.json["parts"][0] in said.words and f"made of {VIDEOS[0]} alone" in said.words
+    assert len(said.json["notes"]) == 1 and said.json["notes"][0] in said.words and f"made of {VIDEOS[0]} alone" in said.words
     assert (mine.store / "recordings" / mine.source.name / "dataset_pack-part.mcap").exists()
     again = mine.run("dataset").json
     assert again.keys() == KEYS and again["outputs"]["dataset"] == str(data) and content(data) == before
@@ -60,7 +60,7 @@ def test_a_part_takes_the_place_of_the_whole_when_that_is_asked_for(mine: Made) 
     data = mine.store / "datasets" / mine.source.name
     for more in (["--replace"], []):
         said = mine.run("dataset", "--clip", VIDEOS[0], *more).json
-        assert said["outputs"]["dataset"] == str(data) and "parts" not in said
+        assert said["outputs"]["dataset"] == str(data) and "notes" not in said
         assert json.loads(content(data)["statistics.json"])["videos"] == 1 and not data.with_name(f"{data.name}-part").exists()
 
 

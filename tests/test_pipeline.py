@@ -171,6 +171,22 @@ def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine:
     assert stale.json["ran"] == {} and "its recorded inputs are stale" in stale.words
 
 
+def test_one_stage_is_recorded_alone_and_says_where_to_look(mine: Made) -> None:
+    """Its recorder runs on what it has just made; a stage without one, or whose recording would need others, says so."""
+    clip, before = recording(mine, VIDEOS[0]), recording(mine, VIDEOS[0]).read_bytes()
+    said = mine.run("dataset", "--only", "affordance_intersect", "--record", "--set", "affordance_intersect.dilate_px855=0")
+    folder = mine.store / "recordings" / mine.source.name / "affordance_intersect"
+    assert said.code == 0 and said.json["ran"] == times(2, ["affordance_intersect", "record_affordance_intersect"])
+    assert said.json["outputs"] == {"recordings": str(folder)} and str(folder) in said.err and clip.read_bytes() == before
+    assert {path.name for path in folder.iterdir()} == {f"{video}.mcap" for video in VIDEOS}
+    assert all("/affordance/state" in {topic.topic for topic in summarise(path).topics} for path in folder.iterdir())
+    bare = mine.run("dataset", "--only", "clip_footage", "--record")
+    assert "clip_footage has no recording of its own" in bare.words and bare.words.count("pipeline.py inspect ") == len(VIDEOS)
+    stale = mine.run("dataset", "--only", "object_completion", "--record", "--set", "mask_densify.radius=3")
+    assert stale.json["ran"] == {} and "is not renewed, for " in stale.words
+    assert mine.run("dataset", "--record").code == 2
+
+
 def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> None:
     """`--force` distrusts one stage."""
     assert mine.run("dataset", "--force", "narration-labelling").json["ran"] == {"narration_labelling": 2}
