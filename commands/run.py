@@ -18,6 +18,7 @@ from rich.table import Table
 from afford.readers.discover import Source
 from commands.belongs import check_stages, laid_out
 from commands.compare import Names, publish_columns
+from commands.content import content
 from commands.errors import UsageError, unknown
 from commands.origin import NEEDED
 from commands.part import RECORDS, Publisher, parts
@@ -300,6 +301,8 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
+        for line in content(Path(path)) if name == "dataset" else ():
+            console.print(f"  {line}", highlight=False, soft_wrap=True)
     for note in summary.notes or ():
         console.print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
     few = len(summary.metrics) <= MANY

@@ -79,6 +79,15 @@ def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
     assert all(is_whole(recording(made, video)) for video in VIDEOS)
 
 
+def test_a_run_ends_with_what_the_data_set_holds(made: Made) -> None:
+    """Samples by split and by hands, and frames without one by reason, as in its statistics."""
+    said = made.run("dataset").words
+    samples = len(rows(made))
+    left = json.loads((made.store / "datasets" / made.source.name / "statistics.json").read_text())["frames_without_sample"]
+    assert f"{samples} samples of 2 video(s): train {samples} hands: right {samples} frames left out: no contact" in said
+    assert left and all(f"{reason.replace('_', ' ')} {count}" in said for reason, count in left.items())
+
+
 def test_what_all_clips_came_to_is_recorded_too(made: Made) -> None:
     """The data set and the report: numbers, words and pictures, beside the recordings of the clips, and whole."""
     wanted = {"dataset_pack": ("statistics", "contact_sheet", "log"), "extraction_report": ("metrics", "sheet", "log")}
