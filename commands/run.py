@@ -41,6 +41,8 @@ CLIPS = ("clip_record", "object_record")
 """stages that record a clip, or an object"""
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
+PIPED_WIDTH = 1000
+"""columns where no terminal says how many: nothing is cut"""
 MANY_SHARDS = 8
 """artifacts of one stage that are listed"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
@@ -283,7 +285,7 @@ def _per_frame(report: RunReport, metrics: dict[str, float]) -> dict[str, float]
 
 
 def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
-    console = Console(stderr=True)
+    console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
     table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
     for stage in _stages(summary):
         cpu = sum(seconds for (name, _), seconds in report.cpu_s.items() if name == stage)
@@ -327,7 +329,8 @@ def _stages(summary: Summary) -> Iterable[str]:
 def _show_failures(console: Console, failures: list[Any]) -> None:
     if not failures:
         return
-    table = Table("stage", "clip", "what happened", title="[red]failed[/]", box=None, title_justify="left")
+    table = Table("stage", "clip", title="[red]failed[/]", box=None, title_justify="left")
+    table.add_column("what happened", overflow="fold")
     for failure in failures:
         table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
     console.print(table)

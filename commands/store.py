@@ -45,9 +45,9 @@ def dry_run(request: Request) -> int:
     if request.json:
         _print_json({"target": request.target, "tasks": [_plan(plan) for plan in plans]})
     else:
-        _show_plans([plan for plan in plans if plan.status != "cached"])
+        _show_groups([plan for plan in plans if plan.status != "cached"])
         counts = Counter(plan.status for plan in plans)
-        Console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
+        _console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
     return 0
 
 
@@ -141,7 +141,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
         return 0
     tree = Tree(_origin_line(found))
     _grow(tree, found, {found.digest})
-    Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(tree, crop=False, no_wrap=True, overflow="ignore")
+    _console().print(tree, crop=False, no_wrap=True, overflow="ignore")
     return 0
 
 
@@ -221,10 +221,36 @@ def _plan(plan: TaskPlan) -> dict[str, str]:
 
 
 def _show_plans(plans: list[TaskPlan]) -> None:
-    table = Table("stage", "clip", "state", "reason", box=None)
+    table = _table("stage", "clip", "state")
     for plan in plans:
         table.add_row(plan.stage, escape(plan.shard), plan.status, escape(str(plan.reason)))
-    Console().print(table)
+    _console().print(table)
+
+
+def _show_groups(plans: list[TaskPlan]) -> None:
+    """One row for all tasks of a stage that are in the same state for the same reason; of one alone, its clip."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for plan in plans:
+        groups.setdefault((plan.stage, plan.status, str(plan.reason)), []).append(plan.shard)
+    table = _table("stage", "state", "tasks")
+    for (stage, status, reason), shards in groups.items():
+        table.add_row(stage, status, escape(shards[0]) or "1" if len(shards) == 1 else str(len(shards)), escape(reason))
+    if groups:
+        _console().print(table)
+
+
+def _table(*titles: str) -> Table:
+    """Columns that are never cut, and the reason, which wraps."""
+    table = Table(box=None)
+    for title in titles:
+        table.add_column(title, no_wrap=True)
+    table.add_column("reason", overflow="fold")
+    return table
+
+
+def _console() -> Console:
+    """As wide as the terminal; in a pipe as wide as the longest line."""
+    return Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
 
 
 def _print_json(value: Any) -> None:
