@@ -68,21 +68,28 @@ def explain(request: Request, stage: str | None, clip: str | None) -> int:
 
 
 def status(request: Request) -> int:
-    """Per stage: how many shards are cached, would run, wait for others; and what failed and has not succeeded since."""
+    """Per stage: how many shards are cached, would run, wait for others; and which of them failed and have not succeeded since.
+    Failures of other sources, targets or settings are counted."""
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    plans, failures = runner.plan(graph, target), runner.failures()
+    plans = runner.plan(graph, target)
+    keys, failures = {plan.key for plan in plans}, runner.failures()
+    mine, others = [[failure for failure in failures if (failure["key"] in keys) is own] for own in (True, False)]
     counts = {node.name: Counter(p.status for p in plans if p.stage == node.name) for node in graph.stages()}
     if request.json:
-        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": failures})
+        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": mine,
+                     "failures_elsewhere": others})
         return 0
     table = Table("stage", "cached", "to run", "pending", box=None)
     for stage, count in counts.items():
         table.add_row(stage, *(str(count[status] or "") for status in ("cached", "run", "pending")))
-    console = Console()
+    console = _console()
     console.print(table)
-    for failure in failures:
+    for failure in mine:
         told = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
         console.print(f"[red]failed[/] {told}", highlight=False, soft_wrap=True)
+    if others:
+        console.print(f"{len(others)} task(s) of other sources, targets or settings failed in this store; --json lists them",
+                      highlight=False, soft_wrap=True)
     return 0
 
 

@@ -113,6 +113,14 @@ def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tm
     assert Publisher(runner).folder("sor3d_report", few, reports) == str(reports)
 
 
+def test_outputs_that_stand_side_by_side_are_parts_together(runner: Runner, tmp_path: Path) -> None:
+    """As the columns of a comparison, one of which failed."""
+    folder, stages = tmp_path / "set-compare", ("report_flow", "report_nearest")
+    to = Publisher(runner, {"report_nearest": "1 task(s) that it is made from failed"})
+    assert to.together(stages, folder) == tmp_path / "set-compare-part" and "set-compare-part is a part" in to.notes[0]
+    assert Publisher(runner, to.why, replace=True).together(stages, folder) == Publisher(runner).together(stages, folder) == folder
+
+
 def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
     """A recording that could not be written takes no sample away."""
     g = build("dataset", Origin("some"), Settings())

@@ -17,8 +17,8 @@ from afford.recording.summary import summarise
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.scene import SceneSpec
-from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made
-from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations
+from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made, call
+from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations, write_source
 
 AFTER_AFFORDANCE = {"affordance_intersect": 2, "record_affordance_intersect": 2, "clip_record": 2, "sample_assemble": 2,
                     "record_sample_assemble": 2, "dataset_pack": 1, "record_dataset_pack": 1}
@@ -212,6 +212,21 @@ def test_a_corrupt_video_fails_alone(mine: Made) -> None:
     assert f"{VIDEOS[0]}.MP4" in broken.words and "Traceback" not in broken.err
     assert set(rows(mine, "-part")) == {VIDEOS[1]} and set(rows(mine)) == set(VIDEOS)
     assert f"{VIDEOS[0]}" in mine.ask("status").words
+
+
+def test_status_tells_failures_of_other_sources_apart(mine: Made, tmp_path: Path) -> None:
+    """They are counted, and only those of the source and target that were named are listed."""
+    broken = write_source(tmp_path / "broken", ("P96_09",))
+    points = next(broken.rglob("P96_09.json"))
+    points.write_text(points.read_text().replace('"segments": [[[', '"segments": [[["x",', 1))
+    failed = call("run", "dataset", "--source", broken, "--store", mine.store, "--jobs", "0", "--json")
+    assert failed.code == 1 and failed.json["failed"] == {"source_read": 1}
+    here, there = mine.ask("status"), call("status", "--source", broken, "--store", mine.store)
+    assert "failed source_read P96_09" in there.words and "P96_09" not in here.words
+    elsewhere = "1 task(s) of other sources, targets or settings failed in this store"
+    assert elsewhere in here.words and "other sources" not in there.words
+    said = mine.ask("status", "--json").json
+    assert said["failures"] == [] and [failure["shard"] for failure in said["failures_elsewhere"]] == ["P96_09"]
 
 
 def test_a_flipped_bit_in_the_store_is_found_and_mended(mine: Made) -> None:
