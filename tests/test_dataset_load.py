@@ -59,6 +59,24 @@ def test_it_travels_to_worker_processes(data):
     assert same(copy.deepcopy(data)[150], data[150])
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.filterwarnings("error:The given NumPy array is not writable")
+def test_a_data_loader_gives_batches(data, workers):
+    """Of torch: arrays and numbers as tensors, words as lists, in this process and from workers. The folder may be a string."""
+    from torch.utils.data import DataLoader
+
+    named = load.Dataset(str(data.files[0].parents[1]), "train")
+    batch = next(iter(DataLoader(named, batch_size=3, num_workers=workers, collate_fn=load.collate)))
+    items = [data[n] for n in range(3)]
+    assert batch.keys() == {field.name for field in fields(load.Item)}
+    for name in ("image", "masks", "motion", "motion_time_ns", "taxonomy", "quality"):
+        expected = np.stack([getattr(item, name) for item in items])
+        assert np.array_equal(batch[name].numpy(), expected, equal_nan=expected.dtype.kind == "f"), name
+    assert batch["narration"] == [item.narration for item in items]
+    with pytest.raises(ValueError, match=r"'image': expected one shape in a batch, got \(16, 48, 3\) and \(32, 48, 3\)"):
+        load.collate([items[0], replace(items[1], image=items[1].image[:16])])
+
+
 def test_class_names_belong_to_labels(data):
     """Labels are places in the list of names."""
     assert data.class_names("noun_class")[data[2].noun_class] == "wire"

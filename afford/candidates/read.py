@@ -121,9 +121,11 @@ def _json(path: Path, what: str) -> Any:
 
 
 def _places(files: Files) -> list[Path | None]:
-    """The mask of the left and of the right hand."""
-    return [given or (files.masks / f"{side}.png" if files.masks else None)
-            for side, given in zip(SIDES, (files.left, files.right), strict=True)]  # fmt: skip
+    """The mask of the left and of the right hand; a folder with that of one hand is about this hand."""
+    inside: list[Path | None] = [files.masks / f"{side}.png" if files.masks else None for side in SIDES]
+    if any(path and path.exists() for path in inside):
+        inside = [path if path and path.exists() else None for path in inside]
+    return [given or path for given, path in zip((files.left, files.right), inside, strict=True)]
 
 
 def _regions(files: Files, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,11 +1,11 @@
-"""The data set, read back: shards -> samples as arrays. Works as it is with `torch.utils.data.DataLoader`."""
+"""The data set, read back: shards -> samples as arrays; with `collate`, batches of a `torch.utils.data.DataLoader`."""
 
 from __future__ import annotations
 
 import json
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
@@ -53,8 +53,24 @@ class Item:
     """(s,) int64, after the sample"""
 
 
-def splits(root: Path) -> list[str]:
+def collate(items: Sequence[Item]) -> dict[str, Any]:
+    """A batch, for `DataLoader(Dataset(folder), collate_fn=collate)`: field of Item -> tensor (b, ...) of its arrays or numbers, or
+    list of its words. ValueError where arrays differ in shape."""
+    import torch
+
+    batch: dict[str, Any] = {}
+    for name, values in ((field.name, [getattr(item, field.name) for item in items]) for field in fields(Item)):
+        shapes = sorted({np.shape(value) for value in values})
+        if len(shapes) > 1:
+            raise ValueError(f"field {name!r}: expected one shape in a batch, got {shapes[0]} and {shapes[1]}; bring the samples "
+                             "to one size before, or take batches of one")
+        batch[name] = values if isinstance(values[0], str) else torch.from_numpy(np.stack(values))
+    return batch
+
+
+def splits(root: Path | str) -> list[str]:
     """Names of the splits, `train` before `val` before `test`, then others. ValueError when there is none."""
+    root = Path(root)
     names = {path.name.rsplit("-", 3)[0] for path in (root / "data").glob("*-of-*.parquet")}
     if not names:
         raise ValueError(f"{root.name}/data: expected <split>-NNNNN-of-NNNNN.parquet, found none; "
@@ -62,8 +78,9 @@ def splits(root: Path) -> list[str]:
     return [name for name in ("train", "val", "test") if name in names] + sorted(names - {"train", "val", "test"})
 
 
-def shards(root: Path, split: str) -> list[Path]:
+def shards(root: Path | str, split: str) -> list[Path]:
     """The Parquet files of one split. ValueError when there is none."""
+    root = Path(root)
     if split not in splits(root):
         raise ValueError(f"{root.name}/data: expected {split}-*.parquet, found the splits {', '.join(splits(root))}")
     return sorted((root / "data").glob(f"{split}-*-of-*.parquet"))
@@ -86,7 +103,7 @@ def _groups(path: Path) -> int:
 class Dataset(Sequence[Item]):
     """One split. Indexing decodes one sample; iterating reads the shards in order. SourceError when a shard is damaged."""
 
-    def __init__(self, root: Path, split: str = "train") -> None:
+    def __init__(self, root: Path | str, split: str = "train") -> None:
         self.files = shards(root, split)
         lengths = [_lengths(path) for path in self.files]
         self.groups = [(n, group) for n, rows in enumerate(lengths) for group in range(len(rows))]
