@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import struct
-import zlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,8 @@ import trimesh
 
 from afford.meshes.discover import discover
 from afford.meshes.mend import read_mended
+from afford.meshes.read import read
+from afford.meshes.surface import Surface
 from afford.readers.errors import SourceError
 from schemas.hand import HandModel
 from schemas.mesh import ReadMesh
@@ -22,7 +23,8 @@ from stages import hand_model
 from tests import made_hands
 from tests.bombs import Bomb
 from tests.fuzzing import FuzzedReader
-from tests.mesh_files import box, checks, planar_uv, wishes, write_image, write_obj
+from tests.mesh_files import box, checks, planar_uv, tree, wishes, write_image, write_obj
+from tests.packed import black_png
 
 URDF = """<robot name="thing"><material name="red"><color rgba="1 0 0 1"/></material><link name="base"><visual><geometry>
 <box size="0.1 0.1 0.02"/></geometry><material name="red"/></visual></link><link name="tip"><visual>
@@ -40,6 +42,11 @@ def read_object(path: Path) -> ReadMesh:
     if found.refused:
         raise RefusedError(found.refused[0].reason)
     return read_mended(found.objects[0], wishes(unit="m"))
+
+
+def read_surface(path: Path) -> Surface:
+    """The mesh as it lies in its files."""
+    return read(tree(path.parent))
 
 
 def read_hand(path: Path) -> HandModel:
@@ -90,7 +97,7 @@ def gltf(folder: Path) -> tuple[dict[str, object], bytes]:
     accessors = [(0, 5126, "VEC3", count), (1, 5123, "SCALAR", solid.faces.size), (2, 5126, "VEC2", count)]
     document = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"name": "a", "mesh": 0, "children": [1]},
+        "nodes": [{"name": "a", "mesh": 0, "children": [1], "translation": [0.05, 0, 0]},
                   {"name": "b", "mesh": 0, "translation": [0, 0, 0.1], "scale": [1, 1, 2]}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}]}],
         "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.5, 1], "baseColorTexture": {"index": 0}}}],
@@ -234,25 +241,15 @@ def spheres(count: int = 50_000) -> str:
 def large_image(folder: Path) -> Path:
     """An OBJ with an image of 18000 x 18000 in 40 kB."""
     write_textured(folder, "obj")
-    (folder / "look.png").write_bytes(grey_png(18_000, 18_000))
+    (folder / "look.png").write_bytes(black_png(18_000, 18_000))
     return folder / "thing.obj"
-
-
-def grey_png(width: int, height: int, bits: int = 8) -> bytes:
-    """A black PNG, as small as it can be."""
-    row = bytes(1 + width * bits // 8)
-    pack = zlib.compressobj(9)
-    packed = b"".join([*(pack.compress(row) for _ in range(height)), pack.flush()])
-    chunks = ((b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)), (b"IDAT", packed), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big") for kind, data in chunks)
 
 
 PLY_HEAD = "ply\nformat {0} 1.0\nelement vertex {1}\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
 BOMBS: list[Bomb] = [
     bomb("glTF with 2^30 copies by shared children", "thing.gltf", shared_children),
     bomb("glTF with 20,000 copies of 10,000 triangles", "thing.gltf", many_copies),
-    bomb("OBJ with 300,000 materials", "thing.obj", many_materials, errors=()),
+    bomb("OBJ with 300,000 materials", "thing.obj", many_materials, read_surface, ()),
     Bomb("OBJ with 20,000 libraries and images", libraries, read_object, ()),
     Bomb("OBJ with an image of 18000 x 18000", large_image, read_object, (SourceError,)),
     bomb("URDF chain of 20,000 joints", "thing.urdf", partial(chain, 20_000)),

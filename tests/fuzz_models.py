@@ -6,7 +6,6 @@ import io
 import json
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -31,8 +30,8 @@ from schemas.files import FileTree
 from schemas.interaction import StaticSample
 from tests import made_interactions
 from tests.bombs import Bomb
-from tests.fuzz_meshes import grey_png
 from tests.fuzzing import FuzzedReader
+from tests.packed import black_png, zip_of, zlib_stream
 
 WIDTHS = (2, 2, 3, 3)
 ZEROS = 2_500_000_000
@@ -179,22 +178,9 @@ READERS: list[FuzzedReader] = [
 ]  # fmt: skip
 
 
-def large_checkpoint(folder: Path) -> Path:
-    """A checkpoint whose pickle is 2.5 GB of zeros in 2 MiB."""
-    with zipfile.ZipFile(folder / "model.pt", "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("model/data.pkl", "w", force_zip64=True) as member:
-            for _ in range(ZEROS // 1_000_000):
-                member.write(bytes(1_000_000))
-        archive.writestr("model/version", "3")
-    return folder / "model.pt"
-
-
-def lying_checkpoint(folder: Path) -> Path:
-    """The same with a stated size of 1000 bytes."""
-    path = large_checkpoint(folder)
-    path.write_bytes(path.read_bytes().replace(struct.pack("<Q", ZEROS), struct.pack("<Q", 1000))
-                     .replace(struct.pack("<I", ZEROS), struct.pack("<I", 1000)))  # fmt: skip
-    return path
+def large_checkpoint(folder: Path, stated: int = ZEROS) -> Path:
+    """A checkpoint whose pickle is 2.5 GB of zeros in 2 MiB, and states so many bytes."""
+    return zip_of(folder / "model.pt", "model/data.pkl", b"\x80\x02", ZEROS - 2, stated)
 
 
 def many_opcodes(folder: Path) -> Path:
@@ -221,9 +207,7 @@ def npy_header(shape: tuple[int, ...]) -> bytes:
 def large_label(folder: Path, stated: int) -> Path:
     """A root of UMD whose label unpacks to 2.5 GB of zeros; its tag states so many bytes."""
     path = write_umd(folder, ".mat")
-    pack = zlib.compressobj()
-    body = b"".join([pack.compress(struct.pack("<II", 14, stated)), *(pack.compress(bytes(1_000_000)) for _ in range(2500)),
-                     pack.flush()])  # fmt: skip
+    body = zlib_stream(struct.pack("<II", 14, stated), ZEROS)
     path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(body)) + body)
     return path
 
@@ -240,7 +224,7 @@ def written(name: str, content: Callable[[], bytes]) -> Callable[[Path], Path]:
 
 BOMBS: list[Bomb] = [
     Bomb("checkpoint whose pickle is 2.5 GB in 2 MiB", large_checkpoint, read_tensors, (ValueError,)),
-    Bomb("checkpoint whose pickle is larger than stated", lying_checkpoint, read_tensors, (ValueError,)),
+    Bomb("checkpoint whose pickle is larger than stated", partial(large_checkpoint, stated=1000), read_tensors, (ValueError,)),
     Bomb("checkpoint of 32 million opcodes", many_opcodes, read_tensors, (ValueError,)),
     Bomb("checkpoint nested a million times", nested, read_tensors, (ValueError,)),
     Bomb("published checkpoint of 2.5 GB in 2 MiB", large_checkpoint, read_weights, (ValueError,)),
@@ -248,9 +232,9 @@ BOMBS: list[Bomb] = [
     Bomb("safetensors that state 2^60 bytes", written("model.safetensors", lambda: struct.pack("<Q", 1 << 60)), read_tensors,
          (ValueError,)),
     Bomb("npy that states 10^6 x 10^6", written("depth.npy", lambda: npy_header((10**6, 10**6))), read_depth, (SourceError,)),
-    Bomb("depth of 30000 x 30000 of 16 bits", written("depth.png", lambda: grey_png(30_000, 30_000, 16)), read_depth,
+    Bomb("depth of 30000 x 30000 of 16 bits", written("depth.png", lambda: black_png(30_000, 30_000, 16)), read_depth,
          (SourceError,)),
-    Bomb("picture of 30000 x 30000", written("one.png", lambda: grey_png(30_000, 30_000)), read_image, (SourceError,)),
+    Bomb("picture of 30000 x 30000", written("one.png", lambda: black_png(30_000, 30_000)), read_image, (SourceError,)),
     *(Bomb(f"UMD label of 2.5 GB that states {stated} bytes", partial(large_label, stated=stated),
            partial(read_static, listed=umd.listed), (SourceError,)) for stated in (ZEROS, 1000)),
 ]  # fmt: skip

@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import pickle
-import zipfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from schemas.motion import HandMotion
 from schemas.object_list import SPLITS
 from tests.bombs import Bomb
 from tests.fuzzing import FuzzedReader
+from tests.packed import zip_of
 
 FRAMES = 4
 PARENTS = np.array([0, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14])
@@ -163,12 +163,10 @@ READERS: list[FuzzedReader] = [
 
 def large_npz(folder: Path) -> Path:
     """A clip whose keypoints are 2.5 GB of zeros in 2 MiB."""
-    with (zipfile.ZipFile(folder / "clip.npz", "w", zipfile.ZIP_DEFLATED) as archive,
-          archive.open("keypoints.npy", "w", force_zip64=True) as member):  # fmt: skip
-        np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (5_000_000, 21, 3)})
-        for _ in range(2500):
-            member.write(bytes(1_008_000))
-    return folder / "clip.npz"
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (2_500_000, 125)})
+    data = head.getvalue()
+    return zip_of(folder / "clip.npz", "keypoints.npy", data, 2_500_000_000, len(data) + 2_500_000_000)
 
 
 def repeated_list(folder: Path) -> Path:

@@ -78,7 +78,8 @@ def _unpacked(data: memoryview, order: str, name: str) -> _Element:
 
 def _parts(matrix: memoryview, order: str, name: str) -> list[_Element]:
     """Flags, dimensions and name of a matrix, and its numbers when there are any."""
-    parts, at = [], 0
+    parts: list[_Element] = []
+    at = 0
     while at < len(matrix) and len(parts) < 4:
         parts.append(_element(matrix, at, order, name, padded=True))
         at = parts[-1].end
