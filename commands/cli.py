@@ -139,11 +139,15 @@ def verify(store: Store = None, json: Json = False) -> None:
 
 
 @app.command()
-def gc(store: Store = None, json: Json = False) -> None:
+def gc(
+    store: Store = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="count what would go, delete nothing")] = False,
+    json: Json = False,
+) -> None:
     """Delete what the last use of every clip does not reach."""
     from commands.store import gc as sweep
 
-    raise typer.Exit(sweep(store, json))
+    raise typer.Exit(sweep(store, dry_run, json))
 
 
 @app.command()

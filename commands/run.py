@@ -27,6 +27,7 @@ from commands.publish import owned, publish, publish_files, retire
 from commands.record import record
 from commands.session import digester, open_runner
 from commands.settings import columns
+from commands.warnings import show_warnings
 from commands.weights import weighed
 from maps.settings import Origin
 from maps.static_sets import REPORTS
@@ -125,6 +126,7 @@ def run(request: Request) -> int:
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
                       None if limit_s is None else report.left, notes or None)
     _show(summary, report, source)
+    show_warnings(runner, report)
     if only and not outputs:
         _where(report)
     if request.json:

@@ -197,13 +197,13 @@ def verify(store: Path | None, as_json: bool) -> int:
     return 0 if verdict.ok else 1
 
 
-def gc(store: Path | None, as_json: bool) -> int:
-    """Delete what the last use of every shard does not reach."""
-    swept = seen_runner(store).gc()
+def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
+    """Delete what the last use of every shard does not reach, or count it."""
+    swept = seen_runner(store).gc(dry_run)
     if as_json:
         _print_json(asdict(swept))
     else:
-        sys.stdout.write(f"deleted {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
+        sys.stdout.write(f"{'would delete' if dry_run else 'deleted'} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
     return 0
 
 
