@@ -203,7 +203,8 @@ def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
     if as_json:
         _print_json(asdict(swept))
     else:
-        sys.stdout.write(f"{'would delete' if dry_run else 'deleted'} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
+        done = "would delete" if dry_run else "deleted"
+        sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
     return 0
 
 
