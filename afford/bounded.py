@@ -30,6 +30,9 @@ CHUNK = 1 << 20
 """bytes decompressed at a time"""
 SMALL_CHUNK = 1 << 12
 """the same for methods whose decompression has no bound of its own (bzip2, LZMA): compressed bytes at a time"""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_FRAME_BYTES = 12
+"""of a chunk, beside its content: length, name, checksum"""
 PLAIN_KINDS = "biufUS"
 """kinds of dtype that hold numbers and text"""
 ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError, NotImplementedError,
@@ -81,7 +84,23 @@ def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, in
     width, height = image_size(data, name)
     if width * height > most:
         raise TooLargeError(name, f"an image of at most {most / 1e6:g} megapixels", f"{width} x {height}", "make it smaller")
+    check_chunks(data, name)
     return width, height
+
+
+def check_chunks(data: bytes, name: str) -> None:
+    """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what a
+    chunk states before it looks whether the file has as much.)"""
+    if not data.startswith(PNG_SIGNATURE):
+        return
+    at = len(PNG_SIGNATURE)
+    while at < len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        at += PNG_FRAME_BYTES + length
+        if at > len(data):
+            raise SourceError(name, "a whole PNG", f"one that ends {at - len(data)} bytes early", "get the file again")
+        if data[at - PNG_FRAME_BYTES - length + 4 : at - PNG_FRAME_BYTES - length + 8] == b"IEND":
+            return
 
 
 def not_an_image(name: str, length: int) -> SourceError:

@@ -19,7 +19,6 @@ from afford.bounded import check_image
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
 from afford.dataset.parquet import opened, read_group, refused
-from afford.png import check_chunks
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -173,7 +172,6 @@ class _Group:
     def _item(self, n: int) -> Item:
         data = self.jpeg[n].as_py()
         check_image(data, f"{self.plain['sample_id'][n]}, column `image`")
-        check_chunks(data, f"{self.plain['sample_id'][n]}, column `image`")
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
         planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
         if image is None or planes.shape[1:] != image.shape[:2]:

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from afford.bounded import TooLargeError, check_image
-from afford.png import check_chunks
 from afford.readers.errors import SourceError
 from afford.video.size import shrink
 
@@ -29,7 +28,6 @@ def read_stills(pictures: Iterable[tuple[str, bytes]], box_wh: tuple[int, int]) 
 def _decode(name: str, data: bytes, box_wh: tuple[int, int]) -> np.ndarray:
     try:
         check_image(data, name)
-        check_chunks(data, name)
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except TooLargeError:
         raise
