@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest, file_digest
+from runner.effects import Effects, effects_of
+from runner.foreign import FILES, IMPORT, PLAIN, UNSEEN, refusal
 from runner.modules import Modules
-from runner.source import Module, SourceError
-
-COMPUTED = {"importlib.import_module", "importlib:import_module", "__import__", "eval", "exec", "globals"}
+from runner.resolve import Place, places
+from runner.source import MAIN, Module, SourceError, line_of
 
 
 @dataclass
@@ -38,7 +39,7 @@ def fingerprint(modules: Modules, function: str, select: Mapping[str, object]) -
     """Fingerprint of 'module:function' under these parameters; SourceError when some code cannot be followed."""
     walk = _Closure(modules, select)
     module, _, name = function.partition(":")
-    walk.reach(module, name.partition(".")[0])
+    walk.start(module, name.partition(".")[0])
     walk.finish()
     return Fingerprint(digest("afford-closure", walk.definitions), walk.definitions, walk.third_party, walk.files)
 
@@ -76,7 +77,17 @@ class _Closure:
     files: set[str] = field(default_factory=set)
     _todo: list[tuple[str, str]] = field(default_factory=list)
     _seen: set[tuple[str, str]] = field(default_factory=set)
-    _loaded: set[str] = field(default_factory=set)
+    _loaded: dict[str, Effects] = field(default_factory=dict)
+
+    def start(self, module: str, name: str) -> None:
+        """Begin at a definition. The values that come in have a type, or nobody knows whose methods run."""
+        found = self.modules.get(module)
+        for index in found.items.get(name, ()) if found else ():
+            assert found is not None
+            for parameter in set(found.statements[index].get("untyped", ())) - {"ctx"}:
+                raise self._error(found, found.statements[index], name, f"the parameter {parameter!r} of {name}() may be anything",
+                                  "annotate it with its class, so that the code of its methods counts")
+        self.reach(module, name)
 
     def reach(self, module: str, name: str) -> None:
         if (module, name) not in self._seen:
@@ -91,19 +102,22 @@ class _Closure:
         module = self.modules.get(module_name)
         if module is None:
             raise SourceError(f"{module_name}:{name}: no such module under {self.modules.root}")
-        self._load(module)
+        effects = self._load(module)
         if self._is_registry(module, name):
             self._registry(module, name)
         elif name in module.items:
-            statements = [module.statements[i] for i in module.items[name]]
-            self.definitions[f"{module_name}:{name}"] = digest("afford-definition", [s["digest"] for s in statements])
-            for statement in statements:
-                self._follow(module, statement)
+            statements = [module.statements[i] for i in (*module.items[name], *effects.owned.get(name, ()))]
+            self._define(module, name, statements)
+
+    def _define(self, module: Module, name: str, statements: list[dict[str, Any]]) -> None:
+        """Statements of one name: what they are, and what the names that they import stand for."""
+        meant = sorted({link for statement in statements for link in self._follow(module, statement)})
+        self.definitions[f"{module.name}:{name}"] = digest("afford-definition", [[s["digest"] for s in statements], meant])
 
     def _is_registry(self, module: Module, name: str) -> bool:
         """A literal dict of "module:attribute" strings that all name packages of ours, and that no other statement touches."""
         entries = module.registries.get(name, {}).values()
-        return bool(entries) and len(module.items[name]) == 1 and all(
+        return bool(entries) and len(module.items[name]) == 1 and not self._loaded[module.name].owned.get(name) and all(
             self.modules.get(entry.partition(":")[0].partition(".")[0]) is not None for entry in entries)
 
     def _registry(self, module: Module, name: str) -> None:
@@ -120,106 +134,107 @@ class _Closure:
         if self.modules.get(module) is None:
             raise SourceError(f"{where}: expected a module of this project, got {module!r}")
 
-    def _follow(self, module: Module, statement: dict[str, Any]) -> None:
+    def _follow(self, module: Module, statement: dict[str, Any]) -> Iterator[str]:
+        """Reach all that a statement refers to; yields what each imported name stands for."""
+        for name in statement.get("loads", ()):
+            self._import(name)
+        for ref in statement.get("hints", ()):
+            for place in places(self.modules, module, ref):
+                self._take(module, statement, ref, place, counts=False)
+        for ref in statement.get("getattrs", ()):
+            self._getattr(module, statement, ref)
         for ref in statement["refs"]:
-            self._refer(module, ref, counts=True)
-        for ref in statement["hints"]:
-            self._refer(module, ref, counts=False)
-        for ref in statement["getattrs"]:
-            if self._whole_module(module, ref) and "DYNAMIC" not in module.literals:
-                raise SourceError(f"{module.path}: getattr({ref}, <computed>) on a module cannot be followed; name what it may "
-                                  'be in DYNAMIC = ("module:attribute", ...)')
-            self._refer(module, ref, counts=True)
+            if ref.startswith("."):
+                self._unseen(module, statement, ref)
+                continue
+            for place in places(self.modules, module, ref):
+                self._take(module, statement, ref, place, counts=True)
+                if ref.partition(".")[0] in module.imports:
+                    yield f"{ref} = {place.name}:{place.item}" if place.module else f"{ref} = {place.dotted}"
 
-    def _refer(self, module: Module, ref: str, *, counts: bool) -> None:
-        """Follow one reference: to an item of this module, through an import, or out of the project."""
-        if ref.startswith("@"):
-            target, _, rest = ref[1:].partition(":")
-            self._resolve(module, *self._split(target, rest.split(".") if rest else [], ":" in ref), counts=counts)
-            return
-        name, *chain = ref.split(".")
-        if name in module.items:
-            self.reach(module.name, name)
-        if name in module.imports:
-            target, colon, attribute = module.imports[name].partition(":")
-            self._resolve(module, target, [attribute, *chain] if colon else chain, counts=counts)
-        elif name in COMPUTED and name not in module.items:
-            self._computed(module, name)
+    def _take(self, module: Module, statement: dict[str, Any], ref: str, place: Place, *, counts: bool) -> None:
+        """Reach one place, or count the package that it is in."""
+        if place.module is None:
+            self._foreign(module, statement, ref, place, counts=counts)
+        elif not place.chain:
+            self._everything(place.module)
+        elif place.item is not None:
+            self.reach(place.name, place.item)
+        elif place.chain[0] == "__name__":
+            self._program(place.module)
+        elif place.chain[0] == "__file__" and "DATA_FILES" not in place.module.literals:
+            raise self._error(module, statement, ref, f"{ref} may lead to any file", FILES)
+        elif place.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
+            raise self._error(module, statement, ref, f"{ref} of a module cannot be followed", PLAIN)
 
-    def _split(self, target: str, chain: list[str], has_attribute: bool) -> tuple[str, list[str]]:
-        """'@a.b.c' of a plain import: the longest module, then attributes."""
-        if has_attribute or self.modules.get(target.partition(".")[0]) is None:
-            return target, chain
-        parts = target.split(".")
-        while len(parts) > 1 and self.modules.get(".".join(parts)) is None:
-            chain.insert(0, parts.pop())
-        return ".".join(parts), chain
+    def _foreign(self, module: Module, statement: dict[str, Any], ref: str, place: Place, *, counts: bool) -> None:
+        objection = refusal(place.dotted, lambda name: self.modules.get(name) is not None)
+        if objection is not None and not (objection[1] == IMPORT and "DYNAMIC" in module.literals):
+            raise self._error(module, statement, ref, f"{objection[0]} cannot be followed", objection[1])
+        root = place.name.partition(".")[0]
+        if counts and root not in sys.stdlib_module_names:
+            self.third_party.add(root)
 
-    def _resolve(self, origin: Module, target: str, chain: list[str], *, counts: bool) -> None:
-        """`chain` of attributes, starting at module `target`."""
-        found = self.modules.get(target)
-        if found is None:
-            if f"{target}.{'.'.join(chain)}" in COMPUTED:
-                self._computed(origin, f"{target}.{'.'.join(chain)}")
-            root = target.partition(".")[0]
-            if self.modules.get(root) is not None:
-                raise SourceError(f"{origin.path}: it imports {target!r}, which is not a module of this project")
-            if counts and root not in sys.stdlib_module_names:
-                self.third_party.add(root)
-            return
-        self._load(found)
-        if not chain:
-            self._everything(found)
-            return
-        name, rest = chain[0], chain[1:]
-        if name in found.items:
-            self.reach(target, name)
-        if name in found.imports:
-            passed, colon, attribute = found.imports[name].partition(":")
-            self._resolve(found, passed, [attribute, *rest] if colon else rest, counts=counts)
-        elif name not in found.items and self.modules.get(f"{target}.{name}") is not None:
-            self._resolve(found, f"{target}.{name}", rest, counts=counts)
-        elif name not in found.items and "__getattr__" in found.items:
-            self._everything(found)
+    def _unseen(self, module: Module, statement: dict[str, Any], ref: str) -> None:
+        raise self._error(module, statement, ref, f"{ref[1:]} cannot be followed", UNSEEN.get(ref[1:], PLAIN))
+
+    def _getattr(self, module: Module, statement: dict[str, Any], ref: str) -> None:
+        for place in places(self.modules, module, ref):
+            if place.module is not None and not place.chain and "DYNAMIC" not in module.literals:
+                raise self._error(module, statement, ref, f"getattr({ref.lstrip('@')}, <computed>) on a module cannot be followed",
+                                  'name what it may be in DYNAMIC = ("module:attribute", ...)')
+            self._take(module, statement, ref, place, counts=True)
+
+    def _error(self, module: Module, statement: dict[str, Any], ref: str, what: str, instead: str) -> SourceError:
+        return SourceError(f"{module.path}:{line_of(module, statement, ref)}: {what}; {instead}")
 
     def _everything(self, module: Module) -> None:
-        """A module used as a value: whatever it has may be used."""
+        """A module used as a value: whatever it has may be used, its own names and those that it imports."""
         for name in module.items:
-            self.reach(module.name, name)
+            if name != MAIN:
+                self.reach(module.name, name)
+        for name in module.imports:
+            for place in places(self.modules, module, name) if name not in module.typing else ():
+                if place.item is not None:
+                    self.reach(place.name, place.item)
+                elif place.module is not None and ("*", place.name) not in self._seen:
+                    self._seen.add(("*", place.name))
+                    self._everything(place.module)
 
-    def _whole_module(self, module: Module, ref: str) -> bool:
-        target, colon, attribute = (ref[1:] if ref.startswith("@") else module.imports.get(ref, "")).partition(":")
-        return bool(target) and self.modules.get(f"{target}.{attribute}" if colon else target) is not None
+    def _program(self, module: Module) -> None:
+        """A module by its name: somebody runs it as a program, or looks it up."""
+        self._everything(module)
+        self.reach(module.name, MAIN)
 
-    def _computed(self, module: Module, what: str) -> None:
-        if "DYNAMIC" not in module.literals:
-            raise SourceError(f"{module.path}: {what}() cannot be followed; use a literal registry, or name what it may load "
-                              'in DYNAMIC = ("module", ...) of that module')
-
-    def _load(self, module: Module) -> None:
+    def _load(self, module: Module) -> Effects:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
-        if module.name in self._loaded:
-            return
-        self._loaded.add(module.name)
-        self.files.add(module.path)
-        registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
-        for index in (*module.effects, *registering):
-            statement = module.statements[index]
-            self.definitions[f"{module.name}:<statement {statement['digest'][:8]}>"] = statement["digest"]
-            self._follow(module, statement)
-        for name in module.literals.get("DATA_FILES", []):
-            self._data(module, name)
-        for name in module.literals.get("DYNAMIC", []):
-            self._declared(module, name)
-        for name in _imported(module):
-            found = self.modules.get(name)
+        if module.name not in self._loaded:
+            effects = self._loaded[module.name] = effects_of(self.modules, module)
+            self.files.add(module.path)
+            registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
+            for index in dict.fromkeys((*effects.wide, *registering)):
+                statement = module.statements[index]
+                self._define(module, f"<statement {statement['digest'][:8]}>", [statement])
+            for name in module.literals.get("DATA_FILES", []):
+                self._data(module, name)
+            for name in module.literals.get("DYNAMIC", []):
+                self._declared(module, name)
+            for name in (module.name, *module.loads):
+                self._import(name)
+        return self._loaded[module.name]
+
+    def _import(self, name: str) -> None:
+        """A module and its packages, where they are ours, as an import loads them."""
+        parts = name.split(".")
+        for count in range(1, len(parts) + 1):
+            found = self.modules.get(".".join(parts[:count]))
             if found is not None:
                 self._load(found)
 
     def _ours(self, module: Module, name: str) -> bool:
         """Whether a decorator is code of this project: it may register what it decorates somewhere else."""
-        target = module.imports.get(name, "").partition(":")[0]
-        return name in module.items or bool(target and self.modules.get(target) is not None)
+        targets = [target.partition(":")[0] for target in module.imports.get(name, ())]
+        return name in module.items or any(self.modules.get(target) is not None for target in targets)
 
     def _data(self, module: Module, name: str) -> None:
         path = Path(module.path).with_name(name) if module.path.endswith(".py") else Path(module.path) / name
@@ -237,10 +252,3 @@ class _Closure:
             found = self.modules.get(target)
             assert found is not None
             self._everything(found)
-
-
-def _imported(module: Module) -> Iterator[str]:
-    """Modules that run when this one is imported: its packages, and what it imports with theirs."""
-    for name in (module.name, *module.loads):
-        parts = name.split(".")
-        yield from (".".join(parts[:i]) for i in range(1, len(parts) + 1))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from runner.canonical import digest
 from runner.files import RACY_NS, read_cache, stamp, write_atomic
-from runner.source import Module, parse_module
+from runner.source import Module, SourceError, parse_module
 
 
 class Modules:
@@ -40,9 +40,13 @@ class Modules:
 
     def _find(self, name: str) -> Module | None:
         base = self.root.joinpath(*name.split("."))
-        for path, package in ((base.with_name(base.name + ".py"), False), (base / "__init__.py", True)):
-            if path.is_file():
-                return self._read(name, path, package)
+        module, package = base.with_name(base.name + ".py"), base / "__init__.py"
+        if module.is_file():
+            if package.is_file():
+                raise SourceError(f"{module}:1: {package} has the same name, and Python imports that one; rename one of them")
+            return self._read(name, module, False)
+        if package.is_file():
+            return self._read(name, package, True)
         return Module(name, str(base)) if base.is_dir() and self._holds_code(name, base) else None
 
     def _holds_code(self, name: str, folder: Path) -> bool:
@@ -63,5 +67,6 @@ class Modules:
 
 def _version(schemas: tuple[str, ...]) -> str:
     """What the remembered form depends on: our own parser, and Python's."""
-    own = [stamp(Path(__file__).with_name(name)) for name in ("source.py", "names.py", "modules.py", "canonical.py")]
+    own = [stamp(Path(__file__).with_name(name)) for name in (
+        "source.py", "names.py", "scopes.py", "touches.py", "foreign.py", "modules.py", "canonical.py")]
     return digest("afford-parser", [own, list(sys.version_info[:3]), list(schemas)])

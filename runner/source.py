@@ -9,35 +9,44 @@ our own spelling of its syntax tree: comments, docstrings and formatting do not 
 from __future__ import annotations
 
 import ast
+import builtins
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest
-from runner.names import Uses, imports_of, uses_of
+from runner.foreign import harmless
+from runner.names import SourceError, Uses, imports_of, uses_of
+from runner.scopes import DEFINITIONS, arguments_of
+from runner.touches import ARGUMENT, roots
+
+__all__ = ["Module", "SourceError", "line_of", "parse_module", "spell"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
-
-
-class SourceError(ValueError):
-    """Code that cannot be followed statically; the message names file, line and what to do."""
+MAIN = "__main__"
+"""the name that `if __name__ == "__main__":` belongs to"""
 
 
 @dataclass
 class Module:
-    """What is known of a module. References are 'name.attribute...' or, inside functions, '@module:name...' of an import."""
+    """What is known of a module. References are as in `runner.names`."""
 
     name: str
     path: str
     statements: list[dict[str, Any]] = field(default_factory=list)
-    """digest, refs, hints (names used in annotations only), getattrs (objects of a computed getattr)"""
+    """digest, line, refs; and where there are any: hints (names used in annotations only), getattrs (objects of a computed
+    getattr), loads (modules imported inside functions), sets and does (what is changed at import, and inside functions),
+    alias (objects that the bound name may stand for), kind ('class' or 'function'), bases (of a class), hook (a class that acts when a subclass is made),
+    untyped (parameters whose type nobody states)"""
     items: dict[str, list[int]] = field(default_factory=dict)
     """name -> its statements"""
-    imports: dict[str, str] = field(default_factory=dict)
-    """name -> 'module' or 'module:attribute'"""
+    imports: dict[str, list[str]] = field(default_factory=dict)
+    """name -> 'module' or 'module:attribute' of every import that binds it"""
+    typing: list[str] = field(default_factory=list)
+    """names that are imported for type checkers only"""
     loads: list[str] = field(default_factory=list)
     """modules that importing this one imports as well"""
     effects: list[int] = field(default_factory=list)
@@ -49,47 +58,134 @@ class Module:
 
 def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -> Module:
     """Read a module. In a `schema` module the doc line (last positional argument) and the encoding of a field do not count."""
-    try:
-        tree = ast.parse(text)
-    except SyntaxError as error:
-        raise SourceError(f"{path}:{error.lineno}: {error.msg}") from error
     module = Module(name, path)
-    home = name if package else name.rpartition(".")[0]
-    for statement in tree.body:
+    for statement in _parsed(path, text).body:
         if not _is_text(statement):
-            _add(module, statement, home, schema)
+            _add(module, statement, _home(name, package), schema)
+    for found in module.statements:
+        for key in ("sets", "does", "alias"):
+            found[key] = sorted(entry for entry in found[key] if not _harmless(module, entry))
+    module.statements = [{key: value for key, value in found.items() if value or key == "refs"} for found in module.statements]
     return module
 
 
+def line_of(module: Module, statement: dict[str, Any], ref: str) -> int:
+    """The line of a reference; read from the file, only when an error is to be said."""
+    at: int = statement["line"]
+    tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
+    home = _home(module.name, Path(module.path).name == "__init__.py")
+    for found in (node for node in tree.body if node.lineno == at):
+        uses = uses_of(found, home, f"{module.path}:{at}")
+        return {**uses.sets, **uses.getattrs, **uses.hints, **uses.refs}.get(ref, at)
+    return at
+
+
+def _parsed(path: str, text: str) -> ast.Module:
+    try:
+        return ast.parse(text)
+    except SyntaxError as error:
+        raise SourceError(f"{path}:{error.lineno}: {error.msg}") from error
+
+
+def _home(name: str, package: bool) -> str:
+    return name if package else name.rpartition(".")[0]
+
+
 def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
-    imports = imports_of(statement, home, f"{module.path}:{statement.lineno}")
-    module.imports.update({bound: target for bound, target, _ in imports})
-    module.loads += [target.partition(":")[0] for _, target, typing_only in imports if not typing_only]
-    module.loads += [target.replace(":", ".") for _, target, typing_only in imports if ":" in target and not typing_only]
-    if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement):
+    where = f"{module.path}:{statement.lineno}"
+    imported = _imports(module, statement, home, where)
+    if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement, "TYPE_CHECKING", "typing.TYPE_CHECKING"):
         return
     bound = _bound_names(statement)
-    if bound is None and imports and not isinstance(statement, (ast.If, ast.Try)):
-        raise SourceError(f"{module.path}:{statement.lineno}: an import inside this statement cannot be followed; move it out")
-    uses = uses_of(statement, home, f"{module.path}:{statement.lineno}")
+    if bound is None and imported and not isinstance(statement, (ast.If, ast.Try)):
+        raise SourceError(f"{where}: an import inside this statement cannot be followed; move it out")
+    uses = uses_of(statement, home, where)
     index = len(module.statements)
-    module.statements.append({"digest": digest("afford-code", spell(statement, schema)), "refs": sorted(uses.refs),
-                              "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs)})
-    for item in bound if bound is not None else _mentioned(statement):
+    module.statements.append({
+        "digest": digest("afford-code", spell(statement, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
+        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), "sets": uses.sets,
+        "does": uses.does, "alias": _alias(statement), **_class(statement), **_function(statement)})
+    main = _is_guard(statement, "__name__ == '__main__'")
+    for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
-    if bound is None:
+    if bound is None and not main:
         _effect(module, index, uses)
     elif isinstance(statement, DEFINITIONS):
-        parts = (node for decorator in statement.decorator_list for node in ast.walk(decorator))
-        names = [node.id for node in parts if isinstance(node, ast.Name)]
+        names = [node.id for part in _decorators(statement) for node in ast.walk(part) if isinstance(node, ast.Name)]
         module.decorated += [(index, names)] if names else []
-    elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and len(bound) == 1:
+    elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and bound and len(bound) == 1:
         _literal(module, bound[0], statement.value)
+
+
+def _imports(module: Module, statement: ast.stmt, home: str, where: str) -> list[str]:
+    """Note what a statement imports; the names that it binds so."""
+    found = imports_of(statement, home, where)
+    for bound, target, loads, typing_only in found:
+        targets = module.imports.setdefault(bound, [])
+        targets += [target] if target not in targets else []
+        if typing_only:
+            module.typing.append(bound)
+        else:
+            module.loads += [name for name in loads if name not in module.loads]
+    return [bound for bound, _, _, _ in found]
 
 
 def _effect(module: Module, index: int, uses: Uses) -> None:
     if any(ref.partition(".")[0] in module.imports or ref.startswith("@") for ref in uses.refs):
         module.effects.append(index)
+
+
+def _alias(statement: ast.stmt) -> set[str]:
+    value = statement.value if isinstance(statement, (ast.Assign, ast.AnnAssign)) else None
+    return set(roots(value, lambda _: None)) if value is not None else set()
+
+
+def _class(statement: ast.stmt) -> dict[str, Any]:
+    """Bases and metaclass of a class, and whether it acts when a subclass of it is made."""
+    if not isinstance(statement, ast.ClassDef):
+        return {}
+    bases = [ast.unparse(base) for base in (*statement.bases, *(keyword.value for keyword in statement.keywords))]
+    own = (node.name for node in statement.body if isinstance(node, ast.FunctionDef))
+    return {"kind": "class", "bases": bases, "hook": "__init_subclass__" in own or "type" in bases}
+
+
+def _function(statement: ast.stmt) -> dict[str, Any]:
+    """Parameters of a function whose type is Any, or that have none though a method of theirs is called."""
+    if not isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
+        return {}
+    bare = {arg.arg for arg in arguments_of(statement.args) if arg.annotation is None}
+    called = {node.func.value.id for node in ast.walk(statement) if bare and isinstance(node, ast.Call)
+              and isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name)}
+    loose = [arg.arg for arg in arguments_of(statement.args) if arg.annotation and _is_any(arg.annotation)]
+    return {"kind": "function", "untyped": [*loose, *sorted(bare & called)]}
+
+
+def _is_any(hint: ast.expr) -> bool:
+    return any((isinstance(node, ast.Name) and node.id == "Any") or (isinstance(node, ast.Attribute) and node.attr == "Any")
+               or (isinstance(node, ast.Constant) and isinstance(node.value, str) and "Any" in re.findall(r"\w+", node.value))
+               for node in ast.walk(hint))
+
+
+def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
+    """Decorators of a definition, and of what is defined in the body of a class."""
+    if isinstance(statement, DEFINITIONS):
+        yield from statement.decorator_list
+    if isinstance(statement, ast.ClassDef):
+        for inner in statement.body:
+            yield from _decorators(inner)
+
+
+def _harmless(module: Module, entry: str) -> bool:
+    """Whether what a statement changes is nothing that others see: a value that a library's or Python's function made."""
+    if entry in (ARGUMENT, "!"):
+        return False
+    if entry.startswith("@"):
+        return harmless(entry[1:].replace(":", "."))
+    name, dot, rest = entry.partition(".")
+    plain = name.rstrip("!()")
+    if plain in module.imports:
+        return all(harmless(target.replace(":", ".") + entry[len(plain):]) for target in module.imports[plain])
+    return plain not in module.items and hasattr(builtins, plain) and plain not in ("map", "filter")
 
 
 def _literal(module: Module, name: str, value: ast.expr) -> None:
@@ -140,10 +236,9 @@ def _is_text(statement: ast.AST) -> bool:
     return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
-def _is_guard(statement: ast.stmt) -> bool:
-    """`if TYPE_CHECKING:` and `if __name__ == "__main__":` run in no worker."""
-    return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in (
-        "TYPE_CHECKING", "typing.TYPE_CHECKING", "__name__ == '__main__'")
+def _is_guard(statement: ast.stmt, *tests: str) -> bool:
+    """`if TYPE_CHECKING:` runs nowhere, `if __name__ == "__main__":` only where the module is run as a program."""
+    return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in tests
 
 
 def spell(node: Any, schema: bool = False) -> Any:

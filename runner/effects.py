@@ -1,0 +1,167 @@
+"""What importing a module does to the rest of the process, beyond binding its own names.
+
+Every statement of a module that is run by its import may change an object: by an assignment to a part of it, by a method, by a
+call of a function that does so. Where the object belongs to the module, the statement belongs to the object's name (`owned`);
+where it belongs to another module, or nobody can say whose it is, the statement counts for whoever loads the module (`wide`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from runner.foreign import harmless, sets_state
+from runner.modules import Modules
+from runner.resolve import Place, places
+from runner.source import Module, SourceError, line_of
+from runner.touches import ARGUMENT, READS
+
+Changed = set[tuple[str, str]]
+"""(module, name) of what is changed; see `SOMEWHERE`"""
+SOMEWHERE = ("", "")
+"""an object that nobody can name"""
+
+
+@dataclass
+class Effects:
+    """Statements, by index, that belong to more than the names they bind."""
+
+    wide: list[int] = field(default_factory=list)
+    owned: dict[str, list[int]] = field(default_factory=dict)
+
+
+def effects_of(modules: Modules, module: Module) -> Effects:
+    """Effects of importing a module; SourceError for one that sets a state of another package."""
+    found = Effects(list(module.effects))
+    for index, statement in enumerate(module.statements):
+        if index in module.items.get("__main__", ()):
+            continue
+        changed = _at_import(modules, module, statement)
+        if any(home != module.name for home, _ in changed) and index not in found.wide:
+            found.wide.append(index)
+        for name in sorted(name for home, name in changed if home == module.name):
+            if index not in module.items.get(name, ()):
+                found.owned.setdefault(name, []).append(index)
+    return found
+
+
+def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> Changed:
+    changed: Changed = set()
+    walk = _Walk(modules)
+    for entry in statement.get("sets", ()):
+        _check_state(modules, module, statement, entry)
+        changed |= walk.entry(module, entry)
+    if any(entry.endswith("()") for entry in statement.get("sets", ())):
+        changed |= walk.called(module, statement)
+    if any(_hooked(modules, module, base) for base in statement.get("bases", ())):
+        changed.add(SOMEWHERE)
+    return changed
+
+
+def _check_state(modules: Modules, module: Module, statement: dict[str, Any], entry: str) -> None:
+    if entry in (ARGUMENT, "!"):
+        return
+    for place in places(modules, module, _plain(entry)):
+        if place.module is None and place.name != "builtins" and sets_state(place.dotted + entry[len(_plain(entry)):]):
+            where = f"{module.path}:{line_of(module, statement, entry)}"
+            raise SourceError(f"{where}: importing this module sets a state of {place.name!r}, which every later task of the "
+                              f"process sees ({place.dotted}); do it inside the function that needs it")
+
+
+def _plain(entry: str) -> str:
+    """The reference in an entry, without what is done to it."""
+    return entry.partition("!")[0].removesuffix("()")
+
+
+def _hooked(modules: Modules, module: Module, base: str) -> bool:
+    """Whether making a subclass of a class of ours runs code of ours."""
+    for place in places(modules, module, base):
+        for at in _statements(place):
+            assert place.module is not None
+            if at.get("hook") or any(_hooked(modules, place.module, other) for other in at.get("bases", ())):
+                return True
+    return False
+
+
+def _statements(place: Place) -> Iterator[dict[str, Any]]:
+    if place.module is not None and place.item is not None:
+        yield from (place.module.statements[i] for i in place.module.items[place.item])
+
+
+@dataclass
+class _Walk:
+    """What one statement changes, through all that it calls. Any function that it refers to may be called."""
+
+    modules: Modules
+    seen: set[tuple[str, str]] = field(default_factory=set)
+
+    def entry(self, module: Module, entry: str) -> Changed:
+        """Owners of the object that an entry of `sets` or `does` is about."""
+        if entry == "!":
+            return {SOMEWHERE}
+        changed: Changed = set()
+        for place in places(self.modules, module, _plain(entry)):
+            if place.module is None:
+                changed |= set() if place.name == "builtins" or harmless(place.dotted + entry[len(_plain(entry)):]) else {SOMEWHERE}
+            elif "!" in entry:
+                changed |= set() if self._is(place, "class") else {SOMEWHERE}
+            elif not entry.endswith("()"):
+                changed |= self._object(place)
+            elif len(place.chain) > 1 and not self._is(place, "class", "function") and not self._reads(place):
+                changed |= self._object(place)
+        return changed
+
+    def called(self, module: Module, statement: dict[str, Any]) -> Changed:
+        """What the functions do that a statement refers to; and to what it may give them."""
+        changed = self._does(module, statement)
+        if (ARGUMENT, "") in changed:
+            given = [place for ref in statement["refs"] for place in places(self.modules, module, ref) if place.module]
+            changed |= {(place.name, place.chain[0] if place.chain else "") for place in given if not self._is(place, "function")}
+        return changed - {(ARGUMENT, "")}
+
+    def _does(self, module: Module, statement: dict[str, Any]) -> Changed:
+        changed: Changed = set()
+        for entry in statement.get("does", ()):
+            changed |= {(ARGUMENT, "")} if entry == ARGUMENT else self.entry(module, entry)
+        for ref in statement["refs"]:
+            for place in places(self.modules, module, ref):
+                changed |= self._item(place) if place.module else self._other(place)
+        return changed
+
+    def _item(self, place: Place) -> Changed:
+        changed: Changed = set()
+        if place.item is not None and (place.name, place.item) not in self.seen:
+            self.seen.add((place.name, place.item))
+            for statement in _statements(place):
+                assert place.module is not None
+                changed |= self._does(place.module, statement)
+        return changed
+
+    def _other(self, place: Place) -> Changed:
+        stateful = place.name != "builtins" and place.chain and sets_state(f"{place.dotted}()")
+        return {SOMEWHERE} if stateful else set()
+
+    def _object(self, place: Place) -> Changed:
+        """An object of ours by its name, and all that the name may stand for."""
+        if place.item is None:
+            return {(place.name, place.chain[0] if place.chain else "")}
+        changed: Changed = {(place.name, place.item)}
+        if ("object", place.name, place.item) not in self.seen:
+            self.seen.add(("object", place.name, place.item))
+            for statement in _statements(place):
+                assert place.module is not None
+                for alias in statement.get("alias", ()):
+                    changed |= self.entry(place.module, alias)
+        return changed
+
+    def _reads(self, place: Place) -> bool:
+        """A method that changes nothing, of an object that no class of ours made."""
+        return place.chain[-1] in READS and not any(
+            self._is(other, "class", "function") for statement in _statements(place) for ref in statement["refs"]
+            for other in places(self.modules, place.module, ref) if place.module and other.module)  # type: ignore[arg-type]
+
+    @staticmethod
+    def _is(place: Place, *kinds: str) -> bool:
+        """Whether a place is a definition of one of these kinds: 'class', 'function'."""
+        return any(statement.get("kind") in kinds for statement in _statements(place))
