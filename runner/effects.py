@@ -7,7 +7,7 @@ where it belongs to another module, or nobody can say whose it is, the statement
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,12 +15,13 @@ from runner.foreign import harmless, sets_state
 from runner.modules import Modules
 from runner.resolve import Place, places
 from runner.source import Module, SourceError, line_of
-from runner.touches import ARGUMENT, READS
+from runner.touches import ARGUMENT, CALLED, READS
 
 Changed = set[tuple[str, str]]
 """(module, name) of what is changed; see `SOMEWHERE`"""
 SOMEWHERE = ("", "")
 """an object that nobody can name"""
+PARAMETER, PARAMETER_CALLED = (ARGUMENT, ""), (CALLED, "")
 
 
 @dataclass
@@ -60,7 +61,7 @@ def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> C
 
 
 def _check_state(modules: Modules, module: Module, statement: dict[str, Any], entry: str) -> None:
-    if entry in (ARGUMENT, "!"):
+    if entry.startswith((ARGUMENT, "!")):
         return
     for place in places(modules, module, _plain(entry)):
         if place.module is None and place.name != "builtins" and sets_state(place.dotted + entry[len(_plain(entry)):]):
@@ -113,19 +114,28 @@ class _Walk:
         return changed
 
     def called(self, module: Module, statement: dict[str, Any]) -> Changed:
-        """What the functions do that a statement refers to; and to what it may give them."""
-        changed = self._does(module, statement)
-        if (ARGUMENT, "") in changed:
-            given = [place for ref in statement["refs"] for place in places(self.modules, module, ref) if place.module]
-            changed |= {(place.name, place.chain[0] if place.chain else "") for place in given if not self._is(place, "function")}
-        return changed - {(ARGUMENT, "")}
+        """What the functions do that a statement calls, and those that it passes to one that calls them; and to what."""
+        calls = {entry[:-2] for entry in statement["sets"] if entry.endswith("()")}
+        passed = [ref for ref in statement.get("now", ()) if ref not in calls]
+        changed = self._refs(module, calls.intersection(statement.get("now", ())))
+        if PARAMETER_CALLED in changed or calls - set(statement.get("now", ())):
+            changed |= self._does(module, statement) if statement.get("kind") is None else self._refs(module, passed)
+        if PARAMETER in changed:
+            changed |= {(place.name, place.chain[0] if place.chain else "") for ref in passed
+                        for place in places(self.modules, module, ref) if place.module and not self._is(place, "function")}
+        return changed - {PARAMETER, PARAMETER_CALLED}
 
     def _does(self, module: Module, statement: dict[str, Any]) -> Changed:
+        """What the inside of functions does."""
         changed: Changed = set()
         for entry in statement.get("does", ()):
-            changed |= {(ARGUMENT, "")} if entry == ARGUMENT else self.entry(module, entry)
-        for ref in statement["refs"]:
-            for place in places(self.modules, module, ref):
+            changed |= {(entry, "")} if entry in (ARGUMENT, CALLED) else self.entry(module, entry)
+        return changed | self._refs(module, statement["refs"] if SOMEWHERE not in changed else ())
+
+    def _refs(self, module: Module, refs: Iterable[str]) -> Changed:
+        changed: Changed = set()
+        for ref in refs:
+            for place in places(self.modules, module, ref) if SOMEWHERE not in changed else ():
                 changed |= self._item(place) if place.module else self._other(place)
         return changed
 
@@ -135,8 +145,15 @@ class _Walk:
             self.seen.add((place.name, place.item))
             for statement in _statements(place):
                 assert place.module is not None
-                changed |= self._does(place.module, statement)
+                if statement.get("kind") != "class" or self._builds(place):
+                    changed |= self._does(place.module, statement)
         return changed
+
+    def _builds(self, place: Place) -> bool:
+        """Whether making an object of a class runs code of ours."""
+        return any(at.get("builds") or any(self._builds(base) for name in at.get("bases", ())
+                                           for base in places(self.modules, place.module, name))  # type: ignore[arg-type]
+                   for at in _statements(place))
 
     def _other(self, place: Place) -> Changed:
         stateful = place.name != "builtins" and place.chain and sets_state(f"{place.dotted}()")

@@ -11,17 +11,16 @@ other modules counts, and so do files listed in its `DATA_FILES`. A module that 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest, file_digest
-from runner.effects import Effects, effects_of
-from runner.foreign import FILES, IMPORT, PLAIN, UNSEEN, refusal
+from runner.links import Linker, Links, linker_of, refused
 from runner.modules import Modules
-from runner.resolve import Place, places
-from runner.source import MAIN, Module, SourceError, line_of
+from runner.resolve import places
+from runner.source import MAIN, Module, SourceError
 
 
 @dataclass
@@ -37,7 +36,7 @@ class Fingerprint:
 
 def fingerprint(modules: Modules, function: str, select: Mapping[str, object]) -> Fingerprint:
     """Fingerprint of 'module:function' under these parameters; SourceError when some code cannot be followed."""
-    walk = _Closure(modules, select)
+    walk = _Closure(modules, select, linker_of(modules))
     module, _, name = function.partition(":")
     walk.start(module, name.partition(".")[0])
     walk.finish()
@@ -72,21 +71,21 @@ def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
 class _Closure:
     modules: Modules
     select: Mapping[str, object]
+    linker: Linker
     definitions: dict[str, str] = field(default_factory=dict)
     third_party: set[str] = field(default_factory=set)
     files: set[str] = field(default_factory=set)
     _todo: list[tuple[str, str]] = field(default_factory=list)
     _seen: set[tuple[str, str]] = field(default_factory=set)
-    _loaded: dict[str, Effects] = field(default_factory=dict)
+    _loaded: set[str] = field(default_factory=set)
 
     def start(self, module: str, name: str) -> None:
         """Begin at a definition. The values that come in have a type, or nobody knows whose methods run."""
         found = self.modules.get(module)
-        for index in found.items.get(name, ()) if found else ():
-            assert found is not None
-            for parameter in set(found.statements[index].get("untyped", ())) - {"ctx"}:
-                raise self._error(found, found.statements[index], name, f"the parameter {parameter!r} of {name}() may be anything",
-                                  "annotate it with its class, so that the code of its methods counts")
+        for statement in [found.statements[i] for i in found.items.get(name, ())] if found else ():
+            for parameter in sorted({*statement.get("untyped", ())} - {"ctx"}):
+                raise refused(found, statement, name, f"the parameter {parameter!r} of {name}() may be anything",  # type: ignore[arg-type]
+                              "annotate it with its class, so that the code of its methods counts")
         self.reach(module, name)
 
     def reach(self, module: str, name: str) -> None:
@@ -102,22 +101,48 @@ class _Closure:
         module = self.modules.get(module_name)
         if module is None:
             raise SourceError(f"{module_name}:{name}: no such module under {self.modules.root}")
-        effects = self._load(module)
+        self._load(module)
         if self._is_registry(module, name):
             self._registry(module, name)
         elif name in module.items:
-            statements = [module.statements[i] for i in (*module.items[name], *effects.owned.get(name, ()))]
-            self._define(module, name, statements)
+            self._define(module, name, (*module.items[name], *self.linker.effects(module).owned.get(name, ())))
 
-    def _define(self, module: Module, name: str, statements: list[dict[str, Any]]) -> None:
-        """Statements of one name: what they are, and what the names that they import stand for."""
-        meant = sorted({link for statement in statements for link in self._follow(module, statement)})
-        self.definitions[f"{module.name}:{name}"] = digest("afford-definition", [[s["digest"] for s in statements], meant])
+    def _define(self, module: Module, name: str, statements: tuple[int, ...]) -> None:
+        self.definitions[f"{module.name}:{name}"] = self.linker.definition(module, statements)
+        for index in statements:
+            for imported in self.linker.imported(module.statements[index].get("loads", ())):
+                self._load(imported)
+            self._follow(self.linker.links(module, index))
+
+    def _follow(self, links: Links) -> None:
+        self.third_party |= links.packages
+        for module, name in links.items:
+            self.reach(module, name)
+        for module in links.whole | links.programs:
+            self._everything(module)
+        for module in links.programs:
+            self.reach(module, MAIN)
+
+    def _everything(self, name: str) -> None:
+        """A module used as a value: whatever it has may be used, its own names and those that it imports."""
+        module = self.modules.get(name)
+        if module is None or (name, "*") in self._seen:
+            return
+        self._seen.add((name, "*"))
+        for item in module.items:
+            if item != MAIN:
+                self.reach(name, item)
+        for imported in module.imports.keys() - set(module.typing):
+            for place in places(self.modules, module, imported):
+                if place.item is not None:
+                    self.reach(place.name, place.item)
+                elif place.module is not None:
+                    self._everything(place.name)
 
     def _is_registry(self, module: Module, name: str) -> bool:
         """A literal dict of "module:attribute" strings that all name packages of ours, and that no other statement touches."""
         entries = module.registries.get(name, {}).values()
-        return bool(entries) and len(module.items[name]) == 1 and not self._loaded[module.name].owned.get(name) and all(
+        return bool(entries) and len(module.items[name]) == 1 and name not in self.linker.effects(module).owned and all(
             self.modules.get(entry.partition(":")[0].partition(".")[0]) is not None for entry in entries)
 
     def _registry(self, module: Module, name: str) -> None:
@@ -134,102 +159,21 @@ class _Closure:
         if self.modules.get(module) is None:
             raise SourceError(f"{where}: expected a module of this project, got {module!r}")
 
-    def _follow(self, module: Module, statement: dict[str, Any]) -> Iterator[str]:
-        """Reach all that a statement refers to; yields what each imported name stands for."""
-        for name in statement.get("loads", ()):
-            self._import(name)
-        for ref in statement.get("hints", ()):
-            for place in places(self.modules, module, ref):
-                self._take(module, statement, ref, place, counts=False)
-        for ref in statement.get("getattrs", ()):
-            self._getattr(module, statement, ref)
-        for ref in statement["refs"]:
-            if ref.startswith("."):
-                self._unseen(module, statement, ref)
-                continue
-            for place in places(self.modules, module, ref):
-                self._take(module, statement, ref, place, counts=True)
-                if ref.partition(".")[0] in module.imports:
-                    yield f"{ref} = {place.name}:{place.item}" if place.module else f"{ref} = {place.dotted}"
-
-    def _take(self, module: Module, statement: dict[str, Any], ref: str, place: Place, *, counts: bool) -> None:
-        """Reach one place, or count the package that it is in."""
-        if place.module is None:
-            self._foreign(module, statement, ref, place, counts=counts)
-        elif not place.chain:
-            self._everything(place.module)
-        elif place.item is not None:
-            self.reach(place.name, place.item)
-        elif place.chain[0] == "__name__":
-            self._program(place.module)
-        elif place.chain[0] == "__file__" and "DATA_FILES" not in place.module.literals:
-            raise self._error(module, statement, ref, f"{ref} may lead to any file", FILES)
-        elif place.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
-            raise self._error(module, statement, ref, f"{ref} of a module cannot be followed", PLAIN)
-
-    def _foreign(self, module: Module, statement: dict[str, Any], ref: str, place: Place, *, counts: bool) -> None:
-        objection = refusal(place.dotted, lambda name: self.modules.get(name) is not None)
-        if objection is not None and not (objection[1] == IMPORT and "DYNAMIC" in module.literals):
-            raise self._error(module, statement, ref, f"{objection[0]} cannot be followed", objection[1])
-        root = place.name.partition(".")[0]
-        if counts and root not in sys.stdlib_module_names:
-            self.third_party.add(root)
-
-    def _unseen(self, module: Module, statement: dict[str, Any], ref: str) -> None:
-        raise self._error(module, statement, ref, f"{ref[1:]} cannot be followed", UNSEEN.get(ref[1:], PLAIN))
-
-    def _getattr(self, module: Module, statement: dict[str, Any], ref: str) -> None:
-        for place in places(self.modules, module, ref):
-            if place.module is not None and not place.chain and "DYNAMIC" not in module.literals:
-                raise self._error(module, statement, ref, f"getattr({ref.lstrip('@')}, <computed>) on a module cannot be followed",
-                                  'name what it may be in DYNAMIC = ("module:attribute", ...)')
-            self._take(module, statement, ref, place, counts=True)
-
-    def _error(self, module: Module, statement: dict[str, Any], ref: str, what: str, instead: str) -> SourceError:
-        return SourceError(f"{module.path}:{line_of(module, statement, ref)}: {what}; {instead}")
-
-    def _everything(self, module: Module) -> None:
-        """A module used as a value: whatever it has may be used, its own names and those that it imports."""
-        for name in module.items:
-            if name != MAIN:
-                self.reach(module.name, name)
-        for name in module.imports:
-            for place in places(self.modules, module, name) if name not in module.typing else ():
-                if place.item is not None:
-                    self.reach(place.name, place.item)
-                elif place.module is not None and ("*", place.name) not in self._seen:
-                    self._seen.add(("*", place.name))
-                    self._everything(place.module)
-
-    def _program(self, module: Module) -> None:
-        """A module by its name: somebody runs it as a program, or looks it up."""
-        self._everything(module)
-        self.reach(module.name, MAIN)
-
-    def _load(self, module: Module) -> Effects:
+    def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
-        if module.name not in self._loaded:
-            effects = self._loaded[module.name] = effects_of(self.modules, module)
-            self.files.add(module.path)
-            registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
-            for index in dict.fromkeys((*effects.wide, *registering)):
-                statement = module.statements[index]
-                self._define(module, f"<statement {statement['digest'][:8]}>", [statement])
-            for name in module.literals.get("DATA_FILES", []):
-                self._data(module, name)
-            for name in module.literals.get("DYNAMIC", []):
-                self._declared(module, name)
-            for name in (module.name, *module.loads):
-                self._import(name)
-        return self._loaded[module.name]
-
-    def _import(self, name: str) -> None:
-        """A module and its packages, where they are ours, as an import loads them."""
-        parts = name.split(".")
-        for count in range(1, len(parts) + 1):
-            found = self.modules.get(".".join(parts[:count]))
-            if found is not None:
-                self._load(found)
+        if module.name in self._loaded:
+            return
+        self._loaded.add(module.name)
+        self.files.add(module.path)
+        registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
+        for index in dict.fromkeys((*self.linker.effects(module).wide, *registering)):
+            self._define(module, f"<statement {module.statements[index]['digest'][:8]}>", (index,))
+        for name in module.literals.get("DATA_FILES", []):
+            self._data(module, name)
+        for name in module.literals.get("DYNAMIC", []):
+            self._declared(module, name)
+        for imported in self.linker.loads(module):
+            self._load(imported)
 
     def _ours(self, module: Module, name: str) -> bool:
         """Whether a decorator is code of this project: it may register what it decorates somewhere else."""
@@ -249,6 +193,4 @@ class _Closure:
         if colon:
             self.reach(target, attribute)
         else:
-            found = self.modules.get(target)
-            assert found is not None
-            self._everything(found)
+            self._everything(target)

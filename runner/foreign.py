@@ -43,7 +43,7 @@ def harmless(entry: str) -> bool:
     """Whether a call, 'package.function()', or a change of what it returned, 'package.function!', leaves all else as it was."""
     parts = entry.replace("!", "").replace("()", "").split(".")
     pure = parts[0] in VALUES or ".".join(parts[:2]) in VALUES
-    return entry[-1] in ")!" and pure and not any(SETS.match(part) for part in parts[1:])
+    return entry[-1] in ")!" and "!()" not in entry and pure and not any(SETS.match(part) for part in parts[1:])
 
 
 def sets_state(entry: str) -> bool:

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, field
 
 from runner.scopes import FUNCTIONS, Scope, arguments_of, defaults_of, scope_of
-from runner.touches import ARGUMENT, READS, roots
+from runner.touches import ARGUMENT, CALLED, READS, roots
 
 ENTRY_POINT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 UNSEEN = frozenset(("__doc__", "__subclasses__", "__globals__", "__code__", "exec_module", "load_module", "f_globals", "f_locals"))
@@ -33,6 +33,7 @@ class Uses:
     loads: set[str] = field(default_factory=set)
     sets: dict[str, int] = field(default_factory=dict)
     does: set[str] = field(default_factory=set)
+    now: set[str] = field(default_factory=set)
 
 
 def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
@@ -99,14 +100,21 @@ class _Visitor(ast.NodeVisitor):
 
     def use(self, name: str, chain: list[str], line: int) -> None:
         scope = self.find(name)
-        for start in [name] if scope is None else [f"@{target}" for target in scope[name]]:
-            self.target.setdefault(".".join([start, *chain]), line)
+        outer = scope is None or scope.is_class  # in the body of a class, a name not bound yet is that of the module
+        local = [] if scope is None else [f"@{target}" for target in scope[name]]
+        for start in [name, *local] if outer else local:
+            ref = ".".join([start, *chain])
+            self.target.setdefault(ref, line)
+            if not self.inside:
+                self.uses.now.add(ref)
 
     def change(self, node: ast.expr, suffix: str = "") -> None:
         """An object is changed: 'ref', or its method is called: 'ref.method()'. Kept apart: at import, and inside functions."""
         for root in roots(node, self.find):
             if not self.inside:
                 self.uses.sets.setdefault(root + suffix, node.lineno)
+            elif root == ARGUMENT and suffix == "()":
+                self.uses.does.add(CALLED)
             elif not (root.startswith(ARGUMENT) or root.endswith("!")):
                 self.uses.does.add(root + suffix)
             elif suffix[1:-2] not in READS:
@@ -117,7 +125,7 @@ class _Visitor(ast.NodeVisitor):
             self.uses.refs.setdefault(f"={node.value}", node.lineno)
 
     def visit_Name(self, node: ast.Name) -> None:
-        self.use(node.id, [], node.lineno)
+        self.use(f".{node.id}" if node.id in UNSEEN else node.id, [], node.lineno)
         if self.inside and not isinstance(node.ctx, ast.Load) and self.find(node.id) is None:
             self.uses.does.add(node.id)
 
@@ -171,9 +179,9 @@ class _Visitor(ast.NodeVisitor):
             self.change(node.args[0])
         if isinstance(func, ast.Attribute):
             self.change(func.value, f".{func.attr}()")
-            if isinstance(func.value, ast.Name) and func.value.id in ("list", "dict", "set") and node.args:
+            if isinstance(func.value, ast.Name) and func.value.id in ("list", "dict", "set") and node.args and last != "fromkeys":
                 self.change(node.args[0])
-        elif not self.inside:
+        elif not self.inside or ARGUMENT in roots(func, self.find):
             self.change(func, "()")
         for keyword in node.keywords:
             if keyword.arg == "key" and not self.inside:
@@ -226,9 +234,7 @@ class _Visitor(ast.NodeVisitor):
         self._inside([node.body], arguments_of(node.args))
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        self._outside(node.decorator_list)
-        for outside in (*node.bases, *node.keywords):
-            self.visit(outside)
+        self._outside([*node.decorator_list, *node.bases, *(keyword.value for keyword in node.keywords)])
         self._within(node.body, scope_of(node.body, [], self._bindings, is_class=True))
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
@@ -257,12 +263,13 @@ class _Visitor(ast.NodeVisitor):
 
     visit_ListComp = visit_SetComp = visit_GeneratorExp = visit_DictComp = _comprehension  # noqa: N815
 
-    def _outside(self, decorators: list[ast.expr]) -> None:
-        """Decorators are references; what they do to the outside is a matter of `Module.decorated`."""
-        sets, self.uses.sets = self.uses.sets, {}
-        for decorator in decorators:
-            self.visit(decorator)
-        self.uses.sets = sets
+    def _outside(self, parts: list[ast.expr]) -> None:
+        """Decorators and bases are references; what they do is a matter of `Module.decorated`, and of a class's `bases`."""
+        sets, now = self.uses.sets, self.uses.now
+        self.uses.sets, self.uses.now = {}, set()
+        for part in parts:
+            self.visit(part)
+        self.uses.sets, self.uses.now = sets, now
 
     def _inside(self, body: list[ast.stmt] | list[ast.expr], arguments: list[ast.arg]) -> None:
         self.inside += 1
@@ -285,7 +292,7 @@ class _Visitor(ast.NodeVisitor):
         for part in ast.walk(node):
             if isinstance(part, ast.Constant) and isinstance(part.value, str):
                 self._quoted(part.value)
-        self.visit(node)
+        self._outside([node])
         self.target = target
 
     def _quoted(self, text: str) -> None:

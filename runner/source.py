@@ -13,19 +13,24 @@ import builtins
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest
-from runner.foreign import harmless
+from runner.foreign import COMPUTED, harmless
 from runner.names import SourceError, Uses, imports_of, uses_of
 from runner.scopes import DEFINITIONS, arguments_of
-from runner.touches import ARGUMENT, roots
+from runner.touches import ARGUMENT, CALLED, roots
 
 __all__ = ["Module", "SourceError", "line_of", "parse_module", "spell"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
+BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {
+    name.partition(".")[2] for name in COMPUTED}
+BUILDERS = ("__new__", "__init__", "__post_init__", "__call__", "__set_name__", "__getattr__", "__getattribute__")
+"""methods that may run when an object is made, or a class used"""
 MAIN = "__main__"
 """the name that `if __name__ == "__main__":` belongs to"""
 
@@ -39,8 +44,9 @@ class Module:
     statements: list[dict[str, Any]] = field(default_factory=list)
     """digest, line, refs; and where there are any: hints (names used in annotations only), getattrs (objects of a computed
     getattr), loads (modules imported inside functions), sets and does (what is changed at import, and inside functions),
-    alias (objects that the bound name may stand for), kind ('class' or 'function'), bases (of a class), hook (a class that acts when a subclass is made),
-    untyped (parameters whose type nobody states)"""
+    now (references that are used at import, where anything is called), alias (objects that the bound name may stand for), kind
+    ('class' or 'function'), bases (of a class), hook (a class that acts when a subclass is made), builds (one that acts when an
+    object is made), untyped (parameters whose type nobody states)"""
     items: dict[str, list[int]] = field(default_factory=dict)
     """name -> its statements"""
     imports: dict[str, list[str]] = field(default_factory=dict)
@@ -63,8 +69,11 @@ def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -
         if not _is_text(statement):
             _add(module, statement, _home(name, package), schema)
     for found in module.statements:
+        found["refs"] = [ref for ref in found["refs"] if not _is_plain(module, ref)]
         for key in ("sets", "does", "alias"):
             found[key] = sorted(entry for entry in found[key] if not _harmless(module, entry))
+        calls = any(entry.endswith("()") for entry in found["sets"])
+        found["now"] = [ref for ref in found["refs"] if ref in found["now"]] if calls else []
     module.statements = [{key: value for key, value in found.items() if value or key == "refs"} for found in module.statements]
     return module
 
@@ -104,7 +113,7 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
     module.statements.append({
         "digest": digest("afford-code", spell(statement, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
         "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), "sets": uses.sets,
-        "does": uses.does, "alias": _alias(statement), **_class(statement), **_function(statement)})
+        "does": uses.does, "now": uses.now, "alias": _alias(statement), **_class(statement), **_function(statement)})
     main = _is_guard(statement, "__name__ == '__main__'")
     for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
@@ -145,18 +154,22 @@ def _class(statement: ast.stmt) -> dict[str, Any]:
     if not isinstance(statement, ast.ClassDef):
         return {}
     bases = [ast.unparse(base) for base in (*statement.bases, *(keyword.value for keyword in statement.keywords))]
-    own = (node.name for node in statement.body if isinstance(node, ast.FunctionDef))
-    return {"kind": "class", "bases": bases, "hook": "__init_subclass__" in own or "type" in bases}
+    own = {node.name for node in statement.body if isinstance(node, ast.FunctionDef)}
+    factory = any(keyword.arg == "default_factory" for node in statement.body if isinstance(node, (ast.Assign, ast.AnnAssign))
+                  and isinstance(node.value, ast.Call) for keyword in node.value.keywords)
+    return {"kind": "class", "bases": bases, "hook": "__init_subclass__" in own or "type" in bases,
+            "builds": factory or not own.isdisjoint(BUILDERS)}
 
 
 def _function(statement: ast.stmt) -> dict[str, Any]:
     """Parameters of a function whose type is Any, or that have none though a method of theirs is called."""
     if not isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
         return {}
-    bare = {arg.arg for arg in arguments_of(statement.args) if arg.annotation is None}
-    called = {node.func.value.id for node in ast.walk(statement) if bare and isinstance(node, ast.Call)
+    arguments = arguments_of(statement.args)
+    bare = {arg.arg for arg in arguments if arg.annotation is None}
+    called = {node.func.value.id for node in (ast.walk(statement) if bare else ()) if isinstance(node, ast.Call)
               and isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name)}
-    loose = [arg.arg for arg in arguments_of(statement.args) if arg.annotation and _is_any(arg.annotation)]
+    loose = [arg.arg for arg in arguments if arg.annotation and _is_any(arg.annotation)]
     return {"kind": "function", "untyped": [*loose, *sorted(bare & called)]}
 
 
@@ -177,7 +190,7 @@ def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
 
 def _harmless(module: Module, entry: str) -> bool:
     """Whether what a statement changes is nothing that others see: a value that a library's or Python's function made."""
-    if entry in (ARGUMENT, "!"):
+    if entry in (ARGUMENT, CALLED, "!"):
         return False
     if entry.startswith("@"):
         return harmless(entry[1:].replace(":", "."))
@@ -185,7 +198,13 @@ def _harmless(module: Module, entry: str) -> bool:
     plain = name.rstrip("!()")
     if plain in module.imports:
         return all(harmless(target.replace(":", ".") + entry[len(plain):]) for target in module.imports[plain])
-    return plain not in module.items and hasattr(builtins, plain) and plain not in ("map", "filter")
+    return plain not in module.items and plain in BUILTINS and plain not in ("map", "filter")
+
+
+def _is_plain(module: Module, ref: str) -> bool:
+    """Whether a reference is to a name of Python's that everybody may use."""
+    name = ref.partition(".")[0]
+    return name in BUILTINS and name not in module.items and name not in module.imports
 
 
 def _literal(module: Module, name: str, value: ast.expr) -> None:
@@ -247,14 +266,19 @@ def spell(node: Any, schema: bool = False) -> Any:
         if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
             node = _without_doc(node, node.value)
         out: list[Any] = [type(node).__name__]
-        for name in sorted(node._fields):
+        for name in _fields(type(node)):
             value = getattr(node, name, None)
-            if name not in ("ctx", "kind", "type_comment", "type_ignores") and value is not None and value != []:
+            if value is not None and value != []:
                 out += [name, _constant(value) if isinstance(node, ast.Constant) else spell(value, schema)]
         return out
     if isinstance(node, list):
         return [spell(item, schema) for item in node if not _is_text(item)]
     return node
+
+
+@cache
+def _fields(kind: type[ast.AST]) -> list[str]:
+    return sorted(set(kind._fields) - {"ctx", "kind", "type_comment", "type_ignores"})
 
 
 def _constant(value: Any) -> list[str]:

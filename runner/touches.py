@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from runner.scopes import Scope
 
 ARGUMENT = "(argument)"
+CALLED = "(argument)()"
+"""a parameter that the function calls"""
 PASSES = frozenset(("getattr", "next", "iter", "reversed", "zip", "enumerate", "map", "filter", "vars"))
 """functions of Python that return what they are given, or parts of it"""
 PARTS = frozenset(("get", "setdefault", "values", "items", "pop", "popitem", "__getitem__"))
@@ -32,7 +34,7 @@ Find = Callable[[str], Scope | None]
 def roots(node: ast.expr, find: Find, seen: frozenset[str] = frozenset()) -> Iterator[str]:
     """Roots of an expression. `find` gives the scope of a local name, None for a name of the module or of Python."""
     if isinstance(node, ast.Name):
-        yield from _name(node.id, find, seen)
+        yield from _name(node, find, seen)
     elif isinstance(node, ast.Attribute):
         for root in roots(node.value, find, seen):
             yield root if root == ARGUMENT or root.endswith("!") else f"{root}.{node.attr}"
@@ -53,16 +55,17 @@ def _parts(node: ast.expr) -> list[ast.expr]:
     return node.elts if isinstance(node, (ast.Tuple, ast.List, ast.Set)) else []
 
 
-def _name(name: str, find: Find, seen: frozenset[str]) -> Iterator[str]:
-    scope = find(name)
-    if scope is None:
+def _name(node: ast.Name, find: Find, seen: frozenset[str]) -> Iterator[str]:
+    name, scope = node.id, find(node.id)
+    if scope is None or scope.is_class:
         yield name
+    if scope is None:
         return
     yield from (f"@{target}" for target in scope[name])
     if name in scope.given:
         yield ARGUMENT
-    if name not in seen:
-        for value in scope.values.get(name, ()):
+    for value in scope.values.get(name, ()) if name not in seen else ():
+        if not (scope.is_class and value.lineno > node.lineno):  # the body of a class runs once, from top to bottom
             yield from roots(value, find, seen | {name})
 
 
