@@ -30,6 +30,8 @@ class Effects:
 
     wide: list[int] = field(default_factory=list)
     owned: dict[str, list[int]] = field(default_factory=dict)
+    outside: set[int] = field(default_factory=set)
+    """those of `wide` that touch packages of others only"""
 
 
 def effects_of(modules: Modules, module: Module) -> Effects:
@@ -44,7 +46,13 @@ def effects_of(modules: Modules, module: Module) -> Effects:
         for name in sorted(name for home, name in changed if home == module.name):
             if index not in module.items.get(name, ()):
                 found.owned.setdefault(name, []).append(index)
+    found.outside = {index for index in found.wide if not _touches_ours(modules, module, module.statements[index])}
     return found
+
+
+def _touches_ours(modules: Modules, module: Module, statement: dict[str, Any]) -> bool:
+    return any(place.module is not None and place.module is not module for ref in statement["refs"] if not ref.startswith("=")
+               for place in places(modules, module, ref))
 
 
 def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> Changed:
@@ -61,7 +69,7 @@ def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> C
 
 
 def _check_state(modules: Modules, module: Module, statement: dict[str, Any], entry: str) -> None:
-    if entry.startswith((ARGUMENT, "!")):
+    if entry.startswith(ARGUMENT):
         return
     for place in places(modules, module, _plain(entry)):
         if place.module is None and place.name != "builtins" and sets_state(place.dotted + entry[len(_plain(entry)):]):
@@ -98,19 +106,36 @@ class _Walk:
     seen: set[tuple[str, str]] = field(default_factory=set)
 
     def entry(self, module: Module, entry: str) -> Changed:
-        """Owners of the object that an entry of `sets` or `does` is about."""
-        if entry == "!":
+        """Owners of the object that an entry of `sets`, `does` or `gives` is about."""
+        if entry.startswith(ARGUMENT):
+            return {PARAMETER_CALLED if entry == CALLED else PARAMETER}
+        changed: Changed = set()
+        ref = _plain(entry)
+        for place in places(self.modules, module, ref):
+            changed |= self._place(place, entry[len(ref):])
+        return changed
+
+    def _place(self, place: Place, done: str) -> Changed:
+        """What changes when this is `done` to a place: '' to itself, '()' it is called, '!...' to what it returned."""
+        if place.module is None:
+            return set() if place.name == "builtins" or harmless(place.dotted + done) else {SOMEWHERE}
+        if done.startswith("!"):
+            return set() if done == "!()" else self._returned(place)
+        if done == "()" and (len(place.chain) == 1 or self._is(place, "class", "function") or self._reads(place)):
+            return set()
+        return self._object(place)
+
+    def _returned(self, place: Place) -> Changed:
+        """Owners of what a function of ours returned; a new object has none."""
+        if len(place.chain) != 1 or not self._is(place, "class", "function"):
             return {SOMEWHERE}
         changed: Changed = set()
-        for place in places(self.modules, module, _plain(entry)):
-            if place.module is None:
-                changed |= set() if place.name == "builtins" or harmless(place.dotted + entry[len(_plain(entry)):]) else {SOMEWHERE}
-            elif "!" in entry:
-                changed |= set() if self._is(place, "class") else {SOMEWHERE}
-            elif not entry.endswith("()"):
-                changed |= self._object(place)
-            elif len(place.chain) > 1 and not self._is(place, "class", "function") and not self._reads(place):
-                changed |= self._object(place)
+        if ("returned", f"{place.name}:{place.item}") not in self.seen:
+            self.seen.add(("returned", f"{place.name}:{place.item}"))
+            for statement in _statements(place):
+                assert place.module is not None
+                for given in statement.get("gives", ()) if statement.get("kind") == "function" else ():
+                    changed |= self.entry(place.module, given)
         return changed
 
     def called(self, module: Module, statement: dict[str, Any]) -> Changed:
@@ -129,7 +154,7 @@ class _Walk:
         """What the inside of functions does."""
         changed: Changed = set()
         for entry in statement.get("does", ()):
-            changed |= {(entry, "")} if entry in (ARGUMENT, CALLED) else self.entry(module, entry)
+            changed |= self.entry(module, entry)
         return changed | self._refs(module, statement["refs"] if SOMEWHERE not in changed else ())
 
     def _refs(self, module: Module, refs: Iterable[str]) -> Changed:
@@ -164,8 +189,8 @@ class _Walk:
         if place.item is None:
             return {(place.name, place.chain[0] if place.chain else "")}
         changed: Changed = {(place.name, place.item)}
-        if ("object", place.name, place.item) not in self.seen:
-            self.seen.add(("object", place.name, place.item))
+        if ("object", f"{place.name}:{place.item}") not in self.seen:
+            self.seen.add(("object", f"{place.name}:{place.item}"))
             for statement in _statements(place):
                 assert place.module is not None
                 for alias in statement.get("alias", ()):

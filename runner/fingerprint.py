@@ -10,17 +10,16 @@ other modules counts, and so do files listed in its `DATA_FILES`. A module that 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest, file_digest
-from runner.links import Linker, Links, linker_of, refused
+from runner.links import Linker, Links, linker_of
 from runner.modules import Modules
 from runner.resolve import places
-from runner.source import MAIN, Module, SourceError
+from runner.source import MAIN, Module, SourceError, untyped, where
 
 
 @dataclass
@@ -82,10 +81,9 @@ class _Closure:
     def start(self, module: str, name: str) -> None:
         """Begin at a definition. The values that come in have a type, or nobody knows whose methods run."""
         found = self.modules.get(module)
-        for statement in [found.statements[i] for i in found.items.get(name, ())] if found else ():
-            for parameter in sorted({*statement.get("untyped", ())} - {"ctx"}):
-                raise refused(found, statement, name, f"the parameter {parameter!r} of {name}() may be anything",  # type: ignore[arg-type]
-                              "annotate it with its class, so that the code of its methods counts")
+        if found is not None and (loose := untyped(found, name)):
+            raise SourceError(f"{where(found, name)}: the parameter {loose[0]!r} of {name}() may be anything; annotate it with its "
+                              "class, so that the code of its methods counts")
         self.reach(module, name)
 
     def reach(self, module: str, name: str) -> None:
@@ -112,11 +110,12 @@ class _Closure:
         for index in statements:
             for imported in self.linker.imported(module.statements[index].get("loads", ())):
                 self._load(imported)
-            self._follow(self.linker.links(module, index))
+            self._follow(self.linker.links(module, index), by_string=index not in self.linker.effects(module).outside)
 
-    def _follow(self, links: Links) -> None:
+    def _follow(self, links: Links, *, by_string: bool) -> None:
+        """Reach what a statement leads to. What a string names is left out where only another package gets to see the string."""
         self.third_party |= links.packages
-        for module, name in links.items:
+        for module, name in links.items | links.named if by_string else links.items:
             self.reach(module, name)
         for module in links.whole | links.programs:
             self._everything(module)
@@ -146,18 +145,23 @@ class _Closure:
             self.modules.get(entry.partition(":")[0].partition(".")[0]) is not None for entry in entries)
 
     def _registry(self, module: Module, name: str) -> None:
-        entries, field_name = module.registries[name], name.lower().removesuffix("s")
-        chosen = self.select.get(field_name)
-        keys = [chosen] if chosen in entries else sorted(entries)
+        entries = module.registries[name]
+        keys = self._chosen(name.lower().removesuffix("s"), entries)
         self.definitions[f"{module.name}:{name}"] = digest("afford-registry", [[key, entries[key]] for key in keys])
         for key in keys:
             target, _, attribute = entries[key].partition(":")
-            self._need(target, f"{module.path}: {name}[{key!r}]")
+            self._need(target, f"{where(module, name)}: {name}[{key!r}]")
             self.reach(target, attribute)
 
-    def _need(self, module: str, where: str) -> None:
+    def _chosen(self, field_name: str, entries: Mapping[str, str]) -> list[str]:
+        """The entry that a parameter names, or the entries that a tuple of names does; all of them without such a parameter."""
+        value = self.select.get(field_name)
+        names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
+        return [name for name in names if isinstance(name, str)] if names and all(n in entries for n in names) else sorted(entries)
+
+    def _need(self, module: str, place: str) -> None:
         if self.modules.get(module) is None:
-            raise SourceError(f"{where}: expected a module of this project, got {module!r}")
+            raise SourceError(f"{place}: expected a module of this project, got {module!r}; correct the name")
 
     def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
@@ -183,13 +187,14 @@ class _Closure:
     def _data(self, module: Module, name: str) -> None:
         path = Path(module.path).with_name(name) if module.path.endswith(".py") else Path(module.path) / name
         if not path.is_file():
-            raise SourceError(f"{module.path}: DATA_FILES names {name!r}, which is not beside it")
+            raise SourceError(f"{where(module, 'DATA_FILES')}: DATA_FILES names {name!r}, which is not beside it; put it there, or "
+                              "correct the name")
         self.files.add(str(path))
         self.definitions[f"{module.name}:{name}"] = file_digest(path)
 
     def _declared(self, module: Module, name: str) -> None:
         target, colon, attribute = name.partition(":")
-        self._need(target, f"{module.path}: DYNAMIC")
+        self._need(target, f"{where(module, 'DYNAMIC')}: DYNAMIC")
         if colon:
             self.reach(target, attribute)
         else:

@@ -6,13 +6,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-VALUES = frozenset(("abc base64 cv2 dataclasses datetime decimal enum fractions hashlib itertools json math numbers numpy pathlib "
-                    "pyarrow re scipy statistics string struct textwrap torch types typing typing_extensions uuid").split()
-                   ) | {"collections", "functools", "operator.itemgetter", "operator.attrgetter"}
+VALUES = frozenset((
+    "abc", "base64", "collections", "cv2", "dataclasses", "datetime", "decimal", "enum", "fractions", "functools", "hashlib",
+    "itertools", "json", "math", "numbers", "numpy", "operator.attrgetter", "operator.itemgetter", "pathlib", "pyarrow", "re",
+    "scipy", "statistics", "string", "struct", "textwrap", "torch", "types", "typing", "typing_extensions", "uuid"))
 """packages whose functions make values, but for those whose name says otherwise (`SETS`)"""
-SETS = re.compile("add|append|configure|copyto|disable|enable|extend|fill|filterwarnings|import|init|insert|install|load|manual_seed|"
-                  "patch|place|push|put|rc|reduce|register|remove|seed|set|shuffle|simplefilter|singledispatch|unregister|use")
+SETS = re.compile("add|append|configure|copyto|disable|enable|extend|fill|filterwarnings|import|init|insert|"
+                  "install|load|manual_seed|patch|place|push|put|rc|reduce|register|remove|seed|set|"
+                  "shuffle|simplefilter|singledispatch|unregister|use")
 """how names start of what does not only make a value"""
+KEPT = re.compile("get|current|default|root")
+"""how names start of what returns an object that a library keeps"""
 STATE = re.compile(r"set(?!diff|xor)\w*|seed|manual_seed\w*|filterwarnings|simplefilter")
 """names of what sets a state of a whole process"""
 
@@ -27,7 +31,8 @@ NEVER = {
                      "importlib.util.LazyLoader", "importlib.machinery", "importlib.reload", "importlib.metadata.entry_points",
                      "runpy", "imp", "zipimport", "code", "pkgutil.iter_modules", "pkgutil.walk_packages",
                      "sys.modules", "sys.path", "sys.meta_path", "sys.path_hooks", "sys._getframe", "inspect.getmodule",
-                     "inspect.currentframe", "inspect.stack", "gc.get_objects", "gc.get_referrers", "unittest.mock"), PLAIN),
+                     "inspect.currentframe", "inspect.stack", "pydoc.locate", "gymnasium.make", "gymnasium.make_vec",
+                     "gc.get_objects", "gc.get_referrers", "unittest.mock"), PLAIN),
     **dict.fromkeys(("importlib", "builtins", "builtins.__builtins__"), "name the one function of it that is used"),
     **dict.fromkeys(("inspect.getsource", "inspect.getsourcelines", "inspect.getdoc", "inspect.getcomments"),
                     "keep text that is data in a constant"),
@@ -41,9 +46,11 @@ UNSEEN = {"__doc__": "docstrings do not count as code; keep text that is data in
 
 def harmless(entry: str) -> bool:
     """Whether a call, 'package.function()', or a change of what it returned, 'package.function!', leaves all else as it was."""
-    parts = entry.replace("!", "").replace("()", "").split(".")
-    pure = parts[0] in VALUES or ".".join(parts[:2]) in VALUES
-    return entry[-1] in ")!" and "!()" not in entry and pure and not any(SETS.match(part) for part in parts[1:])
+    function, returned, _ = entry.partition("!")
+    parts = function.removesuffix("()").split(".")
+    if not (parts[0] in VALUES or ".".join(parts[:2]) in VALUES) or any(SETS.match(part) for part in parts[1:]):
+        return False
+    return "!()" not in entry and not KEPT.match(parts[-1]) if returned else entry.endswith("()")
 
 
 def sets_state(entry: str) -> bool:
@@ -60,7 +67,7 @@ def refusal(dotted: str, ours: Callable[[str], bool]) -> tuple[str, str] | None:
     for count in range(len(parts), 0, -1):
         name = ".".join(parts[:count])
         if name in COMPUTED:
-            return f"{name}()", IMPORT
+            return f"{name.removeprefix('builtins.')}()", IMPORT
         if name in NEVER and (count > 1 or len(parts) == 1 or name not in ("importlib", "builtins")) and not _of_others(
                 parts, count, ours):
             return name, NEVER[name]

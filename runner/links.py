@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -25,6 +26,8 @@ class Links:
 
     items: set[tuple[str, str]] = field(default_factory=set)
     """(module, name)"""
+    named: set[tuple[str, str]] = field(default_factory=set)
+    """(module, name) of what a string names"""
     whole: set[str] = field(default_factory=set)
     """modules that are used as values"""
     programs: set[str] = field(default_factory=set)
@@ -56,8 +59,9 @@ class Linker:
     def _outside(self, module: Module) -> dict[str, list[str]]:
         """Imported names that come from packages of others only, none of which can reach our code: name -> targets."""
         if module.name not in self._foreign:
-            self._foreign[module.name] = {name: targets for name, targets in module.imports.items() if name not in module.items and all(
-                self._modules.get(root) is None and root not in ROOTS for root in map(_root, targets))}
+            self._foreign[module.name] = {
+                name: targets for name, targets in module.imports.items() if name not in module.items
+                and all(self._modules.get(root) is None and root not in ROOTS for root in map(_root, targets))}
         return self._foreign[module.name]
 
     def definition(self, module: Module, statements: tuple[int, ...]) -> str:
@@ -85,6 +89,10 @@ class Linker:
         parts = [name.split(".") for name in names]
         found = dict.fromkeys(".".join(name[:count]) for name in parts for count in range(1, len(name) + 1))
         return [module for module in map(self._modules.get, found) if module is not None]
+
+
+def _has_modules(folder: Path) -> bool:
+    return any(path.name != "__init__.py" for path in (*folder.glob("*.py"), *folder.glob("*/__init__.py")))
 
 
 def _root(name: str) -> str:
@@ -143,15 +151,22 @@ class _Statement:
         if place.module is None:
             self._foreign(ref, place, counts=counts)
         elif not place.chain:
-            self.found.whole.add(place.name)
+            self._whole(ref, place.module)
         elif place.item is not None:
-            self.found.items.add((place.name, place.item))
+            (self.found.named if ref.startswith("=") else self.found.items).add((place.name, place.item))
         elif place.chain[0] == "__name__":
             self.found.programs.add(place.name)
         elif place.chain[0] == "__file__" and "DATA_FILES" not in place.module.literals:
             raise self._error(ref, f"{ref} may lead to any file", FILES)
         elif place.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
             raise self._error(ref, f"{ref} of a module cannot be followed", PLAIN)
+
+    def _whole(self, ref: str, module: Module) -> None:
+        """A module as a value. What a package has beside its own names depends on who imported what before."""
+        path = Path(module.path)
+        if path.suffix != ".py" or (path.name == "__init__.py" and _has_modules(path.parent)):
+            raise self._error(ref, f"the package {module.name!r} is used as a value", "import the module of it that is used")
+        self.found.whole.add(module.name)
 
     def _foreign(self, ref: str, place: Place, *, counts: bool) -> None:
         root = _root(place.name)

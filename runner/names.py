@@ -34,6 +34,7 @@ class Uses:
     sets: dict[str, int] = field(default_factory=dict)
     does: set[str] = field(default_factory=set)
     now: set[str] = field(default_factory=set)
+    gives: set[str] = field(default_factory=set)
 
 
 def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
@@ -47,7 +48,7 @@ def imports_of(statement: ast.stmt, home: str, where: str) -> list[tuple[str, st
     """(bound name, 'module' or 'module:attribute', modules it loads, for type checkers only) of imports that run with a module."""
     found: list[tuple[str, str, list[str], bool]] = []
     if isinstance(statement, (ast.Import, ast.ImportFrom)):
-        loads = loads_of(statement, home, where)
+        loads = loads_of(statement, home)
         found += [(bound, target, loads, False) for bound, target in bindings_of(statement, home, where)]
     elif not isinstance(statement, (*FUNCTIONS, ast.ClassDef)):
         typing_only = isinstance(statement, ast.If) and ast.unparse(statement.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
@@ -69,7 +70,7 @@ def bindings_of(node: ast.Import | ast.ImportFrom, home: str, where: str) -> lis
     return [(alias.asname or alias.name, f"{base}:{alias.name}") for alias in node.names]
 
 
-def loads_of(node: ast.Import | ast.ImportFrom, home: str, where: str) -> list[str]:
+def loads_of(node: ast.Import | ast.ImportFrom, home: str) -> list[str]:
     """Modules that one import runs: the full dotted names, and what may be a module inside a package."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
@@ -98,9 +99,9 @@ class _Visitor(ast.NodeVisitor):
                 return scope
         return None
 
-    def use(self, name: str, chain: list[str], line: int) -> None:
+    def use(self, name: str, chain: list[str], line: int, *, read: bool = True) -> None:
         scope = self.find(name)
-        outer = scope is None or scope.is_class  # in the body of a class, a name not bound yet is that of the module
+        outer = scope is None or (scope.is_class and read)  # in the body of a class, a name not bound yet is that of the module
         local = [] if scope is None else [f"@{target}" for target in scope[name]]
         for start in [name, *local] if outer else local:
             ref = ".".join([start, *chain])
@@ -118,14 +119,22 @@ class _Visitor(ast.NodeVisitor):
             elif not (root.startswith(ARGUMENT) or root.endswith("!")):
                 self.uses.does.add(root + suffix)
             elif suffix[1:-2] not in READS:
-                self.uses.does.add(ARGUMENT if root == ARGUMENT else "!")
+                self.uses.does.add(ARGUMENT if root.startswith(ARGUMENT) else root)
+
+    def visit_Return(self, node: ast.Return | ast.Yield | ast.YieldFrom) -> None:
+        """A function gives what it returns to whoever calls it, to be changed there."""
+        if node.value is not None:
+            self.uses.gives.update(roots(node.value, self.find))
+            self.visit(node.value)
+
+    visit_Yield = visit_YieldFrom = visit_Return  # noqa: N815 (ast.NodeVisitor's names)
 
     def visit_Constant(self, node: ast.Constant) -> None:
         if isinstance(node.value, str) and ":" in node.value and ENTRY_POINT.fullmatch(node.value):
             self.uses.refs.setdefault(f"={node.value}", node.lineno)
 
     def visit_Name(self, node: ast.Name) -> None:
-        self.use(f".{node.id}" if node.id in UNSEEN else node.id, [], node.lineno)
+        self.use(f".{node.id}" if node.id in UNSEEN else node.id, [], node.lineno, read=isinstance(node.ctx, ast.Load))
         if self.inside and not isinstance(node.ctx, ast.Load) and self.find(node.id) is None:
             self.uses.does.add(node.id)
 
@@ -163,9 +172,7 @@ class _Visitor(ast.NodeVisitor):
         if isinstance(node.func, ast.Attribute) and node.func.attr == "get" and node.args \
                 and self._loaded(node.func.value, node.args[0]):
             return
-        if not (name == "getattr" and len(node.args) > 1):
-            self.generic_visit(node)
-        elif not self._getattr(node.args[0], node.args[1]):
+        if not (name == "getattr" and len(node.args) > 1 and self._getattr(node.args[0], node.args[1])):
             self.generic_visit(node)
         else:
             for rest in node.args[1:]:
@@ -213,10 +220,10 @@ class _Visitor(ast.NodeVisitor):
         """In a command line, `-m` names a module."""
         for option, name in zip(node.elts, node.elts[1:], strict=False):
             if isinstance(option, ast.Constant) and option.value == "-m" and isinstance(name, ast.Constant):
-                self.uses.refs.setdefault(f"={name.value}:__main__", name.lineno)
+                self.uses.refs.setdefault(f"={name.value!s}:__main__", name.lineno)
         self.generic_visit(node)
 
-    visit_Tuple = visit_List  # noqa: N815 (ast.NodeVisitor's names)
+    visit_Tuple = visit_List  # noqa: N815
 
     def visit_FunctionDef(self, node: ast.FunctionDef | ast.AsyncFunctionDef) -> None:
         self._outside(node.decorator_list)
@@ -244,7 +251,7 @@ class _Visitor(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_Import(self, node: ast.Import | ast.ImportFrom) -> None:
-        self.uses.loads.update(loads_of(node, self.home, f"{self.where.rpartition(':')[0]}:{node.lineno}"))
+        self.uses.loads.update(loads_of(node, self.home))
 
     visit_ImportFrom = visit_Import  # noqa: N815
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from runner.modules import Modules
-from runner.source import Module, SourceError
+from runner.source import Module, SourceError, import_of
 
 
 class Place(NamedTuple):
@@ -77,7 +77,8 @@ def _through(modules: Modules, origin: Module, target: str, chain: list[str], se
     found = modules.get(target)
     if found is None:
         if modules.get(target.partition(".")[0]) is not None:
-            raise SourceError(f"{origin.path}: it imports {target!r}, which is not a module of this project")
+            raise SourceError(f"{import_of(origin, target)}: it imports {target!r}, which is not a module of this project; correct "
+                              "the name, or remove the import")
         yield Place(None, target, tuple(chain))
     elif not chain or chain[0] in found.items or (chain[0].startswith("__") and chain[0].endswith("__")):
         yield Place(found, target, tuple(chain))

@@ -19,14 +19,14 @@ class Scope(dict[str, list[str]]):
         self.is_class = is_class
         self.given: frozenset[str] = frozenset()
         """parameters, except for `self` and `cls`"""
-        self.values: dict[str, list[ast.expr]] = {}
+        self.stands: dict[str, list[ast.expr]] = {}
         """name -> the expressions that it is assigned, or whose elements it is"""
 
     def bind(self, target: ast.expr, value: ast.expr) -> None:
         """Every name in an assignment's target may stand for `value` or for a part of it."""
         for name in stored(target):
             self.setdefault(name, [])
-            self.values.setdefault(name, []).append(value)
+            self.stands.setdefault(name, []).append(value)
 
 
 def scope_of(body: Iterable[ast.AST], arguments: list[ast.arg], imports: Imports, *, is_class: bool = False) -> Scope:
@@ -85,14 +85,14 @@ def _statement(node: ast.AST, scope: Scope, outer: set[str], imports: Imports) -
         if node.optional_vars is not None:
             scope.bind(node.optional_vars, node.context_expr)
     elif isinstance(node, (ast.Import, ast.ImportFrom)):
-        for bound, target in imports(node):
-            scope.setdefault(bound, []).append(target)
+        for name, origin in imports(node):
+            scope.setdefault(name, []).append(origin)
     elif isinstance(node, (ast.Global, ast.Nonlocal)):
         outer.update(node.names)
     elif isinstance(node, (ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping)):
-        name = node.rest if isinstance(node, ast.MatchMapping) else node.name
-        if name:
-            scope.setdefault(name, [])
+        bound = node.rest if isinstance(node, ast.MatchMapping) else node.name
+        if bound:
+            scope.setdefault(bound, [])
 
 
 def _named(comprehension: ast.AST, scope: Scope) -> None:

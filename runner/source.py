@@ -11,7 +11,7 @@ from __future__ import annotations
 import ast
 import builtins
 import re
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -19,11 +19,11 @@ from typing import Any
 
 from runner.canonical import digest
 from runner.foreign import COMPUTED, harmless
-from runner.names import SourceError, Uses, imports_of, uses_of
+from runner.names import SourceError, Uses, imports_of, loads_of, uses_of
 from runner.scopes import DEFINITIONS, arguments_of
-from runner.touches import ARGUMENT, CALLED, roots
+from runner.touches import ARGUMENT, roots
 
-__all__ = ["Module", "SourceError", "line_of", "parse_module", "spell"]
+__all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "spell", "untyped", "where"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
@@ -42,11 +42,12 @@ class Module:
     name: str
     path: str
     statements: list[dict[str, Any]] = field(default_factory=list)
-    """digest, line, refs; and where there are any: hints (names used in annotations only), getattrs (objects of a computed
-    getattr), loads (modules imported inside functions), sets and does (what is changed at import, and inside functions),
-    now (references that are used at import, where anything is called), alias (objects that the bound name may stand for), kind
-    ('class' or 'function'), bases (of a class), hook (a class that acts when a subclass is made), builds (one that acts when an
-    object is made), untyped (parameters whose type nobody states)"""
+    """each has digest, line and refs, and where there are any:
+    hints (names used in annotations only), getattrs (objects of a computed getattr), loads (modules imported inside functions);
+    kind ('class' or 'function'), bases, hook (a class that acts when a subclass is made), builds (one that acts when an object is
+    made), untyped (parameters of `run` whose type nobody states); sets and does (what is changed at import, and inside
+    functions), gives (what functions return), alias (objects that a name may stand for), now (references used at import where
+    anything is called)"""
     items: dict[str, list[int]] = field(default_factory=dict)
     """name -> its statements"""
     imports: dict[str, list[str]] = field(default_factory=dict)
@@ -70,7 +71,7 @@ def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -
             _add(module, statement, _home(name, package), schema)
     for found in module.statements:
         found["refs"] = [ref for ref in found["refs"] if not _is_plain(module, ref)]
-        for key in ("sets", "does", "alias"):
+        for key in ("sets", "does", "gives", "alias"):
             found[key] = sorted(entry for entry in found[key] if not _harmless(module, entry))
         calls = any(entry.endswith("()") for entry in found["sets"])
         found["now"] = [ref for ref in found["refs"] if ref in found["now"]] if calls else []
@@ -89,6 +90,25 @@ def line_of(module: Module, statement: dict[str, Any], ref: str) -> int:
     return at
 
 
+def where(module: Module, name: str) -> str:
+    """'file:line' of the first statement of a name."""
+    return f"{module.path}:{module.statements[module.items[name][0]]['line']}"
+
+
+def import_of(module: Module, target: str) -> str:
+    """'file:line' of the import of a module; read from the file, only when an error is to be said."""
+    tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
+    home = _home(module.name, Path(module.path).name == "__init__.py")
+    lines = (node.lineno for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))
+             and target in loads_of(node, home))
+    return f"{module.path}:{next(lines, 1)}"
+
+
+def untyped(module: Module, name: str) -> list[str]:
+    """Parameters of a stage, but for `ctx`, that may be of any class."""
+    return [arg for index in module.items.get(name, ()) for arg in module.statements[index].get("untyped", ()) if arg != "ctx"]
+
+
 def _parsed(path: str, text: str) -> ast.Module:
     try:
         return ast.parse(text)
@@ -101,19 +121,20 @@ def _home(name: str, package: bool) -> str:
 
 
 def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
-    where = f"{module.path}:{statement.lineno}"
-    imported = _imports(module, statement, home, where)
+    at = f"{module.path}:{statement.lineno}"
+    imported = _imports(module, statement, home, at)
     if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement, "TYPE_CHECKING", "typing.TYPE_CHECKING"):
         return
     bound = _bound_names(statement)
     if bound is None and imported and not isinstance(statement, (ast.If, ast.Try)):
-        raise SourceError(f"{where}: an import inside this statement cannot be followed; move it out")
-    uses = uses_of(statement, home, where)
+        raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out")
+    uses = uses_of(statement, home, at)
     index = len(module.statements)
     module.statements.append({
         "digest": digest("afford-code", spell(statement, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
-        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), "sets": uses.sets,
-        "does": uses.does, "now": uses.now, "alias": _alias(statement), **_class(statement), **_function(statement)})
+        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), **_class(statement),
+        **_function(statement), "sets": uses.sets, "does": uses.does, "gives": uses.gives, "alias": _alias(statement),
+        "now": uses.now})
     main = _is_guard(statement, "__name__ == '__main__'")
     for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
@@ -126,9 +147,9 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
         _literal(module, bound[0], statement.value)
 
 
-def _imports(module: Module, statement: ast.stmt, home: str, where: str) -> list[str]:
+def _imports(module: Module, statement: ast.stmt, home: str, at: str) -> list[str]:
     """Note what a statement imports; the names that it binds so."""
-    found = imports_of(statement, home, where)
+    found = imports_of(statement, home, at)
     for bound, target, loads, typing_only in found:
         targets = module.imports.setdefault(bound, [])
         targets += [target] if target not in targets else []
@@ -162,9 +183,11 @@ def _class(statement: ast.stmt) -> dict[str, Any]:
 
 
 def _function(statement: ast.stmt) -> dict[str, Any]:
-    """Parameters of a function whose type is Any, or that have none though a method of theirs is called."""
+    """Parameters of a stage whose type is Any, or that have none though a method of theirs is called."""
     if not isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
         return {}
+    if statement.name != "run":
+        return {"kind": "function"}
     arguments = arguments_of(statement.args)
     bare = {arg.arg for arg in arguments if arg.annotation is None}
     called = {node.func.value.id for node in (ast.walk(statement) if bare else ()) if isinstance(node, ast.Call)
@@ -190,12 +213,11 @@ def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
 
 def _harmless(module: Module, entry: str) -> bool:
     """Whether what a statement changes is nothing that others see: a value that a library's or Python's function made."""
-    if entry in (ARGUMENT, CALLED, "!"):
+    if entry.startswith(ARGUMENT):
         return False
     if entry.startswith("@"):
         return harmless(entry[1:].replace(":", "."))
-    name, dot, rest = entry.partition(".")
-    plain = name.rstrip("!()")
+    plain = entry.partition(".")[0].rstrip("!()")
     if plain in module.imports:
         return all(harmless(target.replace(":", ".") + entry[len(plain):]) for target in module.imports[plain])
     return plain not in module.items and plain in BUILTINS and plain not in ("map", "filter")
@@ -266,7 +288,7 @@ def spell(node: Any, schema: bool = False) -> Any:
         if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
             node = _without_doc(node, node.value)
         out: list[Any] = [type(node).__name__]
-        for name in _fields(type(node)):
+        for name in _fields(node.__class__):
             value = getattr(node, name, None)
             if value is not None and value != []:
                 out += [name, _constant(value) if isinstance(node, ast.Constant) else spell(value, schema)]
@@ -277,7 +299,9 @@ def spell(node: Any, schema: bool = False) -> Any:
 
 
 @cache
-def _fields(kind: type[ast.AST]) -> list[str]:
+def _fields(kind: Hashable) -> list[str]:
+    """Fields of a kind of node that say what the code does."""
+    assert isinstance(kind, type) and issubclass(kind, ast.AST)
     return sorted(set(kind._fields) - {"ctx", "kind", "type_comment", "type_ignores"})
 
 

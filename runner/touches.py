@@ -18,15 +18,17 @@ PASSES = frozenset(("getattr", "next", "iter", "reversed", "zip", "enumerate", "
 """functions of Python that return what they are given, or parts of it"""
 PARTS = frozenset(("get", "setdefault", "values", "items", "pop", "popitem", "__getitem__"))
 """methods of containers that return what is in them"""
-READS = frozenset(("""
-    __iadd__ absolute all any argmax argmin argsort as_posix astype capitalize casefold center copy count cumsum decode difference
-    dot encode endswith exists expandvars extract find findall finditer flatten format format_map from_bytes fullmatch get
-    glob group groups hex index intersection is_dir is_file isalnum isalpha isascii isdigit isdisjoint isidentifier islower
-    isnumeric isoformat isspace issubset issuperset istitle isupper item items iterdir joinpath join keys ljust lower lstrip
-    maketrans match max mean min partition prod ravel read_bytes read_text relative_to removeprefix removesuffix repeat replace
-    reshape resolve rfind rglob rindex rjust round rpartition rsplit rstrip search split splitlines squeeze startswith std strip sub
-    sum swapcase swapaxes title to_bytes tobytes tolist total_seconds trace translate transpose union upper values var view
-    with_name with_suffix zfill""").split())
+READS = frozenset((
+    "__iadd__", "absolute", "all", "any", "argmax", "argmin", "argsort", "as_posix", "astype", "capitalize", "casefold", "center",
+    "copy", "count", "cumsum", "decode", "difference", "dot", "encode", "endswith", "exists", "expandvars", "extract", "find",
+    "findall", "finditer", "flatten", "format", "format_map", "from_bytes", "fullmatch", "get", "glob", "group", "groups", "hex",
+    "index", "intersection", "is_dir", "is_file", "isalnum", "isalpha", "isascii", "isdigit", "isdisjoint", "isidentifier",
+    "islower", "isnumeric", "isoformat", "isspace", "issubset", "issuperset", "istitle", "isupper", "item", "items", "iterdir",
+    "join", "joinpath", "keys", "ljust", "lower", "lstrip", "maketrans", "match", "max", "mean", "min", "partition", "prod",
+    "ravel", "read_bytes", "read_text", "relative_to", "removeprefix", "removesuffix", "repeat", "replace", "reshape", "resolve",
+    "rfind", "rglob", "rindex", "rjust", "round", "rpartition", "rsplit", "rstrip", "search", "split", "splitlines", "squeeze",
+    "startswith", "std", "strip", "sub", "sum", "swapaxes", "swapcase", "title", "to_bytes", "tobytes", "tolist", "total_seconds",
+    "trace", "translate", "transpose", "union", "upper", "values", "var", "view", "with_name", "with_suffix", "zfill"))
 """methods of Python's and numpy's values that change nothing"""
 Find = Callable[[str], Scope | None]
 
@@ -64,7 +66,7 @@ def _name(node: ast.Name, find: Find, seen: frozenset[str]) -> Iterator[str]:
     yield from (f"@{target}" for target in scope[name])
     if name in scope.given:
         yield ARGUMENT
-    for value in scope.values.get(name, ()) if name not in seen else ():
+    for value in scope.stands.get(name, ()) if name not in seen else ():
         if not (scope.is_class and value.lineno > node.lineno):  # the body of a class runs once, from top to bottom
             yield from roots(value, find, seen | {name})
 

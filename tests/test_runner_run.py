@@ -247,6 +247,7 @@ def test_a_store_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
 def test_code_edited_while_it_runs_is_not_stored_under_the_old_key(project: Project) -> None:
     """The output is dropped and the shard fails with a request to run again."""
     edit = "import pathlib\n    path = pathlib.Path(__file__)\n    path.write_text(path.read_text() + ' ')"
+    project.edit("toy/pair.py", "from toy.log import note", "from toy.log import note\n\nDATA_FILES = ()")
     project.edit("toy/pair.py", 'note("pair", word.name)', f'note("pair", word.name)\n    {edit}')
     report = project.run("ab", jobs=1)
     assert report.failures and all("was edited while the stage ran" in failure.message for failure in report.failures)
