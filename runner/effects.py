@@ -140,10 +140,12 @@ class _Walk:
 
     def called(self, module: Module, statement: dict[str, Any]) -> Changed:
         """What the functions do that a statement calls, and those that it passes to one that calls them; and to what."""
+        now = statement.get("now", ())
         calls = {entry[:-2] for entry in statement["sets"] if entry.endswith("()")}
-        passed = [ref for ref in statement.get("now", ()) if ref not in calls]
-        changed = self._refs(module, calls.intersection(statement.get("now", ())))
-        if PARAMETER_CALLED in changed or calls - set(statement.get("now", ())):
+        passed = [ref for ref in now if ref not in calls]
+        made = {ref for ref in calls.intersection(now) if not any(call.startswith(f"{ref}!") for call in calls)}
+        changed = self._refs(module, calls.intersection(now), made)
+        if PARAMETER_CALLED in changed or calls - {*now}:
             changed |= self._does(module, statement) if statement.get("kind") is None else self._refs(module, passed)
         if PARAMETER in changed:
             changed |= {(place.name, place.chain[0] if place.chain else "") for ref in passed
@@ -157,11 +159,15 @@ class _Walk:
             changed |= self.entry(module, entry)
         return changed | self._refs(module, statement["refs"] if SOMEWHERE not in changed else ())
 
-    def _refs(self, module: Module, refs: Iterable[str]) -> Changed:
+    def _refs(self, module: Module, refs: Iterable[str], made: Iterable[str] = ()) -> Changed:
+        """What happens when all that is referred to is called; of classes in `made` only an object is made."""
         changed: Changed = set()
         for ref in refs:
             for place in places(self.modules, module, ref) if SOMEWHERE not in changed else ():
-                changed |= self._item(place) if place.module else self._other(place)
+                if place.module is None:
+                    changed |= self._other(place)
+                elif not (ref in made and self._is(place, "class") and not self._builds(place)):
+                    changed |= self._item(place)
         return changed
 
     def _item(self, place: Place) -> Changed:
@@ -170,8 +176,7 @@ class _Walk:
             self.seen.add((place.name, place.item))
             for statement in _statements(place):
                 assert place.module is not None
-                if statement.get("kind") != "class" or self._builds(place):
-                    changed |= self._does(place.module, statement)
+                changed |= self._does(place.module, statement)
         return changed
 
     def _builds(self, place: Place) -> bool:

@@ -84,7 +84,20 @@ class _Closure:
         if found is not None and (loose := untyped(found, name)):
             raise SourceError(f"{where(found, name)}: the parameter {loose[0]!r} of {name}() may be anything; annotate it with its "
                               "class, so that the code of its methods counts")
-        self.reach(module, name)
+        self._enter(module, name, f"{module}:{name}")
+
+    def _enter(self, module: str, name: str, place: str) -> None:
+        """Reach what 'module:name' is, wherever the module has it from."""
+        if self.modules.get(module) is None:
+            raise SourceError(f"{place}: expected a module of this project, got {module!r}; correct the name")
+        found = list(places(self.modules, self.modules.get(module), f"@{module}:{name}"))  # type: ignore[arg-type]  # not None, see above
+        if not found:
+            raise SourceError(f"{place}: expected a name of the module {module!r}, got {name!r}; correct the name")
+        for at in found:
+            if at.item is not None:
+                self.reach(at.name, at.item)
+            elif at.module is not None:
+                self._everything(at.name)
 
     def reach(self, module: str, name: str) -> None:
         if (module, name) not in self._seen:
@@ -97,8 +110,7 @@ class _Closure:
 
     def _visit(self, module_name: str, name: str) -> None:
         module = self.modules.get(module_name)
-        if module is None:
-            raise SourceError(f"{module_name}:{name}: no such module under {self.modules.root}")
+        assert module is not None, f"{module_name} was found before"
         self._load(module)
         if self._is_registry(module, name):
             self._registry(module, name)
@@ -150,18 +162,13 @@ class _Closure:
         self.definitions[f"{module.name}:{name}"] = digest("afford-registry", [[key, entries[key]] for key in keys])
         for key in keys:
             target, _, attribute = entries[key].partition(":")
-            self._need(target, f"{where(module, name)}: {name}[{key!r}]")
-            self.reach(target, attribute)
+            self._enter(target, attribute, f"{where(module, name)}: {name}[{key!r}]")
 
     def _chosen(self, field_name: str, entries: Mapping[str, str]) -> list[str]:
         """The entry that a parameter names, or the entries that a tuple of names does; all of them without such a parameter."""
         value = self.select.get(field_name)
         names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
         return [name for name in names if isinstance(name, str)] if names and all(n in entries for n in names) else sorted(entries)
-
-    def _need(self, module: str, place: str) -> None:
-        if self.modules.get(module) is None:
-            raise SourceError(f"{place}: expected a module of this project, got {module!r}; correct the name")
 
     def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
@@ -194,8 +201,9 @@ class _Closure:
 
     def _declared(self, module: Module, name: str) -> None:
         target, colon, attribute = name.partition(":")
-        self._need(target, f"{where(module, 'DYNAMIC')}: DYNAMIC")
         if colon:
-            self.reach(target, attribute)
+            self._enter(target, attribute, f"{where(module, 'DYNAMIC')}: DYNAMIC")
+        elif self.modules.get(target) is None:
+            raise SourceError(f"{where(module, 'DYNAMIC')}: DYNAMIC: expected a module of this project, got {target!r}; correct it")
         else:
             self._everything(target)

@@ -190,6 +190,8 @@ class _Visitor(ast.NodeVisitor):
                 self.change(node.args[0])
         elif not self.inside or ARGUMENT in roots(func, self.find):
             self.change(func, "()")
+        if isinstance(func, ast.Lambda):
+            self.uses.sets.setdefault(CALLED, node.lineno)
         for keyword in node.keywords:
             if keyword.arg == "key" and not self.inside:
                 self.change(keyword.value, "()")

@@ -50,8 +50,8 @@ def _named(modules: Modules, entry: str) -> Iterator[Place]:
     """A string that may name code of ours, 'module:attribute'."""
     target, _, attribute = entry.partition(":")
     found = modules.get(target)
-    if found is not None and attribute in found.items:
-        yield Place(found, target, (attribute,))
+    if found is not None and (attribute in found.items or attribute in found.imports):
+        yield from _through(modules, found, target, [attribute], frozenset())
 
 
 def _split(modules: Modules, target: str, chain: list[str], has_attribute: bool) -> tuple[str, list[str]]:

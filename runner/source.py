@@ -20,7 +20,7 @@ from typing import Any
 from runner.canonical import digest
 from runner.foreign import COMPUTED, harmless
 from runner.names import SourceError, Uses, imports_of, loads_of, uses_of
-from runner.scopes import DEFINITIONS, arguments_of
+from runner.scopes import DEFINITIONS, arguments_of, scope_of
 from runner.touches import ARGUMENT, roots
 
 __all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "spell", "untyped", "where"]
@@ -29,8 +29,8 @@ REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
 BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {
     name.partition(".")[2] for name in COMPUTED}
-BUILDERS = ("__new__", "__init__", "__post_init__", "__call__", "__set_name__", "__getattr__", "__getattribute__")
-"""methods that may run when an object is made, or a class used"""
+PASSIVE = ("__repr__", "__str__", "__eq__", "__hash__", "__len__", "__bool__")
+"""methods that do not run when an object is made, or that change nothing"""
 MAIN = "__main__"
 """the name that `if __name__ == "__main__":` belongs to"""
 
@@ -166,8 +166,11 @@ def _effect(module: Module, index: int, uses: Uses) -> None:
 
 
 def _alias(statement: ast.stmt) -> set[str]:
-    value = statement.value if isinstance(statement, (ast.Assign, ast.AnnAssign)) else None
-    return set(roots(value, lambda _: None)) if value is not None else set()
+    """Objects that the names may stand for which a statement binds, apart from definitions."""
+    if isinstance(statement, DEFINITIONS):
+        return set()
+    stands = scope_of([statement], [], lambda _: ()).stands
+    return {root for values in stands.values() for value in values for root in roots(value, lambda _: None)}
 
 
 def _class(statement: ast.stmt) -> dict[str, Any]:
@@ -179,7 +182,7 @@ def _class(statement: ast.stmt) -> dict[str, Any]:
     factory = any(keyword.arg == "default_factory" for node in statement.body if isinstance(node, (ast.Assign, ast.AnnAssign))
                   and isinstance(node.value, ast.Call) for keyword in node.value.keywords)
     return {"kind": "class", "bases": bases, "hook": "__init_subclass__" in own or "type" in bases,
-            "builds": factory or not own.isdisjoint(BUILDERS)}
+            "builds": factory or any(name.startswith("__") and name not in PASSIVE for name in own)}
 
 
 def _function(statement: ast.stmt) -> dict[str, Any]:

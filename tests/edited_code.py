@@ -24,7 +24,8 @@ FOLLOWED, REFUSED, SAME = "followed", "refused", "same"
 EDIT = re.compile(r"<<(.*?)\|(.*?)>>", re.DOTALL)
 CONTROL = {"control.py": "from other import g\ndef run(x=3):\n    return g(x)\n", "other.py": "def g(x):\n    return x + 100\n"}
 RUN = """
-import asyncio, contextlib, dataclasses, decimal, enum, importlib, json, os, pathlib, re, runpy, subprocess, sys, typing, unittest.mock
+import importlib, json, os, sys
+import asyncio, contextlib, dataclasses, decimal, enum, pathlib, re, runpy, subprocess, typing, unittest.mock  # once for all
 sys.dont_write_bytecode = True
 for folder in json.load(sys.stdin):
     sys.stdout.flush()
@@ -81,7 +82,7 @@ def judge(folder: Path, cases: list[Case] | None = None) -> list[Verdict]:
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 (root / name).write_text(text, encoding="utf-8")
     outputs = _outputs([root for pair in roots for root in pair])
-    return [_verdict(case, pair, (outputs[2 * i], outputs[2 * i + 1])) for i, (case, pair) in enumerate(zip(cases, roots, strict=True))]
+    return [_verdict(*each) for each in zip(cases, roots, zip(outputs[::2], outputs[1::2], strict=True), strict=True)]
 
 
 def counts(verdicts: list[Verdict]) -> dict[str, int]:
@@ -108,8 +109,15 @@ def _verdict(case: Case, roots: tuple[Path, Path], outputs: tuple[str, str]) -> 
     return Verdict(case, outcome, outputs, "", control[0] == control[1])
 
 
-F = "=== stage.py\nfrom helper import f\ndef run(x=3):\n    return f(x)\n"
-H = "=== stage.py\nimport helper as h\ndef run(x=3):\n    return h.f(x)\n"
+
+
+def _stage(result: str, *before: str) -> str:
+    """A stage that returns an expression."""
+    return "\n".join(("=== stage.py", *before, "def run(x=3):", f"    return {result}", ""))
+
+
+F = _stage("f(x)", "from helper import f")
+H = _stage("h.f(x)", "import helper as h")
 ONE = "=== helper.py\ndef f(x):\n    return x + <<1|2>>\n"
 
 CALLS = [
@@ -195,7 +203,7 @@ def more(by):
     return outer
 """),
     Case("a constant in an f-string", FOLLOWED,
-         "=== stage.py\nimport helper as h\ndef run(x=3):\n    return f'{x}{h.K}'\n=== helper.py\nK = <<1|2>>\n"),
+         _stage("f'{x}{h.K}'", "import helper as h") + "=== helper.py\nK = <<1|2>>\n"),
     Case("a dotted constant in a match", FOLLOWED, """
         === stage.py
         import helper as h
@@ -771,6 +779,21 @@ TABLES = [
         def f(x):
             return x
         """ + ONE, {"backend": "one"}),
+    Case("an entry that a package passes on", FOLLOWED, """
+        === stage.py
+        from load import load
+        BACKENDS = {"one": "pack:f"}
+        def run(x=3):
+            return load(BACKENDS, "one")(x)
+        === load.py
+        import importlib
+        DYNAMIC = ()
+        def load(table, name):
+            module, _, attribute = table[name].partition(":")
+            return getattr(importlib.import_module(module), attribute)
+        === pack/__init__.py
+        from helper import f
+        """ + ONE),
     Case("a dict of functions", FOLLOWED, """
         === stage.py
         from helper import TABLE
@@ -1043,9 +1066,9 @@ def f(x):
         === helper.py
         D = {<<"a": 1, "b": 2|"b": 2, "a": 1>>}
         """),
-    Case("1 and True", FOLLOWED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return str(h.K)\n=== helper.py\nK = <<1|True>>\n"),
-    Case("1 and 1.0", FOLLOWED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return str(h.K)\n=== helper.py\nK = <<1|1.0>>\n"),
-    Case("0.0 and -0.0", FOLLOWED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return str(h.K)\n=== helper.py\nK = <<0.0|-0.0>>\n"),
+    Case("1 and True", FOLLOWED, _stage("str(h.K)", "import helper as h") + "=== helper.py\nK = <<1|True>>\n"),
+    Case("1 and 1.0", FOLLOWED, _stage("str(h.K)", "import helper as h") + "=== helper.py\nK = <<1|1.0>>\n"),
+    Case("0.0 and -0.0", FOLLOWED, _stage("str(h.K)", "import helper as h") + "=== helper.py\nK = <<0.0|-0.0>>\n"),
     Case("declared data", FOLLOWED, """
         === stage.py
         from pathlib import Path
@@ -1059,7 +1082,7 @@ def f(x):
 
 K_IN_HELPER = "=== helper.py\nK = 0\ndef f(x):\n    return x + K\n"
 T_IN_HELPER = "=== helper.py\nT = {}\ndef f(x):\n    return x + T['a']\n"
-P = "=== stage.py\nimport patch\nimport helper as h\ndef run(x=3):\n    return h.f(x)\n"
+P = _stage("h.f(x)", "import patch", "import helper as h")
 EFFECTS = [
     Case("a function in place of another", FOLLOWED, P + """
 === helper.py
@@ -1184,7 +1207,8 @@ def f(x):
 import helper
 ignored = helper.table().update(a=<<1|2>>)
 """),
-    Case("in the body of a class", FOLLOWED, P + T_IN_HELPER + "=== patch.py\nfrom helper import T\nclass C:\n    T['a'] = <<1|2>>\n"),
+    Case("in the body of a class", FOLLOWED,
+         P + T_IN_HELPER + "=== patch.py\nfrom helper import T\nclass C:\n    T['a'] = <<1|2>>\n"),
     Case("in an assignment", FOLLOWED, P + T_IN_HELPER + "=== patch.py\nfrom helper import T\n_ = T.setdefault('a', <<1|2>>)\n"),
     Case("in a default", FOLLOWED,
          P + T_IN_HELPER + "=== patch.py\nfrom helper import T\ndef unused(x=T.setdefault('a', <<1|2>>)):\n    return x\n"),
@@ -1221,6 +1245,92 @@ def put(value):
 for value in (<<1|2>>,):
     put(value)
 """),
+    Case("by a lambda that is called where it stands", FOLLOWED,
+         P + T_IN_HELPER + "=== patch.py\nfrom helper import T\n_ = (lambda: T.update(a=<<1|2>>))()\n"),
+    Case("by a method of a new object", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from helper import T
+class Putter:
+    def put(self, value):
+        T["a"] = value
+_ = Putter().put(<<1|2>>)
+"""),
+    Case("by a method of an object with a name", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from helper import T
+class Putter:
+    def put(self, value):
+        T["a"] = value
+PUTTER = Putter()
+_ = PUTTER.put(<<1|2>>)
+"""),
+    Case("by a with over an object of ours", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from helper import T
+class Putter:
+    def __enter__(self):
+        T["a"] = <<1|2>>
+    def __exit__(self, *error):
+        pass
+with Putter():
+    pass
+"""),
+    Case("by a generator that is walked", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from helper import T
+def put():
+    yield T.update(a=<<1|2>>)
+_ = list(put())
+"""),
+    Case("by a loop over another name of the module", FOLLOWED, P + K_IN_HELPER + """
+=== patch.py
+import helper
+m = helper
+for each in (m,):
+    each.K = <<1|2>>
+"""),
+    Case("by a module that a function returns", FOLLOWED, P + K_IN_HELPER + """
+=== patch.py
+def module():
+    import helper
+    return helper
+module().K = <<1|2>>
+"""),
+    Case("by a table of modules", FOLLOWED, P + K_IN_HELPER + """
+=== patch.py
+import helper
+MODULES = {"h": helper}
+MODULES["h"].K = <<1|2>>
+"""),
+    Case("by functools.partial", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from functools import partial
+from helper import T
+def put(value):
+    T["a"] = value
+_ = partial(put, <<1|2>>)()
+"""),
+    Case("by functools.reduce", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from functools import reduce
+from helper import T
+_ = reduce(lambda sum, n: T.update(a=n), [<<1|2>>], None)
+"""),
+    Case("by a key of sorted", FOLLOWED, P + T_IN_HELPER + """
+=== patch.py
+from helper import T
+def put(value):
+    T["a"] = value
+    return 0
+_ = sorted([<<1|2>>], key=put)
+"""),
+    Case("by a name that is bound under a condition", FOLLOWED, P + K_IN_HELPER + """
+=== patch.py
+import sys, helper
+if sys.version_info > (3, 0):
+    m = helper
+m.K = <<1|2>>
+"""),
     Case("by object.__setattr__", FOLLOWED, P + """
 === helper.py
 class C:
@@ -1235,16 +1345,16 @@ _ = object.__setattr__(helper.ONE, "k", <<1|2>>)
 ]
 
 MODULES = [
-    Case("getattr(module, 'name')", FOLLOWED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return getattr(h, 'f')(x)\n" + ONE),
-    Case("vars(module)", FOLLOWED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return vars(h)['f'](x)\n" + ONE),
+    Case("getattr(module, 'name')", FOLLOWED, _stage("getattr(h, 'f')(x)", "import helper as h") + ONE),
+    Case("vars(module)", FOLLOWED, _stage("vars(h)['f'](x)", "import helper as h") + ONE),
     Case("vars(module), of a name that it imports", FOLLOWED,
-         "=== stage.py\nimport passes as h\ndef run(x=3):\n    return vars(h)['f'](x)\n=== passes.py\nfrom helper import f\n" + ONE),
+         _stage("vars(h)['f'](x)", "import passes as h") + "=== passes.py\nfrom helper import f\n" + ONE),
     Case("operator.attrgetter", FOLLOWED,
-         "=== stage.py\nfrom operator import attrgetter\nimport helper as h\ndef run(x=3):\n    return attrgetter('f')(h)(x)\n" + ONE),
+         _stage("attrgetter('f')(h)(x)", "from operator import attrgetter", "import helper as h") + ONE),
     Case("another name of getattr", FOLLOWED,
          "=== stage.py\nimport helper as h\ndef run(x=3):\n    g = getattr\n    return g(h, chr(102))(x)\n" + ONE),
     Case("getattr(module, <computed>)", REFUSED,
-         "=== stage.py\nimport helper as h\ndef run(x=3):\n    return getattr(h, chr(102))(x)\n" + ONE),
+         _stage("getattr(h, chr(102))(x)", "import helper as h") + ONE),
     Case("a package as a value", REFUSED, """
         === stage.py
         import pack
@@ -1256,14 +1366,21 @@ MODULES = [
         def f(x):
             return x + <<1|2>>
         """),
-    Case("module.__dict__", REFUSED, "=== stage.py\nimport helper as h\ndef run(x=3):\n    return h.__dict__['f'](x)\n" + ONE),
-    Case("sys.modules", REFUSED, "=== stage.py\nimport sys\nimport helper\ndef run(x=3):\n    return sys.modules['helper'].f(x)\n" + ONE),
+    Case("module.__dict__", REFUSED, _stage("h.__dict__['f'](x)", "import helper as h") + ONE),
+    Case("sys.modules", REFUSED, _stage("sys.modules['helper'].f(x)", "import sys", "import helper") + ONE),
     Case("sys.modules.get", REFUSED,
-         "=== stage.py\nimport sys\nimport helper\ndef run(x=3):\n    return sys.modules.get('helper').f(x)\n" + ONE),
+         _stage("sys.modules.get('helper').f(x)", "import sys", "import helper") + ONE),
     Case("modules of sys", REFUSED,
-         "=== stage.py\nfrom sys import modules\nimport helper\ndef run(x=3):\n    return modules['helper'].f(x)\n" + ONE),
-    Case("sys.path", REFUSED, "=== stage.py\nimport sys\nsys.path.append('.')\ndef run(x=3):\n    import helper\n    return helper.f(x)\n" + ONE),
-    Case("from module import *", REFUSED, "=== stage.py\nfrom helper import *\ndef run(x=3):\n    return f(x)\n" + ONE),
+         _stage("modules['helper'].f(x)", "from sys import modules", "import helper") + ONE),
+    Case("sys.path", REFUSED, """
+        === stage.py
+        import sys
+        sys.path.append(".")
+        def run(x=3):
+            import helper
+            return helper.f(x)
+        """ + ONE),
+    Case("from module import *", REFUSED, _stage("f(x)", "from helper import *") + ONE),
     Case("a module and a package of one name", REFUSED, """
         === stage.py
         from both import f
@@ -1277,15 +1394,15 @@ MODULES = [
             return x + <<1|2>>
         """),
     Case("importlib.import_module", REFUSED,
-         "=== stage.py\nimport importlib\ndef run(x=3):\n    return importlib.import_module('helper').f(x)\n" + ONE),
+         _stage("importlib.import_module('helper').f(x)", "import importlib") + ONE),
     Case("import_module under another name", REFUSED,
-         "=== stage.py\nfrom importlib import import_module as im\ndef run(x=3):\n    return im('helper').f(x)\n" + ONE),
+         _stage("im('helper').f(x)", "from importlib import import_module as im") + ONE),
     Case("importlib under another name", REFUSED,
-         "=== stage.py\nimport importlib as il\ndef run(x=3):\n    return il.import_module('helper').f(x)\n" + ONE),
+         _stage("il.import_module('helper').f(x)", "import importlib as il") + ONE),
     Case("importlib as a value", REFUSED,
          "=== stage.py\nimport importlib\ndef run(x=3):\n    il = importlib\n    return il.import_module('helper').f(x)\n" + ONE),
     Case("importlib.reload", REFUSED,
-         "=== stage.py\nimport importlib, helper\ndef run(x=3):\n    return importlib.reload(helper).f(x)\n" + ONE),
+         _stage("importlib.reload(helper).f(x)", "import importlib, helper") + ONE),
     Case("spec_from_file_location", REFUSED, """
         === stage.py
         import importlib.util
@@ -1295,12 +1412,12 @@ MODULES = [
             spec.loader.exec_module(module)
             return module.f(x)
         """ + ONE),
-    Case("runpy", REFUSED, "=== stage.py\nimport runpy\ndef run(x=3):\n    return runpy.run_module('helper')['f'](x)\n" + ONE),
+    Case("runpy", REFUSED, _stage("runpy.run_module('helper')['f'](x)", "import runpy") + ONE),
     Case("pkgutil.resolve_name", REFUSED,
-         "=== stage.py\nfrom pkgutil import resolve_name\ndef run(x=3):\n    return resolve_name('helper').f(x)\n" + ONE),
-    Case("__import__", REFUSED, "=== stage.py\ndef run(x=3):\n    return __import__('helper').f(x)\n" + ONE),
-    Case("builtins.__import__", REFUSED, "=== stage.py\nimport builtins\ndef run(x=3):\n    return builtins.__import__('helper').f(x)\n" + ONE),
-    Case("eval", REFUSED, "=== stage.py\nfrom helper import f\ndef run(x=3):\n    return eval('f(x)')\n" + ONE),
+         _stage("resolve_name('helper').f(x)", "from pkgutil import resolve_name") + ONE),
+    Case("__import__", REFUSED, _stage("__import__('helper').f(x)") + ONE),
+    Case("builtins.__import__", REFUSED, _stage("builtins.__import__('helper').f(x)", "import builtins") + ONE),
+    Case("eval", REFUSED, _stage("eval('f(x)')", "from helper import f") + ONE),
     Case("exec of a file", REFUSED, """
         === stage.py
         def run(x=3):
@@ -1308,7 +1425,7 @@ MODULES = [
             exec(open("helper.py").read(), names)
             return names["f"](x)
         """ + ONE),
-    Case("globals()", REFUSED, "=== stage.py\nfrom helper import f\ndef run(x=3):\n    return globals()['f'](x)\n" + ONE),
+    Case("globals()", REFUSED, _stage("globals()['f'](x)", "from helper import f") + ONE),
     Case("locals()", REFUSED, "=== stage.py\ndef run(x=3):\n    from helper import f\n    return locals()['f'](x)\n" + ONE),
     Case("vars()", REFUSED, "=== stage.py\ndef run(x=3):\n    from helper import f\n    return vars()['f'](x)\n" + ONE),
     Case("function.__globals__", REFUSED, """

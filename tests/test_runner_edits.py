@@ -88,6 +88,9 @@ LINES = [
      "=== pack/__init__.py\n", "stage.py:2: it imports 'pack.gone'"),
     ("an entry that does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack.gone:f'}\ndef run(x=3):\n    return BACKENDS\n"
      "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a module of this project, got 'pack.gone'"),
+    ("an entry whose name does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack:gone'}\ndef run(x=3):\n    return BACKENDS\n"
+     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a name of the module 'pack', got 'gone'"),
+    ("a stage that does not exist", "=== stage.py\n", "stage:run: expected a name of the module 'stage', got 'run'"),
     ("data that is not there", "=== stage.py\nDATA_FILES = ('gone.csv',)\ndef run(x=3):\n    return x\n",
      "stage.py:1: DATA_FILES names 'gone.csv'"),
     ("a module in DYNAMIC that is not there", "=== stage.py\nDYNAMIC = ('gone',)\ndef run(x=3):\n    return x\n",
