@@ -14,7 +14,7 @@ from typing import Any
 from runner.foreign import harmless, sets_state
 from runner.modules import Modules
 from runner.resolve import Place, places
-from runner.source import Module, SourceError, line_of
+from runner.source import MAIN, Module, SourceError, line_of
 from runner.touches import ARGUMENT, CALLED, READS
 
 Changed = set[tuple[str, str]]
@@ -37,8 +37,9 @@ class Effects:
 def effects_of(modules: Modules, module: Module) -> Effects:
     """Effects of importing a module; SourceError for one that sets a state of another package."""
     found = Effects(list(module.effects))
+    program = module.items.get(MAIN, ())
     for index, statement in enumerate(module.statements):
-        if index in module.items.get("__main__", ()):
+        if index in program or not ("sets" in statement or "bases" in statement):
             continue
         changed = _at_import(modules, module, statement)
         if any(home != module.name for home, _ in changed) and index not in found.wide:

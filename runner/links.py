@@ -91,7 +91,8 @@ class Linker:
         return [module for module in map(self._modules.get, found) if module is not None]
 
 
-def _has_modules(folder: Path) -> bool:
+def _has_modules(package: Path) -> bool:
+    folder = package.parent if package.suffix == ".py" else package
     return any(path.name != "__init__.py" for path in (*folder.glob("*.py"), *folder.glob("*/__init__.py")))
 
 
@@ -163,8 +164,7 @@ class _Statement:
 
     def _whole(self, ref: str, module: Module) -> None:
         """A module as a value. What a package has beside its own names depends on who imported what before."""
-        path = Path(module.path)
-        if path.suffix != ".py" or (path.name == "__init__.py" and _has_modules(path.parent)):
+        if module.is_package and _has_modules(Path(module.path)):
             raise self._error(ref, f"the package {module.name!r} is used as a value", "import the module of it that is used")
         self.found.whole.add(module.name)
 

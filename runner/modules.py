@@ -39,6 +39,9 @@ class Modules:
             self._fresh = False
 
     def _find(self, name: str) -> Module | None:
+        holder = self.get(name.rpartition(".")[0]) if "." in name else None
+        if holder is not None and not holder.is_package:
+            return None
         base = self.root.joinpath(*name.split("."))
         module, package = base.with_name(base.name + ".py"), base / "__init__.py"
         if module.is_file():

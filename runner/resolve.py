@@ -88,7 +88,7 @@ def _through(modules: Modules, origin: Module, target: str, chain: list[str], se
     passed = found.imports.get(name, []) if key not in seen else []
     for other in passed:
         yield from _imported(modules, found, other, rest, seen | {key})
-    if not passed and modules.get(f"{target}.{name}") is not None:
+    if not passed and found.is_package and modules.get(f"{target}.{name}") is not None:
         yield from _through(modules, found, f"{target}.{name}", rest, seen)
     elif not passed and name not in found.items and "__getattr__" in found.items:
         yield Place(found, target, ())

@@ -62,6 +62,11 @@ class Module:
     registries: dict[str, dict[str, str]] = field(default_factory=dict)
     literals: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def is_package(self) -> bool:
+        """Whether other modules may be inside."""
+        return not self.path.endswith(".py") or self.path.endswith("/__init__.py")
+
 
 def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -> Module:
     """Read a module. In a `schema` module the doc line (last positional argument) and the encoding of a field do not count."""
@@ -83,7 +88,7 @@ def line_of(module: Module, statement: dict[str, Any], ref: str) -> int:
     """The line of a reference; read from the file, only when an error is to be said."""
     at: int = statement["line"]
     tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
-    home = _home(module.name, Path(module.path).name == "__init__.py")
+    home = _home(module.name, module.is_package)
     for found in (node for node in tree.body if node.lineno == at):
         uses = uses_of(found, home, f"{module.path}:{at}")
         return {**uses.sets, **uses.getattrs, **uses.hints, **uses.refs}.get(ref, at)
@@ -98,7 +103,7 @@ def where(module: Module, name: str) -> str:
 def import_of(module: Module, target: str) -> str:
     """'file:line' of the import of a module; read from the file, only when an error is to be said."""
     tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
-    home = _home(module.name, Path(module.path).name == "__init__.py")
+    home = _home(module.name, module.is_package)
     lines = (node.lineno for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))
              and target in loads_of(node, home))
     return f"{module.path}:{next(lines, 1)}"
