@@ -1,11 +1,12 @@
 """The code that can run behind a stage, as one digest: static, transitive, importing nothing.
 
 From the stage function every name is followed through our own modules: helpers, constants, classes with their methods and
-bases, default arguments, nested functions and lambdas, imports of every form, names that are passed on by another module.
-A registry (a literal dict ``name -> "module:attribute"``) is followed at the entry that Params selects: `BACKENDS` by the
-field `backend`, `REFINES` by `refine`; at every entry when there is no such field. What importing a module does to names of
-other modules counts, and so do files listed in its `DATA_FILES`. A module that imports by computed name must say what, in
-`DYNAMIC = ("module", ...)`.
+bases, default arguments, nested functions and lambdas, every import of a name, names that are passed on by another module.
+A registry (a literal dict ``name -> "module:attribute"``) is followed at the entries that Params selects: `BACKENDS` by the
+field `backend`, `REFINES` by `refine`, a name or a tuple of names; at every entry when there is no such field. What importing
+a module does to other modules counts (`runner.effects`), and so do files listed in its `DATA_FILES`. A module that imports by
+computed name must say what, in `DYNAMIC = ("module", ...)`. Code that nobody can follow is refused with file and line
+(`runner.foreign`). What is not code is not seen: the environment, the working directory, the time.
 """
 
 from __future__ import annotations
