@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from runner import Graph, Runner
-from tests.toy_domain import toy_project
 
+TOY = Path(__file__).with_name("toy_domain") / "toy"
 LIMIT_S = 30.0
 """a step on a toy store takes a second; one that needs this long does not end"""
 FIELD = re.compile(rb'"(\w+)":')
@@ -69,7 +69,7 @@ class FlippedStore:
 
     def write(self) -> FlippedStore:
         """The code and the outside file, old enough for digests and parsed modules to be remembered."""
-        shutil.copytree(toy_project.HERE / "toy", self.code / "toy", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(TOY, self.code / "toy", ignore=shutil.ignore_patterns("__pycache__"))
         (self.code / "toy" / "measure.py").write_text(MEASURE)
         (self.folder / "outside.bin").write_bytes(b"x" * 1000)
         for path in (*self.code.rglob("*.py"), self.folder / "outside.bin"):
