@@ -10,6 +10,7 @@ import typer
 
 from commands.errors import UsageError
 from pipeline import TARGETS
+from runner.signals import TERMINATED, terminating
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
                   help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
@@ -268,13 +269,22 @@ def _request(target: str, source: Path | None, clip: list[str] | None, set_: lis
     return Request(target, source, tuple(clip or ()), tuple(set_ or ()), params, store=store, json=json, force=force, **more)
 
 
+STOPPED = "stopped; what was finished is kept, run again to go on\n"
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; 0 done, 1 something failed, 2 the call does not fit, 130 stopped by the user."""
+    """Run a command; 0 done, 1 something failed, 2 the call does not fit, 130 stopped by the user, 143 by SIGTERM."""
     try:
-        return int(app(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that app returns
+        with terminating():
+            return int(app(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that app returns
     except KeyboardInterrupt:
-        sys.stderr.write("stopped; what was finished is kept, run again to go on\n")
+        sys.stderr.write(STOPPED)
         return 130
+    except SystemExit as ended:
+        if ended.code != TERMINATED:
+            raise
+        sys.stderr.write(STOPPED)
+        return TERMINATED
     except Exception as error:
         return _exit_code(error)
 

@@ -2,6 +2,9 @@
 
 The codec is injected as "module:attribute" (an object that fits `Codec`), so that worker processes can import it and the
 runner knows nothing of the domain. `resolve` turns such a string into the object.
+
+A codec decides bytes, so its code is in the key of every task. One that keeps parts of itself in a registry may have a method
+`selects(names)`: field -> entries (a frozenset) of the registries that values of schemas of these names use. Only those count.
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from runner.execute import Job
 from runner.graph import Node
-from runner.keys import StageSpec, stage_spec, task_key
-from runner.modules import Modules
+from runner.keys import Codes, StageSpec, stage_spec, task_key
 from runner.reasons import compare, keep_definitions
 from runner.report import Reason
 from runner.store import Store
@@ -37,17 +36,18 @@ class Task:
 class Desk:
     """Judges tasks against a store; executes nothing."""
 
-    def __init__(self, store: Store, traces: Traces, modules: Modules, force: Iterable[str] = ()) -> None:
+    def __init__(self, store: Store, traces: Traces, codes: Codes, force: Iterable[str] = ()) -> None:
         self.store, self.traces = store, traces
-        self._modules, self._force = modules, set(force)
+        self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
+        self._kept: set[str] = set()
         self._kinds: dict[str, frozenset[str]] = {}
         self._versions: dict[str, str] = {}
 
     def spec(self, node: Node) -> StageSpec:
         """The stage's code, parameters and declarations."""
         if node.id not in self._specs:
-            self._specs[node.id] = stage_spec(node, self._modules)
+            self._specs[node.id] = stage_spec(node, self._codes)
         return self._specs[node.id]
 
     def task(self, node: Node, path: Path_, inputs: dict[str, str]) -> Task:
@@ -72,7 +72,9 @@ class Desk:
     def job(self, task: Task, reason: Reason) -> Job:
         """What a worker needs to know."""
         spec = task.spec
-        keep_definitions(self.store.root, spec)
+        if spec.code.digest not in self._kept:
+            keep_definitions(self.store.root, spec)
+            self._kept.add(spec.code.digest)
         return Job(
             key=task.key, stage=task.node.name, shard=task.shard, function=spec.function, params=task.node.params,
             params_tree=spec.params, inputs=task.inputs, wants_ctx=task.node.wants_ctx, code=spec.code.digest,

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from runner.codec import resolve
 from runner.execute import Done, Job, Place, execute
+from runner.modules import outdated
 from runner.store import Store
 
 Message = tuple[str, str, Any]
@@ -54,6 +55,10 @@ class Inline:
         if not self._jobs:
             return []
         job, messages = self._jobs.popleft(), []
+        old = outdated(path for path, _ in job.sources)
+        if old is not None:
+            said = f"{old} was edited after this process imported it; run again in a new process, or with --jobs 1"
+            return [("done", job.key, Done(job.key, "failed", message=said))]
         done = execute(job, self._place, self._store, lambda n, of: messages.append(("progress", job.key, (n, of))))
         return [*messages, ("done", job.key, done)]
 
@@ -62,7 +67,8 @@ class Inline:
         self._jobs = deque(job for job in self._jobs if job.key != key)
 
     def close(self) -> None:
-        """Nothing runs outside `wait`."""
+        """Nothing runs outside `wait`: only what values were saved in is left."""
+        self._store.clean()
 
 
 @dataclass
@@ -81,9 +87,9 @@ class Pool:
     it ends: each holds the reading end of a pipe that closes with it.
     """
 
-    def __init__(self, place: Place, root: Path) -> None:
+    def __init__(self, place: Place) -> None:
         self._place = place
-        self._paths = [str(root), str(Path(__file__).resolve().parent.parent)]
+        self._paths = [str(place.root), str(Path(__file__).resolve().parent.parent)]
         self._workers: list[_Worker] = []
 
     def submit(self, job: Job) -> None:
@@ -133,7 +139,7 @@ class Pool:
     def _start(self) -> _Worker:
         ours, theirs = socketpair()
         read, write = os.pipe()
-        place = [str(self._place.store), self._place.codec, self._place.worker or ""]
+        place = [str(self._place.store), self._place.codec, self._place.worker or "", str(self._place.root), *self._place.schemas]
         code = f"import sys; sys.path[:0] = {self._paths!r}; from runner.worker import main; main(*sys.argv[1:])"
         command = [sys.executable, "-c", code, str(theirs.fileno()), str(read), *place]
         process = subprocess.Popen(command, pass_fds=(theirs.fileno(), read), stdin=subprocess.DEVNULL, start_new_session=True)

@@ -15,8 +15,9 @@ from typing import Any
 
 from runner.codec import resolve
 from runner.files import Stamp, stamp
-from runner.keys import machine_kind, seed_of
+from runner.keys import Codes, machine_kind, seed_of
 from runner.lease import Lease
+from runner.modules import Modules
 from runner.store import LostError, Store, explain_os
 from runner.traces import Trace, failure_path, read_output, write_failure, write_trace
 
@@ -53,6 +54,9 @@ class Place:
     store: Path
     codec: str
     worker: str | None
+    root: Path
+    """of the code"""
+    schemas: tuple[str, ...] = ("schemas",)
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,9 @@ def execute(job: Job, place: Place, store: Store, progress: Progress) -> Done:
         return _owned(job, place, store, progress)
     except LostError as lost:
         return Done(job.key, "lost", message=lost.digest, damaged=lost.damaged)
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit among them: a stage that ends itself fails, and the run goes on
         return _failed(job, place, error)
     finally:
         lease.release()
@@ -99,19 +105,20 @@ def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
         return Done(job.key, "cached")
     _forget_peak()
     cpu, wall = _cpu(), time.monotonic()
+    seed = seed_of(job.params_tree, job.inputs)
+    if place.worker:
+        resolve(place.worker)(seed, job.threads)
     inputs = store.load_inputs(job.inputs)
     scratch = place.store / "scratch" / job.key
-    if place.worker:
-        resolve(place.worker)(seed_of(job.key), job.threads)
     more = {} if job.params is None else {"params": job.params}
     if job.wants_ctx:
         scratch.mkdir(parents=True, exist_ok=True)
         more["ctx"] = Context(scratch, progress)
     value = resolve(job.function)(**inputs, **more)
     output = store.put(value, scratch)
-    _check_sources(job)
+    check_sources(job, place)
     spent, waited = round(_cpu() - cpu, 4), round(time.monotonic() - wall, 4)
-    write_trace(place.store, _trace(job, output, spent, waited))
+    write_trace(place.store, _trace(job, output, seed, spent, waited))
     if job.wants_ctx:
         shutil.rmtree(scratch, ignore_errors=True)
     return Done(job.key, "ran", output, cpu_s=spent, wall_s=waited)
@@ -123,22 +130,40 @@ def _is_made(job: Job, place: Place, store: Store) -> bool:
     return output is not None and store.state(output) == "ok"
 
 
-def _trace(job: Job, output: str, cpu_s: float, wall_s: float) -> Trace:
+def _trace(job: Job, output: str, seed: int, cpu_s: float, wall_s: float) -> Trace:
     return Trace(
         key=job.key, stage=job.stage, shard=job.shard, function=job.function, output=output, inputs=job.inputs,
         params=job.params_tree, code=job.code, schemas=job.schemas, libraries=job.libraries, threads=job.threads,
-        seed=seed_of(job.key), machine=machine_kind(), reason=job.reason, cpu_s=cpu_s, wall_s=wall_s,
+        seed=seed, machine=machine_kind(), reason=job.reason, cpu_s=cpu_s, wall_s=wall_s,
         peak_rss_mib=round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1), finished=time.time())
 
 
-def _check_sources(job: Job) -> None:
-    """Code edited while it runs would be stored under the key of the code before."""
-    for path, before in job.sources:
-        if not os.path.exists(path) or stamp(Path(path)) != tuple(before):
-            raise ValueError(f"{path} was edited while the stage ran; its output was dropped, run again")
+LOADED: dict[str, Stamp] = {}
+"""path -> stamp of the source that this process has loaded a module of the project from (`runner.worker`)"""
 
 
-def _failed(job: Job, place: Place, error: Exception) -> Done:
+def check_sources(job: Job, place: Place) -> None:
+    """Compare the code that ran with the code of the key. ValueError when they differ: the output would be stored under a key that
+    is not its own. An edit that leaves the fingerprint as it is (a comment, a function that cannot run) does no harm."""
+    edited = [path for path, before in job.sources if not _is(path, before) or LOADED.get(path, before) != before]
+    if not edited:
+        return
+    strange = [path for path, before in job.sources if LOADED.get(path, before) != before and not _is(path, LOADED[path])]
+    if strange or not _same_code(job, place):
+        raise ValueError(f"{(strange or edited)[0]} was edited while the stage ran; its output was dropped, run again")
+
+
+def _is(path: str, before: Stamp) -> bool:
+    return os.path.exists(path) and stamp(path) == tuple(before)
+
+
+def _same_code(job: Job, place: Place) -> bool:
+    """Whether the code on disk has the fingerprint that is in the key."""
+    codes = Codes(Modules(place.root, schemas=place.schemas), place.codec, place.worker)
+    return codes.of(job.function, job.params).digest == job.code
+
+
+def _failed(job: Job, place: Place, error: BaseException) -> Done:
     """One clear line; the traceback is kept beside the key when the disk takes it."""
     message = one_line(error)
     try:

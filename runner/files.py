@@ -1,6 +1,9 @@
-"""Digests of files outside the store, remembered by size, mtime and inode so that a large video is hashed once.
+"""Small files of the store, sealed with a checksum and replaced whole; digests of files outside it, remembered by their stamps.
 
-A folder that is taken as one (frames by the thousand) is remembered by its own stamp: names that come and go are noticed, a
+A sealed file is {"check": ..., "of": value}, where "check" is the BLAKE3 of the bytes of the value, taken under a tag. Traces,
+manifests, definitions, failures and every cache are sealed: one flipped byte is found when the file is read.
+
+A folder that is hashed as one (frames by the thousand) is remembered by its own stamp: names that come and go are noticed, a
 file that is written over in place is not before it is hashed anew (`rehash`).
 """
 
@@ -8,22 +11,65 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import time
+import uuid
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from blake3 import blake3
 
 from runner.canonical import digest, path_digest
 
 RACY_NS = 50_000_000  # a file younger than this when it is hashed may change again without a new mtime: not remembered
 GLANCE_BYTES = 1 << 26
 """files up to this size are hashed even where a glance is enough"""
-Stamp = tuple[int, int, int]
+Stamp = tuple[int, int, int, int]
+FORMAT = "afford-store-2"
+"""part of every checksum, so that files of another version of the store do not fit"""
+HEAD, NEXT, END = b'{"check":"', b'","of":', b"}"
+HEX = 64
 
 
-def stamp(path: Path) -> Stamp:
-    """(size, mtime ns, inode): what a file's digest is remembered by."""
+class DamagedError(ValueError):
+    """A sealed file whose bytes do not fit its checksum."""
+
+
+def stamp(path: str | Path) -> Stamp:
+    """Return (size, mtime ns, inode, ctime ns): what a file's digest is remembered by. (The ctime cannot be set back.)"""
     found = os.stat(path)
-    return found.st_size, found.st_mtime_ns, found.st_ino
+    return found.st_size, found.st_mtime_ns, found.st_ino, found.st_ctime_ns
+
+
+@cache
+def host() -> str:
+    """Name of this machine, as part of file names."""
+    return "".join(letter if letter.isalnum() else "-" for letter in socket.gethostname())[:40]
+
+
+def unique(name: str) -> str:
+    """Return a hidden name for a temporary `name`, free on every host that shares the folder: host, process id, random id."""
+    return f".{name}.{host()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+
+
+def seal(value: Any, tag: str) -> bytes:
+    """Encode a JSON value with its checksum; `tag` says what the value is, so that no other file fits in its place."""
+    body = json.dumps(value, separators=(",", ":")).encode()
+    return HEAD + _checksum(body, tag) + NEXT + body + END
+
+
+def unseal(data: bytes, tag: str) -> Any:
+    """Decode what `seal` encoded; DamagedError when a byte, or the tag, is another."""
+    start = len(HEAD) + HEX + len(NEXT)
+    body = data[start : -len(END)]
+    if data[:start] + data[-len(END):] != HEAD + _checksum(body, tag) + NEXT + END:
+        raise DamagedError(f"expected a sealed {tag}, got {len(data)} bytes that do not fit their checksum")
+    return json.loads(body)
+
+
+def _checksum(body: bytes, tag: str) -> bytes:
+    return blake3(f"{FORMAT} {tag}\0".encode() + body).hexdigest().encode()
 
 
 class FileMemo:
@@ -33,7 +79,7 @@ class FileMemo:
     def __init__(self, store: Path, rehash: bool = False, glance: bool = False) -> None:
         self.glance = glance
         self._path = store / ".cache" / "files.json"
-        self._known: dict[str, list] = {} if rehash else read_cache(self._path) or {}
+        self._known: dict[str, list] = {} if rehash else read_cache(self._path)
         self._fresh = False
 
     def knows(self, path: Path) -> bool:
@@ -52,7 +98,7 @@ class FileMemo:
         found = path_digest(path)
         if stamp(path) != now:
             raise OSError(f"{path} changed while it was read; run again when it is complete")
-        if time.time_ns() - now[1] > RACY_NS:
+        if time.time_ns() - now[3] > RACY_NS:
             self._known[str(path)] = [now, found]
             self._fresh = True
         return found, now[0]
@@ -60,21 +106,26 @@ class FileMemo:
     def save(self) -> None:
         """Write what was learned, at once."""
         if self._fresh:
-            write_atomic(self._path, json.dumps(self._known).encode())
+            write_cache(self._path, self._known)
             self._fresh = False
 
 
-def read_cache(path: Path) -> Any:
-    """What a cache file holds, or None: one that is missing or torn is made anew from what it was made of."""
+def read_cache(path: Path) -> dict[str, Any]:
+    """Read a cache file. One that is missing or damaged counts as empty: it is made anew from what it was made of."""
     try:
-        return json.loads(path.read_bytes())
-    except (FileNotFoundError, ValueError):
-        return None
+        return dict(unseal(path.read_bytes(), f"cache {path.name}"))
+    except (FileNotFoundError, DamagedError):
+        return {}
+
+
+def write_cache(path: Path, tree: dict[str, Any]) -> None:
+    """Replace a cache file."""
+    write_atomic(path, seal(tree, f"cache {path.name}"))
 
 
 def write_atomic(path: Path, data: bytes) -> None:
-    """The whole file or the old one, also when killed half-way. Parent folders are made."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    """Replace a file: the whole new one or the old one is there, also when the process is killed. Parent folders are made."""
+    temporary = path.with_name(unique(path.name))
     try:
         temporary.write_bytes(data)
     except FileNotFoundError:
@@ -89,7 +140,7 @@ class SeenBlobs:
 
     def __init__(self, store: Path) -> None:
         self._path = store / ".cache" / "blobs.json"
-        self._seen: dict[str, list[int]] = read_cache(self._path) or {}
+        self._seen: dict[str, list[int]] = read_cache(self._path)
         self._fresh = False
 
     def same(self, blob: str, path: str) -> bool:
@@ -106,5 +157,5 @@ class SeenBlobs:
     def save(self) -> None:
         """Write what was seen, at once."""
         if self._fresh:
-            write_atomic(self._path, json.dumps(self._seen).encode())
+            write_cache(self._path, self._seen)
             self._fresh = False

@@ -11,7 +11,7 @@ other modules counts, and so do files listed in its `DATA_FILES`. A module that 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,13 +34,21 @@ class Fingerprint:
     files: set[str]
 
 
-def fingerprint(modules: Modules, function: str, select: Mapping[str, object]) -> Fingerprint:
-    """Fingerprint of 'module:function' under these parameters; SourceError when some code cannot be followed."""
-    walk = _Closure(modules, select)
+def fingerprint(modules: Modules, function: str, select: Mapping[str, object], apart: tuple[str, ...] = ()) -> Fingerprint:
+    """Fingerprint of 'module:function' under these parameters; SourceError when some code cannot be followed. What lies in the
+    packages `apart` is not followed, and does not count."""
+    walk = _Closure(modules, select, apart)
     module, _, name = function.partition(":")
     walk.reach(module, name.partition(".")[0])
     walk.finish()
     return Fingerprint(digest("afford-closure", walk.definitions), walk.definitions, walk.third_party, walk.files)
+
+
+def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
+    """One fingerprint of several functions that work on the same task."""
+    definitions = {name: code for part in parts for name, code in part.definitions.items()}
+    return Fingerprint(digest("afford-closure", definitions), definitions,
+                       set().union(*(part.third_party for part in parts)), set().union(*(part.files for part in parts)))
 
 
 def reachable_third_party(root: Path, function: str) -> set[str]:
@@ -50,13 +58,15 @@ def reachable_third_party(root: Path, function: str) -> set[str]:
 
 
 def declarations(modules: Modules, module: str) -> dict[str, Any]:
-    """The literal LIBRARIES, THREADS and MEMORY_GIB of a stage's module; ValueError when one has the wrong type."""
+    """The literal LIBRARIES, THREADS, MEMORY_GIB and MACHINE of a stage's module; ValueError when one has the wrong type."""
     found = modules.get(module)
     literals = found.literals if found else {}
     declared = {"LIBRARIES": literals.get("LIBRARIES", []), "THREADS": literals.get("THREADS", 1),
-                "MEMORY_GIB": float(literals.get("MEMORY_GIB", 1.0))}
-    if not (isinstance(declared["LIBRARIES"], list) and isinstance(declared["THREADS"], int)):
-        raise ValueError(f"{module}: expected LIBRARIES = (\"name\", ...) and THREADS = int as literals, got {declared}")
+                "MEMORY_GIB": float(literals.get("MEMORY_GIB", 1.0)), "MACHINE": literals.get("MACHINE", False)}
+    kinds: dict[str, type | tuple[type, ...]] = {"LIBRARIES": list, "THREADS": int, "MACHINE": (bool, str)}
+    if not all(isinstance(declared[name], kind) for name, kind in kinds.items()):
+        raise ValueError(f"{module}: expected LIBRARIES = (\"name\", ...), THREADS = int and MACHINE = True or the name of a "
+                         f"parameter as literals, got {declared}")
     return declared
 
 
@@ -71,6 +81,7 @@ def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
 class _Closure:
     modules: Modules
     select: Mapping[str, object]
+    apart: tuple[str, ...] = ()
     definitions: dict[str, str] = field(default_factory=dict)
     third_party: set[str] = field(default_factory=set)
     files: set[str] = field(default_factory=set)
@@ -79,7 +90,7 @@ class _Closure:
     _loaded: set[str] = field(default_factory=set)
 
     def reach(self, module: str, name: str) -> None:
-        if (module, name) not in self._seen:
+        if (module, name) not in self._seen and module.partition(".")[0] not in self.apart:
             self._seen.add((module, name))
             self._todo.append((module, name))
 
@@ -109,7 +120,8 @@ class _Closure:
     def _registry(self, module: Module, name: str) -> None:
         entries, field_name = module.registries[name], name.lower().removesuffix("s")
         chosen = self.select.get(field_name)
-        keys = [chosen] if chosen in entries else sorted(entries)
+        several = chosen if isinstance(chosen, frozenset) else {chosen}
+        keys = sorted(several) if several <= entries.keys() else sorted(entries)
         self.definitions[f"{module.name}:{name}"] = digest("afford-registry", [[key, entries[key]] for key in keys])
         for key in keys:
             target, _, attribute = entries[key].partition(":")
@@ -198,7 +210,7 @@ class _Closure:
 
     def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
-        if module.name in self._loaded:
+        if module.name in self._loaded or module.name.partition(".")[0] in self.apart:
             return
         self._loaded.add(module.name)
         self.files.add(module.path)
@@ -226,6 +238,7 @@ class _Closure:
         if not path.is_file():
             raise SourceError(f"{module.path}: DATA_FILES names {name!r}, which is not beside it")
         self.files.add(str(path))
+        self.modules.stamp(str(path))
         self.definitions[f"{module.name}:{name}"] = file_digest(path)
 
     def _declared(self, module: Module, name: str) -> None:

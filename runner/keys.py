@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import platform
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from runner.canonical import canonical, digest
-from runner.files import Stamp, stamp
-from runner.fingerprint import Fingerprint, declarations, fingerprint
+from runner.codec import resolve
+from runner.files import Stamp
+from runner.fingerprint import Fingerprint, declarations, fingerprint, merged
 from runner.graph import Node
 from runner.modules import Modules
+
+VECTORS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16", "asimd", "sve", "bf16")
+"""flags of a CPU that decide which kernels numeric libraries choose, and so last bits"""
+CPUINFO, NVIDIA = Path("/proc/cpuinfo"), Path("/proc/driver/nvidia")
 
 
 @dataclass(frozen=True)
@@ -26,41 +34,117 @@ class StageSpec:
     params: Any
     """canonical JSON tree"""
     code: Fingerprint
+    """of the stage, of the codec for the schemas that occur in it, and of the worker's preparation"""
     libraries: dict[str, str]
     threads: int
     memory_gib: float
     sources: tuple[tuple[str, Stamp], ...]
-    """files behind the fingerprint, with their stamps when it was taken"""
+    """files behind the fingerprint, with their stamps when they were read for it"""
+    machine: str = ""
+    """the kind of machine, of stages that declare MACHINE; '' of all others"""
 
 
-def stage_spec(node: Node, modules: Modules) -> StageSpec:
+class Codes:
+    """Fingerprints of the code that decides the bytes of a task: its stage, the codec, the preparation of its worker.
+
+    codec, worker: "module:attribute"; code of these that is not under the root of `modules` does not count. Definitions in schema
+    packages count where a stage uses them, and through the schemas of its inputs (`task_key`).
+    """
+
+    def __init__(self, modules: Modules, codec: str, worker: str | None) -> None:
+        self.modules = modules
+        self._codec, self._worker = codec, worker
+        self._memo: dict[Any, Fingerprint] = {}
+
+    def of(self, function: str, params: Any) -> Fingerprint:
+        """Of 'module:function' under these Params; SourceError when some code cannot be followed."""
+        select = {} if params is None else {f.name: getattr(params, f.name) for f in dataclasses.fields(params)}
+        stage = fingerprint(self.modules, function, select)
+        return merged([stage, *self._codec_of(stage), *self._worker_of()])
+
+    def _codec_of(self, stage: Fingerprint) -> list[Fingerprint]:
+        """What the codec selects in its registries (`Codec.selects`) follows from the schemas that occur in the stage."""
+        if not self._ours(self._codec):
+            return []
+        selects = getattr(resolve(self._codec), "selects", None)
+        select = selects(frozenset(name.partition(":")[2] for name in stage.definitions)) if selects else {}
+        memo = tuple(sorted(select.items()))
+        if memo not in self._memo:
+            self._memo[memo] = fingerprint(self.modules, self._codec, select, apart=self.modules.schemas)
+        return [self._memo[memo]]
+
+    def _worker_of(self) -> list[Fingerprint]:
+        if self._worker is None or not self._ours(self._worker):
+            return []
+        if "worker" not in self._memo:
+            self._memo["worker"] = fingerprint(self.modules, self._worker, {})
+        return [self._memo["worker"]]
+
+    def _ours(self, reference: str) -> bool:
+        return self.modules.get(reference.partition(":")[0]) is not None
+
+
+def stage_spec(node: Node, codes: Codes) -> StageSpec:
     """Read a stage's code and declarations; ValueError when it cannot be followed or a library is not installed."""
     function = f"{node.value.__module__}:{node.value.__qualname__}"
-    select = {} if node.params is None else {f.name: getattr(node.params, f.name) for f in dataclasses.fields(node.params)}
-    declared = declarations(modules, node.value.__module__)
-    code = fingerprint(modules, function, select)
+    declared = declarations(codes.modules, node.value.__module__)
+    code = codes.of(function, node.params)
     return StageSpec(
         name=node.name, function=function, params=_params(node), code=code,
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
-        sources=tuple((path, stamp(path)) for path in sorted(code.files) if path.endswith(".py")))  # type: ignore[arg-type]
+        sources=tuple((path, codes.modules.stamp(path)) for path in sorted(code.files) if not os.path.isdir(path)),
+        machine=_machine(declared["MACHINE"], node))
+
+
+def _machine(declared: bool | str, node: Node) -> str:
+    """MACHINE of a stage is True, or names the field of its Params that makes its bytes depend on the kind of machine."""
+    if isinstance(declared, str) and not hasattr(node.params, declared):
+        raise ValueError(f"{node.name}: MACHINE names {declared!r}, which is no field of its Params; correct the name")
+    depends = getattr(node.params, declared) if isinstance(declared, str) else declared
+    return machine_kind() if depends else ""
 
 
 def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str]) -> str:
     """The key of one shard: `inputs` argument -> artifact digest, `schemas` kind -> version of the kinds in them."""
+    machine = {"machine": spec.machine} if spec.machine else {}
     return digest("afford-task", {
         "stage": spec.function, "code": spec.code.digest, "params": spec.params, "inputs": dict(inputs),
-        "schemas": dict(schemas), "libraries": spec.libraries, "threads": spec.threads})
+        "schemas": dict(schemas), "libraries": spec.libraries, "threads": spec.threads, **machine})
 
 
-def seed_of(key: str) -> int:
-    """The seed of a task's global random states: 63 bits of its key."""
-    return int(key[:16], 16) >> 1
+def seed_of(params: Any, inputs: Mapping[str, str]) -> int:
+    """The seed of a task's global random states: 63 bits of the digest of its parameters and inputs, whatever its code and key."""
+    return int(digest("afford-seed", {"params": params, "inputs": dict(inputs)})[:16], 16) >> 1
 
 
+@cache
 def machine_kind() -> str:
-    """What byte equality is promised for: the architecture and the version of Python; recorded, never part of a key."""
-    return f"{platform.machine()} {sys.platform} python{sys.version_info[0]}.{sys.version_info[1]}"
+    """What byte equality is promised for: architecture, vector units (those of bfloat16 decide mixed precision), GPU and driver,
+    version of Python. It is recorded, and part of the key of stages that declare MACHINE."""
+    parts = [platform.machine(), sys.platform, f"python{sys.version_info[0]}.{sys.version_info[1]}", *_vectors(), *_gpus()]
+    forced = os.environ.get("OPENBLAS_CORETYPE")
+    return " ".join([*parts, f"openblas={forced}"] if forced else parts)
+
+
+def _vectors() -> list[str]:
+    """Where the system does not say (not Linux), none are known."""
+    if not CPUINFO.exists():
+        return []
+    lines = CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
+    flags = {flag for line in lines[:64] if line.lower().startswith(("flags", "features")) for flag in line.split()}
+    return [name for name in VECTORS if name in flags]
+
+
+def _gpus() -> list[str]:
+    """Models and driver of NVIDIA's GPUs, as the kernel module states them."""
+    version = NVIDIA / "version"
+    if not version.exists():
+        return []
+    driver = next((word for word in version.read_text().split() if word[:1].isdigit() and "." in word), "unknown")
+    infos = sorted((NVIDIA / "gpus").glob("*/information"))
+    models = {line.partition(":")[2].strip() for info in infos for line in info.read_text().splitlines()[:1]}
+    return [f"driver{driver}", *sorted(model.replace(" ", "-") for model in models)]
 
 
 def _params(node: Node) -> Any:

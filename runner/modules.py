@@ -1,16 +1,32 @@
-"""The modules of the project, found under its root, parsed once and remembered by size, mtime and inode."""
+"""The modules of the project, found under its root, parsed once and remembered by their stamps.
+
+The stamp of a file is taken before and after the read that is parsed, so that it belongs to that text: one read serves the
+fingerprint and the check that the code has not been edited since.
+"""
 
 from __future__ import annotations
 
-import json
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 
 from runner.canonical import digest
-from runner.files import RACY_NS, read_cache, stamp, write_atomic
+from runner.files import RACY_NS, Stamp, read_cache, stamp, write_cache
 from runner.source import Module, parse_module
+
+FIRST: dict[str, list[str]] = {}
+LAST: dict[str, list[str]] = {}
+"""path -> digests of its statements, when this process read the file for the first and the last time"""
+
+
+def outdated(paths: Iterable[str]) -> str | None:
+    """Return the first of these files that has other code than when this process read it first, and whose module it has imported:
+    what runs here is then not what the file says."""
+    edited = [path for path in paths if FIRST.get(path) != LAST.get(path)]
+    loaded = {getattr(module, "__file__", None) for module in list(sys.modules.values())} if edited else set()
+    return next((path for path in edited if path in loaded), None)
 
 
 class Modules:
@@ -19,12 +35,29 @@ class Modules:
     def __init__(self, root: Path, cache: Path | None = None, schemas: tuple[str, ...] = ("schemas",)) -> None:
         self.root, self._cache, self._schemas = root, cache, schemas
         self._modules: dict[str, Module | None] = {}
+        self._stamps: dict[str, Stamp] = {}
         self._saved: dict[str, list] = {}
         self._fresh = False
         self._version = _version(schemas)
-        saved = read_cache(cache) if cache is not None else None
-        if saved and saved["version"] == self._version:
+        saved = read_cache(cache) if cache is not None else {}
+        if saved.get("version") == self._version:
             self._saved = saved["modules"]
+
+    @property
+    def schemas(self) -> tuple[str, ...]:
+        """Packages whose doc lines do not count."""
+        return self._schemas
+
+    def renew(self) -> None:
+        """Forget what was read in this process, so that code edited since is read again."""
+        self._modules.clear()
+        self._stamps.clear()
+
+    def stamp(self, path: str) -> Stamp:
+        """Stamp of a file when it was read here, for the first time since `renew`."""
+        if path not in self._stamps:
+            self._stamps[path] = stamp(path)
+        return self._stamps[path]
 
     def get(self, name: str) -> Module | None:
         """The module, or None when it is not one of ours."""
@@ -35,7 +68,7 @@ class Modules:
     def save(self) -> None:
         """Write what was parsed, at once."""
         if self._cache is not None and self._fresh:
-            write_atomic(self._cache, json.dumps({"version": self._version, "modules": self._saved}).encode())
+            write_cache(self._cache, {"version": self._version, "modules": self._saved})
             self._fresh = False
 
     def _find(self, name: str) -> Module | None:
@@ -50,13 +83,22 @@ class Modules:
         return next(folder.glob("*.py"), None) is not None and name.partition(".")[0] not in sys.stdlib_module_names
 
     def _read(self, name: str, path: Path, package: bool) -> Module:
-        now = list(stamp(path))
-        if name in self._saved and self._saved[name][0] == now:
-            return Module(**self._saved[name][1])
-        schema = name.partition(".")[0] in self._schemas
-        module = parse_module(name, str(path), path.read_text(encoding="utf-8"), package, schema)
-        if time.time_ns() - now[1] > RACY_NS:
-            self._saved[name] = [now, asdict(module)]
+        module = self._parsed(name, path, package)
+        LAST[str(path)] = [statement["digest"] for statement in module.statements]
+        FIRST.setdefault(str(path), LAST[str(path)])
+        return module
+
+    def _parsed(self, name: str, path: Path, package: bool) -> Module:
+        now = self.stamp(str(path))
+        if name in self._saved and self._saved[name][0] == list(now):
+            return Module(**self._saved[name][1] | {"path": str(path)})
+        text = path.read_text(encoding="utf-8")
+        if stamp(path) != now:  # saved in between: read again what is there now
+            del self._stamps[str(path)]
+            return self._parsed(name, path, package)
+        module = parse_module(name, str(path), text, package, name.partition(".")[0] in self._schemas)
+        if time.time_ns() - now[3] > RACY_NS:
+            self._saved[name] = [list(now), asdict(module)]
             self._fresh = True
         return module
 

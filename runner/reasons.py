@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from runner.files import write_atomic
+from runner.files import DamagedError, seal, unseal, write_atomic
 from runner.fingerprint import changed
 from runner.keys import StageSpec
 from runner.report import Reason
@@ -17,7 +17,7 @@ SHOWN = 3
 
 
 def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str], store: Path) -> Reason:
-    """The first thing that differs from `last`: parameters, code, libraries, threads, schemas, inputs."""
+    """The first thing that differs from `last`: parameters, code, libraries, threads, machine, schemas, inputs."""
     if last is None:
         return Reason("first run")
     if last.params != spec.params:
@@ -28,6 +28,8 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
         return Reason("library version changed", _pairs(last.libraries, spec.libraries))
     if last.threads != spec.threads:
         return Reason("threads changed", f"{last.threads} -> {spec.threads}")
+    if spec.machine and last.machine != spec.machine:
+        return Reason("machine changed", f"{last.machine} -> {spec.machine}")
     if last.inputs != dict(inputs):
         return Reason("input changed", ", ".join(_differing(last.inputs, inputs)))
     if last.schemas != dict(schemas):
@@ -37,15 +39,21 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
 
 def keep_definitions(store: Path, spec: StageSpec) -> None:
     """Remember the definitions behind a fingerprint, so that the next change can be named."""
-    path = store / "code" / f"{spec.code.digest}.json"
-    if not path.exists():
-        write_atomic(path, json.dumps(spec.code.definitions, sort_keys=True).encode())
+    if kept_definitions(store, spec.code.digest) is None:
+        write_atomic(store / "code" / f"{spec.code.digest}.json", seal(spec.code.definitions, f"code {spec.code.digest}"))
+
+
+def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
+    """The definitions behind a fingerprint; None where they were not kept, or are damaged."""
+    try:
+        return dict(unseal((store / "code" / f"{code}.json").read_bytes(), f"code {code}"))
+    except (FileNotFoundError, DamagedError):
+        return None
 
 
 def _code(last: Trace, spec: StageSpec, store: Path) -> str:
-    try:
-        old = json.loads((store / "code" / f"{last.code}.json").read_bytes())
-    except FileNotFoundError:
+    old = kept_definitions(store, last.code)
+    if old is None:
         return "its former definitions were not kept"
     names = changed(old, spec.code.definitions)
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 Why = Literal["first run", "input changed", "parameter changed", "code changed", "schema changed", "library version changed",
-              "threads changed", "output lost", "output damaged", "forced", "upstream pending"]
+              "threads changed", "machine changed", "output lost", "output damaged", "forced", "upstream pending"]
 Result = Literal["ran", "cached", "failed", "blocked", "left"]
 
 

@@ -15,11 +15,13 @@ from runner.desk import Desk, Task
 from runner.engines import Engine, Inline, Pool
 from runner.execute import Place
 from runner.graph import Graph, Handle, Node
+from runner.keys import Codes
 from runner.lease import Lease
 from runner.modules import Modules
 from runner.planner import Planner
-from runner.report import Observer, Reason, RunReport, Silent, TaskPlan
+from runner.report import Failure, Observer, Reason, RunReport, Silent, TaskPlan
 from runner.schedule import Budget, Limit, Schedule
+from runner.signals import terminating
 from runner.store import Store, StoreError, prepare_store
 from runner.traces import Traces, failures
 from runner.walk import FAILED, NOTHING, Walk
@@ -36,12 +38,12 @@ class Runner:
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
                  rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), glance: bool = False) -> None:
-        self.root, self.place = root, Place(store.absolute(), codec, worker)
+        self.root, self.place = root.absolute(), Place(store.absolute(), codec, worker, root.absolute(), schemas)
         prepare_store(self.place.store)
         self._budget = Budget(jobs, memory_gib)
         self.store = Store(self.place.store, resolve(codec), rehash, glance)
         self.traces = Traces(self.place.store)
-        self.modules = Modules(root, self.place.store / ".cache" / "modules.json", schemas)
+        self.modules = Modules(self.root, self.place.store / ".cache" / "modules.json", schemas)
 
     # -- run -------------------------------------------------------------------------------------------------------
 
@@ -56,7 +58,7 @@ class Runner:
         self._check_names(graph, [*force, *([only] if only else [])])
         report = RunReport(target if isinstance(target, str) else "")
         with self._session() as engine:
-            desk = Desk(self.store, self.traces, self.modules, force)
+            desk = self._desk(force)
             schedule = Schedule(desk, engine, self._budget, observer or Silent(), report, limit)
             walk = Walk(graph, self._wanted(graph, target), desk, schedule, shards or ())
             schedule.walk = walk
@@ -66,6 +68,7 @@ class Runner:
                 walk.begin()
                 schedule.loop(walk.follow)
                 walk.check_shards()
+                report.failures += _unmade(walk, self._wanted(graph, target))
                 report.outputs = self._outputs(graph, target, walk)
         report.seconds = time.monotonic() - began
         return report
@@ -123,33 +126,49 @@ class Runner:
         """Hash everything again; what is damaged is moved aside, and made again by the next run."""
         return upkeep.verify(self.store, self.traces)
 
-    def gc(self) -> upkeep.Swept:
-        """Delete what the last use of every shard does not reach. StoreError while a run is going on."""
+    def gc(self, dry_run: bool = False) -> upkeep.Swept:
+        """Delete what the last use of every shard does not reach; with `dry_run`, only count it. StoreError while a run is going
+        on."""
         lease = Lease(self.place.store / "leases" / "store.lock")
         if not lease.held:
             raise StoreError(f"a run is using {self.place.store}; collect garbage when it is over")
         try:
-            return upkeep.gc(self.store, self.traces)
+            self.traces = Traces(self.place.store)  # as they are now that no run can add to them
+            self.store.renew()
+            return upkeep.gc(self.store, self.traces, dry_run)
         finally:
             lease.release(remove=False)
 
     # -- private ---------------------------------------------------------------------------------------------------
 
+    def _desk(self, force: Iterable[str]) -> Desk:
+        """A desk that looks at code and store as they are now."""
+        self.modules.renew()
+        self.store.renew()
+        self.traces.renew()
+        return Desk(self.store, self.traces, Codes(self.modules, self.place.codec, self.place.worker), force)
+
     @contextmanager
     def _session(self) -> Iterator[Engine]:
-        """An engine, the shared lease that keeps gc away, and the caches written at the end, also after Ctrl-C."""
-        lease = self._share()
-        engine: Engine = Pool(self.place, self.root) if self._budget.jobs else Inline(self.place)
-        try:
-            yield engine
-        finally:
-            engine.close()
+        """An engine, the shared lease that keeps gc away, and the caches written at the end, also after Ctrl-C and SIGTERM."""
+        with terminating():
+            lease = self._share()
+            engine: Engine = Pool(self.place) if self._budget.jobs else Inline(self.place)
             try:
-                self._save()
+                yield engine
             finally:
-                lease.release(remove=False)
+                engine.close()
+                try:
+                    self._save()
+                finally:
+                    lease.release(remove=False)
 
     def _share(self) -> Lease:
+        """The shared lease. What killed runs left in scratch/ and leases/ goes when no other run is open."""
+        alone = Lease(self.place.store / "leases" / "store.lock")
+        if alone.held:
+            upkeep.sweep(self.place.store)
+            alone.release(remove=False)
         while not (lease := Lease(self.place.store / "leases" / "store.lock", shared=True)).held:
             time.sleep(0.1)  # gc is at work; it is short
         return lease
@@ -164,7 +183,7 @@ class Runner:
                                           "finished is lost, free some space and run again") from error
 
     def _planned(self, graph: Graph, target: Any, shards: Iterable[str] | None, force: Iterable[str]) -> Planner:
-        desk = Desk(self.store, self.traces, self.modules, force)
+        desk = self._desk(force)
         planner = Planner(desk)
         planner.walk = Walk(graph, self._wanted(graph, target), desk, planner, shards or ())
         planner.walk.begin()
@@ -223,6 +242,12 @@ class Runner:
         for name in names:
             if name not in valid:
                 raise UnknownNameError(f"there is no stage {name!r}; the nearest are {_nearest(name, valid)}")
+
+
+def _unmade(walk: Walk, wanted: Iterable[Node]) -> list[Failure]:
+    """What was wanted and has no outcome at the end of a run; there is none unless the scheduler is wrong, and then it is said."""
+    return [Failure(node.name, "/".join(path), "it was not made, and nothing says why; run again, and report this as a defect")
+            for node, path in walk.missing(wanted)]
 
 
 class NothingToLeaveError(ValueError):

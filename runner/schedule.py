@@ -2,9 +2,12 @@
 
 Tasks deep in the graph go first, so that one shard reaches the end while others are still at the beginning; of equally deep ones,
 those that were known first. Before them go tasks that a collect waits for, other than the last: what uses it is not known yet, and
-the cores would have too little to do in the end. Before all others go those that the graph wants first. What nobody can use any
-more, because all that would has failed, is not made. When the time of a run with a limit is over, what the target can do without is
-left for the next run.
+the cores would have too little to do in the end. Before all others go those that the graph wants first. A task that needs more
+cores or memory than are free is overtaken by a few that fit, then waits alone for what it needs. What no task can use any more,
+because all that would has failed, is not made. When the time of a run with a limit is over, what the target can do without is left
+for the next run.
+
+A task whose input cannot be read waits until what made the input has run again.
 """
 
 from __future__ import annotations
@@ -19,10 +22,13 @@ from runner.engines import Engine
 from runner.execute import Done
 from runner.graph import Node
 from runner.report import Failure, Observer, Reason, RunReport, count
-from runner.walk import FAILED, LATE, Walk
+from runner.walk import FAILED, LATE, Place_, Walk
 
 PATIENCE_S = 0.05
-HEALS = 3  # so often is a task given new inputs when those it has cannot be read
+HEALS = 3
+"""so often is a task given new inputs when those it has cannot be read, or looked up again when its output was made elsewhere"""
+OVERTAKEN = 2
+"""so often may others start, per job of the budget, while a task waits for cores or memory"""
 
 
 @dataclass
@@ -61,7 +67,11 @@ class Schedule:
         self._running: dict[str, tuple[Task, Reason]] = {}
         self._parked: list[tuple[float, Task, Reason]] = []
         self._twins: dict[str, list[Task]] = {}
-        self._heals: dict[tuple[int, Path_], int] = {}
+        self._heals: dict[Place_, int] = {}
+        self._passed: dict[int, int] = {}
+        """order of a ready task -> how many have started in its place"""
+        self._waiting: list[tuple[set[Place_], Task]] = []
+        """places that make something again, and a task that needs it"""
         self._planned: set[tuple[int, Path_]] = set()
         self._order = 0
         self.walk: Walk
@@ -104,7 +114,7 @@ class Schedule:
 
     def loop(self, follow: Callable[[], None]) -> None:
         """Until nothing is left to do; `follow` takes outcomes down the graph."""
-        while self._ready or self._running or self._parked:
+        while self._ready or self._running or self._parked or self._waiting:
             self._leave_late()
             self._unpark()
             self._fill()
@@ -119,6 +129,7 @@ class Schedule:
             if self._parked and not messages:
                 time.sleep(PATIENCE_S)
             follow()
+            self._resume(follow)
 
     def _push(self, task: Task, reason: Reason) -> None:
         self._order += 1
@@ -126,24 +137,29 @@ class Schedule:
 
     def _fill(self) -> None:
         """Start whatever fits, in the order of ranks; something always runs, however much it asks for."""
-        waiting = []
+        waiting: list[tuple[tuple[int, int], int, Task, Reason]] = []
         while self._ready:
             entry = heapq.heappop(self._ready)
-            _, _, task, reason = entry
+            _, order, task, reason = entry
             if task.node.id in self.walk.useless:
                 self._drop(task)
             elif task.key in self._running:
                 self._twins.setdefault(task.key, []).append(task)
             elif self._fits(task):
-                self._running[task.key] = task, reason
-                self._observer.started(task.node.name, task.shard, reason)
-                self._engine.submit(self._desk.job(task, reason))
+                self._start(task, reason)
+                self._passed.pop(order, None)
+                self._passed |= {passed: self._passed.get(passed, 0) + 1 for _, passed, _, _ in waiting}
             else:
                 waiting.append(entry)
-                if len(waiting) > self._budget.jobs:
+                if self._passed.get(order, 0) >= OVERTAKEN * self._budget.jobs or len(waiting) > self._budget.jobs:
                     break
         for entry in waiting:
             heapq.heappush(self._ready, entry)
+
+    def _start(self, task: Task, reason: Reason) -> None:
+        self._running[task.key] = task, reason
+        self._observer.started(task.node.name, task.shard, reason)
+        self._engine.submit(self._desk.job(task, reason))
 
     def _fits(self, task: Task) -> bool:
         specs = [running.spec for running, _ in self._running.values()]
@@ -160,6 +176,8 @@ class Schedule:
 
     def _leave_late(self) -> None:
         """Once the time is over: stop what the target can do without, and begin no more of it."""
+        if time.monotonic() < self._limit.end:
+            return
         for task, reason in [entry for entry in self._running.values() if self._limit.over(entry[0].node)]:
             self._engine.end(task.key)
             del self._running[task.key]
@@ -208,31 +226,52 @@ class Schedule:
     def _made_elsewhere(self, task: Task, reason: Reason) -> None:
         """Another run, or a twin under another name, was faster."""
         output = self._desk.traces.reread(task.key)
-        if output is None or self._desk.store.state(output) != "ok":
+        if output is not None and self._desk.store.state(output) == "ok":
+            self.cached(task, output)
+            self.walk.publish(task.node, task.path, output)
+        elif self._again(task):
             self._push(task, reason)
-            return
-        self.cached(task, output)
-        self.walk.publish(task.node, task.path, output)
+        else:
+            self._fail(task, f"its output was not found {HEALS} times, although a worker reports it made; run again with --force "
+                             f"{task.node.name}")
+
+    def _again(self, task: Task) -> bool:
+        """Whether a task may be tried once more."""
+        place = task.node.id, task.path
+        self._heals[place] = self._heals.get(place, 0) + 1
+        return self._heals[place] <= HEALS
 
     def _heal(self, task: Task, done: Done) -> None:
         """An input cannot be read: what made it runs again, then this task does."""
-        place = task.node.id, task.path
-        self._heals[place] = self._heals.get(place, 0) + 1
-        if self._heals[place] > HEALS:
-            self._fail(task, f"an input ({done.message[:12]}) could not be read, although it was made again {HEALS} times")
+        lost = done.message
+        if not self._again(task):
+            self._fail(task, f"an input ({lost[:12]}) could not be read, although it was made again {HEALS} times")
             return
-        self._desk.store.forget(done.message)
-        self.walk.forget_question(task.node, task.path)
+        self._desk.store.forget(lost)
         try:
-            makers = self.walk.reopen(done.message)
+            makers = self.walk.reopen(lost)
         except OSError as error:
             self._fail(task, str(error))
             return
-        for node, path in makers:
-            self.walk.forget_question(node, path)
-            self.walk.retry(node, path)
-        if not makers:
-            self.walk.retry(task.node, task.path)
+        remade = {place for places, _ in self._waiting for place in places} - self.walk.outcome.keys()
+        self._waiting.append((set(makers), task))
+        for at, path in makers:
+            if (at, path) not in remade:
+                self.walk.retry(self.walk.graph.nodes[at], path)
+
+    def _resume(self, follow: Callable[[], None]) -> None:
+        """Judge the tasks again whose inputs have been made again, or have failed."""
+        ready = [entry for entry in self._waiting if entry[0] <= self.walk.outcome.keys()]
+        if not ready and self._waiting and not (self._ready or self._running or self._parked):
+            raise AssertionError(f"{self._waiting[0][1].node.name} waits for an input that no task makes")
+        self._waiting = [entry for entry in self._waiting if entry not in ready]
+        if ready:
+            self.walk.restore()
+        for _, task in ready:
+            if self.walk.asks(task):
+                self.walk.retry(task.node, task.path)
+        if ready:
+            follow()
 
     def _fail(self, task: Task, message: str) -> None:
         self.report.failures.append(Failure(task.node.name, task.shard, message, task.key))

@@ -19,7 +19,7 @@ from runner.names import Uses, imports_of, uses_of
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "DATA_FILES", "DYNAMIC")
+LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "MACHINE", "DATA_FILES", "DYNAMIC")
 
 
 class SourceError(ValueError):

@@ -6,17 +6,17 @@
 
 An artifact is named by the digest of its logical content, so that early cut-off works per element and per field of a
 composite and does not depend on how a codec lays values out. Files of leaf values are never copied: their manifest points
-at them. Whatever is read is hashed first; a blob that does not fit is moved aside and `LostError` is raised.
+at them. Whatever is read is hashed first; a blob that does not fit is moved aside and `LostError` is raised. A manifest is sealed
+(`runner.files`); what the cache holds of it counts while its file is as it was, and mends a file that was damaged or deleted.
 """
 
 from __future__ import annotations
 
 import errno
-import json
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from typing import Any
 from runner.canonical import digest as tagged
 from runner.canonical import file_digest
 from runner.codec import Codec
-from runner.files import FileMemo, SeenBlobs, read_cache, stamp, write_atomic
+from runner.files import DamagedError, FileMemo, SeenBlobs, read_cache, seal, stamp, unique, unseal, write_atomic, write_cache
 
 FOLDERS = ("blobs", "manifests", "traces", "leases", "failures", "scratch", "damaged", ".cache")
 
@@ -52,7 +52,7 @@ class Entry:
     blob: str
     size: int
     path: str = ""
-    stamp: tuple[int, int, int] | None = None
+    stamp: tuple[int, int, int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,10 @@ class Store:
         self._recent: dict[str, object] = {}
         self._folder_is_clean = False
         self._cache = root / ".cache" / "manifests.json"
-        self._trees: dict[str, dict[str, Any]] = read_cache(self._cache) or {}
+        self._trees: dict[str, list[Any]] = read_cache(self._cache)
+        """digest -> size and change time of the manifest's file when it was read, and what it says"""
         self._fresh = False
+        self._folder = root / "scratch" / unique("save")[1:]
 
     # -- writing ---------------------------------------------------------------------------------------------------
 
@@ -100,7 +102,7 @@ class Store:
             return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part)) for name, part in parts])
         digest = self.codec.digest(value)
         known = self.find(digest)
-        if known is not None and all(self.present(entry) for entry in known.files):
+        if known is not None and all(self._entry_state(entry) == "ok" for entry in known.files):
             return digest
         if self.memo.glance:
             return self._put_manifest(digest, Manifest(self.codec.kind(value)))
@@ -131,16 +133,19 @@ class Store:
             return digest
         tree = {"kind": manifest.kind, "files": [[e.name, e.blob, e.size, e.path, e.stamp] for e in manifest.files],
                 "children": manifest.children}
-        write_atomic(self.path("manifests", digest, ".json"), json.dumps(tree).encode())
+        self._write_tree(digest, tree)
         self._trees.pop(digest, None)
         self._manifests[digest] = manifest
         return digest
+
+    def _write_tree(self, digest: str, tree: dict[str, Any]) -> None:
+        write_atomic(self.path("manifests", digest, ".json"), seal(tree, f"manifest {digest}"))
 
     @contextmanager
     def _saved(self, value: object) -> Iterator[list[tuple[str, Path]]]:
         """What the codec writes of a value, as (name, path), in a folder of this process that is used again and again (making
         and removing a folder costs more than all the rest)."""
-        folder = self.root / "scratch" / f"save-{os.getpid()}"
+        folder = self._folder
         if not self._folder_is_clean:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
@@ -191,22 +196,36 @@ class Store:
     # -- reading ---------------------------------------------------------------------------------------------------
 
     def find(self, digest: str) -> Manifest | None:
-        """The manifest, or None; one that cannot be read counts as missing."""
+        """The manifest, or None; one that is damaged counts as missing."""
         if digest not in self._manifests:
-            try:
-                tree = self._trees.get(digest) or self._read_tree(digest)
-                files = tuple(Entry(n, b, s, p, tuple(t) if t else None) for n, b, s, p, t in tree["files"])
-                children = tree["children"]
-                self._manifests[digest] = Manifest(
-                    tree["kind"], files, None if children is None else tuple((n, d) for n, d in children))
-            except (FileNotFoundError, ValueError, KeyError, TypeError):
+            tree = self._tree(digest)
+            if tree is None:
                 return None
+            files = tuple(Entry(n, b, s, p, tuple(t) if t else None) for n, b, s, p, t in tree["files"])
+            children = tree["children"]
+            self._manifests[digest] = Manifest(
+                tree["kind"], files, None if children is None else tuple((n, d) for n, d in children))
         return self._manifests[digest]
 
-    def _read_tree(self, digest: str) -> dict[str, Any]:
-        tree = json.loads(self.path("manifests", digest, ".json").read_bytes())
-        self._trees[digest] = tree
-        self._fresh = True
+    def _tree(self, digest: str) -> dict[str, Any] | None:
+        """What a manifest says: from the cache while its file is as it was, else from the file; a file that does not fit is written
+        anew from the cache."""
+        path, known = self.path("manifests", digest, ".json"), self._trees.get(digest)
+        tree = None
+        with suppress(FileNotFoundError, DamagedError):
+            found = os.stat(path)
+            if known and known[:2] == [found.st_size, found.st_ctime_ns]:
+                return dict(known[2])
+            tree = unseal(path.read_bytes(), f"manifest {digest}")
+        if tree is None:
+            if known is None:
+                return None
+            tree = dict(known[2])
+            if self.memo.glance:
+                return tree
+            self._write_tree(digest, tree)
+        found = os.stat(path)
+        self._trees[digest], self._fresh = [found.st_size, found.st_ctime_ns, tree], True
         return tree
 
     def manifest(self, digest: str) -> Manifest:
@@ -312,6 +331,15 @@ class Store:
             self._manifests.pop(inside, None)
             self._trees.pop(inside, None)
 
+    def renew(self) -> None:
+        """Look at the file of every manifest again: another process may have changed it."""
+        self._manifests.clear()
+
+    def distrust(self) -> None:
+        """Read every manifest from its file, and mend none: what is damaged shows."""
+        self._manifests.clear()
+        self._trees.clear()
+
     def forget_all(self) -> None:
         """Read every manifest from disk the next time."""
         self._manifests.clear()
@@ -323,13 +351,13 @@ class Store:
         self.memo.save()
         self._seen.save()
         if self._fresh:
-            write_atomic(self._cache, json.dumps(self._trees).encode())
+            write_cache(self._cache, self._trees)
             self._fresh = False
         self.clean()
 
     def clean(self) -> None:
         """Remove the folder that this process has saved values in."""
-        shutil.rmtree(self.root / "scratch" / f"save-{os.getpid()}", ignore_errors=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
         self._folder_is_clean = False
 
     def present(self, entry: Entry) -> bool:
@@ -365,7 +393,7 @@ def prepare_store(root: Path) -> None:
     try:
         for name in FOLDERS:
             (root / name).mkdir(parents=True, exist_ok=True)
-        probe = root / "scratch" / f".probe.{os.getpid()}"
+        probe = root / "scratch" / unique("probe")
         probe.write_bytes(b"?")
         probe.unlink()
     except OSError as error:

@@ -1,22 +1,25 @@
-"""Constructive traces: key -> output, with everything that explains it. One file per key, renamed into place at once.
+"""Constructive traces: key -> output, with everything that explains it. One sealed file per key, renamed into place at once.
 
     traces/ab/cdef.json     what was made under a key: provenance, cost, reason
     failures/ab/cdef.json   why a key failed; gone as soon as it succeeds
     code/<digest>.json      the definitions behind a code fingerprint, so that a change can be named
     .cache/index.json       all traces in one file and the last key of every (stage, shard); rebuilt from traces/ when gone
+
+A trace of the index counts while its file has the size and the change time that it had when it was read. A file that was damaged
+since is written anew from the index; one that is damaged and in no index is no trace, and its task runs again.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from runner.files import read_cache, write_atomic
+from runner.files import DamagedError, read_cache, seal, unseal, write_atomic, write_cache
 from runner.lease import Lease
 
 
@@ -52,59 +55,79 @@ class Traces:
         self.root = root
         self._index = root / ".cache" / "index.json"
         self._rows: dict[str, dict[str, Any]] = {}
-        self._latest: dict[str, dict[str, str]] = {}
+        self._stamps: dict[str, list[int]] = {}
+        """key -> size and change time of its file when it was read"""
+        self._checked: set[str] = set()
+        self._latest: dict[str, dict[str, tuple[str, float]]] = {}
+        """stage -> shard -> the key used last, and when"""
         self._forgotten: set[str] = set()
-        self._used: dict[tuple[str, str], str] = {}
         self._fresh = False
         self._load()
 
     def get(self, key: str) -> Trace | None:
         """The trace of a key, also when another process has just written it."""
-        row = self._rows.get(key) or self._read(key)
+        row = self._row(key)
         return Trace(**row) if row else None
 
     def output(self, key: str) -> str | None:
         """The artifact made under a key."""
-        row = self._rows.get(key) or self._read(key)
+        row = self._row(key)
         return row["output"] if row else None
 
     def cost(self, key: str) -> tuple[float, float]:
         """(CPU seconds, wall seconds) of what was made under a key."""
-        row = self._rows.get(key) or self._read(key) or {"cpu_s": 0.0, "wall_s": 0.0}
+        row = self._row(key) or {"cpu_s": 0.0, "wall_s": 0.0}
         return row["cpu_s"], row["wall_s"]
 
     def peak(self, key: str) -> float:
         """Peak memory, MiB, of the process that made what is under a key, while it made it."""
-        row = self._rows.get(key) or self._read(key) or {"peak_rss_mib": 0.0}
+        row = self._row(key) or {"peak_rss_mib": 0.0}
         return float(row["peak_rss_mib"])
 
     def reread(self, key: str) -> str | None:
         """The artifact made under a key, according to the disk alone."""
-        self._rows.pop(key, None)
+        self._drop(key)
         return self.output(key)
 
     def last(self, stage: str, shard: str) -> Trace | None:
         """The newest trace of a shard of a stage that a run used."""
-        key = self._latest.get(stage, {}).get(shard)
+        key, _ = self._latest.get(stage, {}).get(shard, ("", 0.0))
         return self.get(key) if key else None
 
     def shards(self, stage: str) -> dict[str, str]:
         """shard -> key of the last use of every shard of a stage."""
-        return dict(self._latest.get(stage, {}))
+        return {shard: key for shard, (key, _) in self._latest.get(stage, {}).items()}
 
     def use(self, stage: str, shard: str, key: str) -> None:
-        """A run has used this key for the shard."""
-        if self._latest.setdefault(stage, {}).get(shard) != key:
-            self._latest[stage][shard] = self._used[stage, shard] = key
+        """Note that a run has used this key for the shard. The modification time of the trace tells it where the index is lost."""
+        shards = self._latest.setdefault(stage, {})
+        if shard not in shards or shards[shard][0] != key:
+            if shard in shards:
+                self._touch(key)
+            shards[shard] = key, time.time()
             self._fresh = True
+
+    def _touch(self, key: str) -> None:
+        path = trace_path(self.root, key)
+        os.utime(path)
+        if key in self._stamps:
+            self._stamps[key] = _stamp(path)
+
+    def renew(self) -> None:
+        """Look at every file again: another process may have changed it."""
+        self._checked.clear()
 
     def all(self) -> Iterator[Trace]:
         """Every trace."""
-        return (Trace(**row) for row in list(self._rows.values()))
+        return (trace for trace in map(self.get, list(self._rows)) if trace is not None)
 
     def latest_keys(self) -> set[str]:
         """The keys in use."""
-        return {key for shards in self._latest.values() for key in shards.values()}
+        return {key for shards in self._latest.values() for key, _ in shards.values()}
+
+    def damaged(self) -> list[str]:
+        """Read every file of traces/ again: keys of those that are damaged. The next run mends or replaces them."""
+        return [key for key in sorted(_names(self.root / "traces")) if _read_row(self.root, key) is None]
 
     def save(self) -> None:
         """Write the index, at once; what another run has written to it in the meantime stays."""
@@ -119,69 +142,129 @@ class Traces:
         self._fresh = False
 
     def _write_index(self) -> None:
-        saved = read_cache(self._index) or {"rows": {}, "latest": {}}
-        for stage, shards in saved["latest"].items():
-            for shard, key in shards.items():
-                if (stage, shard) not in self._used and key not in self._forgotten:
-                    self._latest.setdefault(stage, {})[shard] = key
-        write_atomic(self._index, json.dumps({"rows": self._rows, "latest": self._latest}).encode())
+        saved = read_cache(self._index)
+        self._merge(saved)
+        rows, stamps = dict(saved.get("rows", {})), dict(saved.get("stamps", {}))
+        rows |= self._rows
+        stamps |= self._stamps
+        for key in self._forgotten:
+            rows.pop(key, None)
+            stamps.pop(key, None)
+        write_cache(self._index, {"rows": rows, "stamps": stamps, "latest": self._latest})
+
+    def _merge(self, saved: dict[str, Any]) -> None:
+        """Of two uses of a shard the later one counts, whichever run has seen it."""
+        for stage, shards in saved.get("latest", {}).items():
+            ours = self._latest.setdefault(stage, {})
+            for shard, (key, when) in shards.items():
+                if key not in self._forgotten and when > ours.get(shard, ("", 0.0))[1]:
+                    ours[shard] = key, when
 
     def forget(self, key: str) -> None:
         """Delete a trace."""
-        self._rows.pop(key, None)
+        self._drop(key)
         self._forgotten.add(key)
         trace_path(self.root, key).unlink(missing_ok=True)
         for shards in self._latest.values():
-            for shard in [shard for shard, used in shards.items() if used == key]:
+            for shard in [shard for shard, (used, _) in shards.items() if used == key]:
                 del shards[shard]
         self._fresh = True
 
-    def _read(self, key: str) -> dict[str, Any] | None:
+    def _row(self, key: str) -> dict[str, Any] | None:
+        """The trace as it is on disk; what was read before is taken while its file is as it was then."""
+        if key in self._checked:
+            return self._rows[key]
+        row = self._rows.get(key)
         try:
-            row = json.loads(trace_path(self.root, key).read_bytes())
-            Trace(**row)
-        except (FileNotFoundError, ValueError, TypeError):
+            found = _stamp(trace_path(self.root, key))
+        except FileNotFoundError:
+            self._drop(key)
             return None
-        self._rows[key] = row
-        self._fresh = True
+        if row is None or self._stamps.get(key) != found:
+            row = _read_row(self.root, key) or self._mended(row)
+            if row is None:
+                return None
+            self._rows[key], self._stamps[key], self._fresh = row, _stamp(trace_path(self.root, key)), True
+        self._checked.add(key)
         return row
+
+    def _mended(self, row: dict[str, Any] | None) -> dict[str, Any] | None:
+        """The file is damaged: write it again out of the index, or take it for no trace at all."""
+        if row is not None:
+            _write_row(self.root, row)
+        return row
+
+    def _drop(self, key: str) -> None:
+        self._rows.pop(key, None)
+        self._stamps.pop(key, None)
+        self._checked.discard(key)
 
     def _load(self) -> None:
         """The index, less what is gone from disk, plus what is new there (the runs that were killed before they wrote it)."""
         saved = read_cache(self._index)
-        if saved:
-            self._rows, self._latest = saved["rows"], saved["latest"]
+        self._rows, self._stamps = saved.get("rows", {}), saved.get("stamps", {})
+        self._merge(saved)
         there = set(_names(self.root / "traces"))
         for key in self._rows.keys() - there:
-            del self._rows[key]
-        new = [row for row in map(self._read, sorted(there - self._rows.keys())) if row]
-        for row in sorted(new, key=lambda row: row["finished"]):
-            self.use(row["stage"], row["shard"], row["key"])
+            self._drop(key)
+        self._take(there - self._rows.keys())
+
+    def _take(self, keys: Iterable[str]) -> None:
+        """Traces that the index does not have. They were used last when they were finished, or touched."""
+        for row in [row for row in map(self._row, sorted(keys)) if row]:
+            used, shards = _used(self.root, row), self._latest.setdefault(row["stage"], {})
+            if used > shards.get(row["shard"], ("", 0.0))[1]:
+                shards[row["shard"]] = row["key"], used
 
 
 def write_trace(root: Path, trace: Trace) -> None:
     """The moment a task is finished."""
-    write_atomic(trace_path(root, trace.key), json.dumps(asdict(trace)).encode())
+    _write_row(root, asdict(trace))
     failure_path(root, trace.key).unlink(missing_ok=True)
+
+
+def _write_row(root: Path, row: dict[str, Any]) -> None:
+    write_atomic(trace_path(root, row["key"]), seal(row, f"trace {row['key']}"))
+
+
+def _read_row(root: Path, key: str) -> dict[str, Any] | None:
+    """A trace from the disk; None when there is none, or a damaged one."""
+    try:
+        return dict(unseal(trace_path(root, key).read_bytes(), f"trace {key}"))
+    except (FileNotFoundError, DamagedError):
+        return None
+
+
+def _stamp(path: Path) -> list[int]:
+    found = os.stat(path)
+    return [found.st_size, found.st_ctime_ns]
+
+
+def _used(root: Path, row: dict[str, Any]) -> float:
+    """When a trace was used last, seconds since 1970; a modification time that cannot be true does not count."""
+    touched = os.stat(trace_path(root, row["key"])).st_mtime
+    return float(touched if row["finished"] < touched <= time.time() else row["finished"])
 
 
 def read_output(root: Path, key: str) -> str | None:
     """The artifact made under a key, from the disk."""
-    try:
-        return json.loads(trace_path(root, key).read_bytes())["output"]
-    except (FileNotFoundError, ValueError, KeyError):
-        return None
+    row = _read_row(root, key)
+    return row["output"] if row else None
 
 
 def write_failure(root: Path, key: str, stage: str, shard: str, message: str, details: str) -> None:
     """Beside the key, for `status` and for people; the next run tries again all the same."""
     row = {"key": key, "stage": stage, "shard": shard, "message": message, "traceback": details}
-    write_atomic(failure_path(root, key), json.dumps(row).encode())
+    write_atomic(failure_path(root, key), seal(row, f"failure {key}"))
 
 
 def failures(root: Path) -> list[dict[str, str]]:
-    """Everything that failed and has not succeeded since."""
-    return [json.loads(failure_path(root, key).read_bytes()) for key in sorted(_names(root / "failures"))]
+    """Everything that failed and has not succeeded since. (A damaged note of a failure is no news: it is left out.)"""
+    found = []
+    for key in sorted(_names(root / "failures")):
+        with suppress(DamagedError, FileNotFoundError):
+            found.append(unseal(failure_path(root, key).read_bytes(), f"failure {key}"))
+    return found
 
 
 def trace_path(root: Path, key: str) -> Path:
@@ -197,6 +280,6 @@ def failure_path(root: Path, key: str) -> Path:
 def _names(folder: Path) -> Iterator[str]:
     """The digests that a sharded folder holds."""
     for prefix in os.listdir(folder):
-        for name in os.listdir(folder / prefix):
+        for name in os.listdir(folder / prefix) if len(prefix) == 2 else ():
             if name.endswith(".json") and not name.startswith("."):
                 yield prefix + name[:-5]

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from runner.canonical import file_digest, path_digest
+from runner.files import host
+from runner.lease import Lease
+from runner.reasons import kept_definitions
 from runner.store import Entry, Store
 from runner.traces import Trace, Traces
+
+DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,7 @@ class Verdict:
     damaged: list[str] = field(default_factory=list)
     """blobs moved aside"""
     missing: list[str] = field(default_factory=list)
-    """files that some artifact in use should have, with the reason"""
+    """files that some artifact in use should have, with the reason; manifests and traces that are damaged"""
     changed: list[str] = field(default_factory=list)
     """leaf files outside the store that are not what they were"""
 
@@ -46,10 +54,11 @@ class Verdict:
 
 @dataclass
 class Swept:
-    """What gc deleted."""
+    """What gc deleted, or would delete."""
 
     files: int = 0
     bytes: int = 0
+    dry_run: bool = False
 
 
 def lineage(store: Store, traces: Traces, artifact: str) -> Origin:
@@ -95,9 +104,14 @@ def _holder(store: Store, blob: str) -> str:
 
 
 def verify(store: Store, traces: Traces) -> Verdict:
-    """Read every blob, and check every artifact that is in use."""
+    """Read every blob and every trace, and check every artifact that is in use. Definitions kept for `explain` that are damaged go:
+    nothing depends on them."""
     verdict = Verdict()
-    store.forget_all()
+    store.distrust()
+    verdict.missing += [f"trace {key[:12]}, which is damaged" for key in traces.damaged()]
+    for path in (store.root / "code").glob("[!.]*.json"):
+        if kept_definitions(store.root, path.stem) is None:
+            path.unlink()
     for blob in list(_stored(store.root / "blobs")):
         path = store.path("blobs", blob)
         verdict.blobs += 1
@@ -125,20 +139,24 @@ def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
         verdict.changed.append(entry.path)
 
 
-def gc(store: Store, traces: Traces) -> Swept:
-    """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes."""
-    swept = Swept()
+def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
+    """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes, or with `dry_run` is
+    counted."""
+    swept = Swept(dry_run=dry_run)
     keep = set(_reached(store, traces))
     blobs = {entry.blob for digest in keep if (found := store.find(digest)) for entry in found.files}
     for trace in list(traces.all()):
         if trace.key not in traces.latest_keys():
             _drop(store.path("traces", trace.key, ".json"), swept)
-            traces.forget(trace.key)
+            if not dry_run:
+                traces.forget(trace.key)
+    for key in traces.damaged():
+        _drop(store.path("traces", key, ".json"), swept)
     for room, kept, suffix in (("manifests", keep, ".json"), ("blobs", blobs, ""), ("damaged", set(), "")):
         for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
             if name not in kept:
                 _drop(store.root / room / name if room == "damaged" else store.path(room, name, suffix), swept)
-    codes = {f"{trace.code}.json" for trace in traces.all()}
+    codes = {f"{trace.code}.json" for trace in traces.all() if trace.key in traces.latest_keys()}
     unused = [path for path in (store.root / "code").glob("*") if path.name not in codes]
     for old in (*unused, *(store.root / "failures").glob("??/*.json")):
         _drop(old, swept)
@@ -146,7 +164,10 @@ def gc(store: Store, traces: Traces) -> Swept:
         _drop(torn, swept)
     for folder in (store.root / "scratch").iterdir():
         swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-        shutil.rmtree(folder, ignore_errors=True)
+        if not dry_run:
+            shutil.rmtree(folder, ignore_errors=True)
+    if dry_run:
+        return swept
     store.forget_all()
     store.save()
     traces.save()
@@ -154,9 +175,40 @@ def gc(store: Store, traces: Traces) -> Swept:
 
 
 def _drop(path: Path, swept: Swept) -> None:
-    swept.files += 1
-    swept.bytes += path.stat().st_size
-    path.unlink()
+    with suppress(FileNotFoundError):
+        swept.bytes += path.stat().st_size
+        swept.files += 1
+        if not swept.dry_run:
+            path.unlink()
+
+
+def sweep(root: Path) -> None:
+    """Remove what killed runs left: folders that values were saved in, and lock files without an owner. No run may be open."""
+    for folder in (root / "scratch").glob("save*"):
+        if not _has_owner(folder):
+            shutil.rmtree(folder, ignore_errors=True)
+    for path in (root / "leases").glob("?" * 64 + ".lock"):
+        lease = Lease(path)
+        if lease.held:
+            lease.release()
+
+
+def _has_owner(folder: Path) -> bool:
+    """Whether the process that the name states may still be there: it lives, or is on another host and was at work today."""
+    where, _, rest = folder.name.partition(".")[2].rpartition("-")[0].rpartition("-")
+    if where == host() and rest.isdigit() and os.path.isdir("/proc/self"):
+        return _lives(rest)
+    with suppress(FileNotFoundError):
+        return time.time() - folder.stat().st_mtime < DAY_S
+    return False
+
+
+def _lives(process: str) -> bool:
+    """Whether a process is there and has not ended (one that nobody waits for stays in the table as a zombie)."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
 
 
 def _reached(store: Store, traces: Traces) -> Iterator[str]:

@@ -60,6 +60,8 @@ class Walk:
         self._expanded: dict[int, set[Path_]] = defaultdict(set)
         self._known: dict[int, int] = defaultdict(int)
         self._asked: dict[Place_, dict[str, str]] = {}
+        self._reopened: dict[Place_, str] = {}
+        """places whose outcome was taken back, with that outcome"""
         self._queue: deque[Place_] = deque()
         self._useless: set[int] | None = set()
         for node in self.nodes:
@@ -118,6 +120,7 @@ class Walk:
         """The outcome of a place is known; `follow` takes it further down."""
         if (node.id, path) not in self.outcome:
             self._known[node.id] += 1
+            self._reopened.pop((node.id, path), None)
         if outcome == FAILED:
             self._useless = None
         self.outcome[node.id, path] = outcome
@@ -136,25 +139,52 @@ class Walk:
             near = get_close_matches(name, sorted(self._seen), n=3, cutoff=0.3) or sorted(self._seen)[:5]
             raise UnknownShardError(f"there is no {name!r} here; the nearest are {', '.join(near) or 'none'}")
 
-    def reopen(self, digest: str) -> list[tuple[Node, Path_]]:
-        """Places whose output holds an artifact that cannot be read: stages are to be run again, leafs are brought in again."""
-        found = []
+    def reopen(self, digest: str) -> list[Place_]:
+        """Take back the outcomes that hold an artifact that cannot be read. Leafs are brought in again at once; the places returned
+        are stages, which `retry` judges again. What follows from them stays: most often the same bytes come back."""
+        makers = [place for place, outcome in self._reopened.items() if self._holds(outcome, digest)]
         for (at, path), outcome in list(self.outcome.items()):
             node = self.graph.nodes[at]
-            if node.sort in ("stage", "leaf") and any(inside == digest for inside, _ in self.desk.store.closure(outcome)):
-                found.append((node, path))
-        for node, path in found:
+            if node.sort not in ("stage", "leaf") or not self._holds(outcome, digest):
+                continue
             if node.sort == "leaf":
                 self.publish(node, path, self._leaf(node))
-        return [(node, path) for node, path in found if node.sort == "stage"]
+                continue
+            self._reopened[at, path] = self.outcome.pop((at, path))
+            self._known[at] -= 1
+            makers.append((at, path))
+        return makers
 
-    def forget_question(self, node: Node, path: Path_) -> None:
-        """Ask again for a task whose inputs are being made anew."""
-        self._asked.pop((node.id, path), None)
+    def _holds(self, outcome: str, digest: str) -> bool:
+        return outcome not in NOTHING and any(inside == digest for inside, _ in self.desk.store.closure(outcome))
+
+    def restore(self) -> None:
+        """Put every list of outcomes into the store again that is not there any more."""
+        for node in self.nodes:
+            for path in list(self.paths[node.axes]) if node.sort in ("collect", "gather") else ():
+                outcome = self.outcome.get((node.id, path))
+                if outcome not in (None, UNKNOWN, *NOTHING) and self.desk.store.find(outcome) is None:
+                    self._list_again(node, path)
+
+    def _list_again(self, node: Node, path: Path_) -> None:
+        if node.sort == "collect":
+            self._collect(node)
+        else:
+            self.desk.store.put_tuple(list(self._there(self._inputs(node, path) or {}).items()))
 
     def retry(self, node: Node, path: Path_) -> None:
-        """Look at a place again."""
+        """Judge a place again, although its inputs are what they were."""
+        self._asked.pop((node.id, path), None)
         self._try(node, path)
+
+    def asks(self, task: Task) -> bool:
+        """Whether a task is the one that its place has been asked for last."""
+        return self._asked.get((task.node.id, task.path)) == task.inputs
+
+    def missing(self, wanted: Iterable[Node]) -> list[tuple[Node, Path_]]:
+        """Wanted places that have no outcome; () stands for all of a node whose lists are not known."""
+        known = [(node, path) for node in wanted for path in self.paths[node.axes] if (node.id, path) not in self.outcome]
+        return known + [(node, ()) for node in wanted if not self._complete(node.axes)]
 
     def _leaf(self, node: Node) -> str:
         return self.desk.store.put_leaf(node.value)

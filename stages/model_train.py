@@ -26,6 +26,7 @@ LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensor
              "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
 MEMORY_GIB = 2.0
+MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single precision
 
 BACKENDS = {
     "twohands": "afford.training.hands_job:job",

@@ -15,7 +15,7 @@ import pytest
 from toy import shout
 from toy_project import HERE, Project, graph, text, wait_until
 
-from runner.files import write_atomic
+from runner.files import unique, write_atomic
 from runner.lease import Lease
 
 WORDS = ("ab", "cd", "ef")
@@ -99,6 +99,31 @@ def test_an_interrupted_run_ends_cleanly(project: Project) -> None:
     run.communicate()
     assert run.returncode != 0 and not alive(project)
     assert len(finished(project)) >= 1
+
+
+def test_sigterm_ends_a_run_as_an_interrupt_does(project: Project) -> None:
+    """Workers are gone, no lease is held, caches are written, what was finished stays; the status tells the signal."""
+    run = start(project, 30.0)
+    wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
+    run.terminate()
+    run.communicate()
+    assert run.returncode == 143 and not alive(project)
+    assert len(finished(project)) >= 1 and (project.store / ".cache" / "index.json").exists()
+
+
+def test_what_a_killed_run_left_goes_with_the_next_run(project: Project) -> None:
+    """Folders that values were saved in, and lock files; those of a process that lives stay."""
+    run = start(project, 30.0)
+    wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    wait_until(lambda: not alive(project))
+    orphan = project.store / "leases" / f"{'0' * 64}.lock"
+    orphan.touch()
+    mine = project.store / "scratch" / unique("save")[1:]
+    mine.mkdir()
+    wait_until(lambda: project.run("ab").ok and list((project.store / "scratch").glob("save*")) == [mine])
+    assert not orphan.exists()
 
 
 def test_two_runs_at_once_do_every_task_once(project: Project) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 
 from runner.canonical import canonical, digest, dumps
 from runner.fingerprint import Fingerprint
-from runner.keys import StageSpec, seed_of, task_key
+from runner.keys import VECTORS, StageSpec, machine_kind, seed_of, task_key
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class Params:
 
 
 CODE = Fingerprint("c0de", {}, set(), set())
+PINNED_SEED = 5502538689932801200
 SPEC = StageSpec("shout", "toy.shout:run", canonical(Params()), CODE, {"numpy": "2.0"}, 1, 1.0, ())
 
 
@@ -65,7 +67,23 @@ def test_values_of_different_types_differ() -> None:
         canonical({1, 2})
 
 
-def test_the_seed_comes_from_the_key() -> None:
-    """63 bits, the same for the same key."""
-    assert seed_of("f" * 64) == 2**63 - 1
-    assert seed_of("0" * 64) == 0
+def test_the_seed_comes_from_parameters_and_inputs() -> None:
+    """63 bits; nothing else of the key counts, so that another form of keys changes no output."""
+    seeds = {seed_of(params, inputs) for params in ("p", "q") for inputs in ({"a": "1", "b": "2"}, {"a": "2", "b": "2"})}
+    assert len(seeds) == 4 and all(0 <= seed < 2**63 for seed in seeds)
+    assert seed_of("p", {"b": "2", "a": "1"}) == seed_of("p", {"a": "1", "b": "2"}) == PINNED_SEED
+
+
+def test_the_kind_of_machine_names_its_vector_units() -> None:
+    """Architecture first; what the CPU has of the instructions that decide last bits and mixed precision."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if not cpuinfo.exists():
+        pytest.skip("the system does not list what its CPU has")
+    flags = set(cpuinfo.read_text().replace("\t", " ").split())
+    assert set(VECTORS) & set(machine_kind().split()) == set(VECTORS) & flags
+
+
+def test_the_kind_of_machine_is_in_the_key_of_stages_that_say_so() -> None:
+    """A stage that declares nothing runs once for all kinds of machine."""
+    kinds = [task_key(replace(SPEC, machine=kind), {}, {}) for kind in ("", "x86_64 avx2", "x86_64 avx2 avx512_bf16")]
+    assert len(set(kinds)) == 3 and kinds[0] == task_key(SPEC, {}, {})

@@ -128,6 +128,14 @@ def test_a_failed_shard_fails_alone_and_is_tried_again(project: Project) -> None
     assert project.run("ab", "bad", jobs=1).ok
 
 
+@pytest.mark.parametrize("jobs", [0, 1])
+def test_a_stage_that_ends_itself_fails_alone(jobs: int, project: Project) -> None:
+    """SystemExit is a failure of the shard, not the end of the run."""
+    report = project.run("ab", "quit", jobs=jobs)
+    assert {failure.shard for failure in report.failures} == {"w1/w1.0", "w1/w1.1"} and "SystemExit" in report.failures[0].message
+    assert text(project, report) == "A A"
+
+
 def test_when_everything_fails_nothing_is_collected(project: Project) -> None:
     """A collect without any success is blocked, not empty."""
     report = project.run("bad")
@@ -246,7 +254,23 @@ def test_a_store_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
 
 def test_code_edited_while_it_runs_is_not_stored_under_the_old_key(project: Project) -> None:
     """The output is dropped and the shard fails with a request to run again."""
-    edit = "import pathlib\n    path = pathlib.Path(__file__)\n    path.write_text(path.read_text() + ' ')"
-    project.edit("toy/pair.py", 'note("pair", word.name)', f'note("pair", word.name)\n    {edit}')
+    edited_by_itself(project, "text.replace('word.text', 'word.text + str()')")
     report = project.run("ab", jobs=1)
     assert report.failures and all("was edited while the stage ran" in failure.message for failure in report.failures)
+
+
+@pytest.mark.parametrize("edit", ["text + '# a comment'", "text"])
+def test_an_edit_that_changes_no_code_keeps_the_output(edit: str, project: Project) -> None:
+    """A comment, or the file written again as it was, while the stage runs: its work is not thrown away."""
+    edited_by_itself(project, edit)
+    assert project.run("ab", jobs=1).ok
+    project.executed()
+    again = project.run("ab", jobs=1)
+    assert again.ok and again.ran == {} and not project.executed()
+
+
+def edited_by_itself(project: Project, edit: str) -> None:
+    """Let the stage `pair` edit its own source while it runs."""
+    code = f"text = open(FILE).read()\n    open(FILE, 'w').write({edit})"
+    project.edit("toy/pair.py", 'note("pair", word.name)', f'note("pair", word.name)\n    {code}')
+    project.edit("toy/pair.py", "from toy", f"FILE = {str(project.root / 'toy/pair.py')!r}\nfrom toy")

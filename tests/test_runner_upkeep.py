@@ -85,3 +85,53 @@ def test_scratch_is_gone_when_the_output_is_safe(project: Project) -> None:
     project.run("ab", jobs=2)
     assert list((project.store / "scratch").iterdir()) == []
     assert {path.name for path in (project.store / "leases").iterdir()} <= {"store.lock", "index.lock"}
+
+
+def test_gc_keeps_what_was_used_last_also_when_another_run_was_open(project: Project) -> None:
+    """An edit, run and undone while another run is open, is not taken for the last use by whoever reads the store later."""
+    project.run("ab")
+    open_run = project.runner()
+    project.edit("toy/helper.py", '"!"', '"?"')
+    project.run("ab")
+    project.edit("toy/helper.py", '"?"', '"!"')
+    project.run("ab")
+    open_run.traces.use("another stage", "", "0" * 64)
+    open_run.traces.save()
+    project.runner().gc()
+    project.executed()
+    assert project.run("ab").ran == {} and not project.executed()
+
+
+def test_the_last_use_is_known_without_the_index(project: Project) -> None:
+    """After an undo the older traces are the current ones; gc keeps them although .cache is gone."""
+    project.run("ab")
+    project.edit("toy/helper.py", '"!"', '"?"')
+    project.run("ab")
+    project.edit("toy/helper.py", '"?"', '"!"')
+    project.run("ab")
+    (project.store / ".cache" / "index.json").unlink()
+    project.runner().gc()
+    assert project.run("ab").ran == {}
+
+
+def test_a_dry_gc_counts_and_deletes_nothing(project: Project) -> None:
+    """Files and bytes are those that the real one deletes."""
+    project.run("ab", params=shout.Params(backend="old"))
+    project.run("ab")
+
+    def stored() -> set[str]:
+        return {path.name for room in ("blobs", "traces", "manifests", "code") for path in (project.store / room).rglob("*")}
+
+    before = stored()
+    dry = project.runner().gc(dry_run=True)
+    assert stored() == before and dry.files > 0
+    swept = project.runner().gc()
+    assert (swept.files, swept.bytes) == (dry.files, dry.bytes) and stored() < before
+
+
+def test_gc_sees_what_a_run_finished_while_it_waited(project: Project) -> None:
+    """A runner that was opened before another run ended knows of its results when it collects."""
+    collector = project.runner()
+    project.run("ab")
+    collector.gc()
+    assert project.run("ab").ran == {}

@@ -7,6 +7,9 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LOOK = """
@@ -43,3 +46,82 @@ def test_bytes_do_not_depend_on_where_arrays_lie() -> None:
 def test_the_number_of_threads_is_that_of_the_stage() -> None:
     """Whatever the environment says."""
     assert prepared(OMP_NUM_THREADS="3")["threads"] == [1, "1"]
+
+
+THREADS = """
+import json, os, random, sys
+{before}
+from afford.worker import prepare
+prepare(seed=5, threads=1)
+{after}
+from threadpoolctl import threadpool_info
+print(json.dumps([[pool["user_api"], pool["num_threads"]] for pool in threadpool_info()]))
+"""
+
+
+@pytest.mark.parametrize(("before", "after"), [
+    ("import numpy", ""), ("import numpy, scipy.linalg", ""), ("", "import scipy.linalg"), ("", "import torch"),
+    ("import torch", "")])
+def test_blas_and_openmp_have_the_threads_of_the_task(before: str, after: str) -> None:
+    """Libraries that were loaded before the preparation, as the codec loads numpy, and those that a stage loads later."""
+    pools = output(THREADS.format(before=before, after=after), OMP_NUM_THREADS="3", OPENBLAS_NUM_THREADS="3")
+    assert pools and all(threads == 1 for _, threads in pools)
+
+
+STATES = """
+import json, random
+{before}
+from afford.worker import prepare
+for seed in (1, 5):
+    prepare(seed=seed, threads=1)
+    {between}
+import numpy, torch
+print(json.dumps([random.random(), numpy.random.rand(), torch.rand(1).item()]))
+"""
+
+
+def test_global_random_states_come_from_the_seed_of_the_task() -> None:
+    """`random`, numpy and torch; also where torch is loaded by the stage itself, in a worker that has had other tasks or not."""
+    found = [output(STATES.format(before=before, between=between))
+             for before, between in (("", "pass"), ("import torch", "pass"), ("", "random.random(); __import__('torch').rand(1)"))]
+    assert found[0] == found[1]
+    other = [output(STATES.replace("(1, 5)", seeds).format(before="", between="pass")) for seeds in ("(5,)", "(6,)")]
+    assert other[0] == found[0] and all(a != b for a, b in zip(*other, strict=True))
+
+
+KERNEL = """
+import json, os, sys
+from pathlib import Path
+from afford.worker import use_kernel_cache, prepare
+folder = use_kernel_cache(Path({root!r}), Path({store!r}))
+prepare(seed=0, threads=1)
+sys.path.insert(0, {code!r})
+import kernel
+print(json.dumps([kernel.double(21), sum(kernel.double.stats.cache_hits.values())]))
+"""
+
+
+def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(tmp_path: Path) -> None:
+    """Compiled kernels are verified; one that does not fit is compiled again, and the next process finds it whole."""
+    code = tmp_path / "code"
+    code.mkdir()
+    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
+    assert output(script) == [42, 0] and output(script) == [42, 1]
+    files = sorted((tmp_path / "store" / ".cache" / "numba").rglob("*.nb[ci]"))
+    assert len(files) == 2
+    for path in files:
+        for place in (3, 40, 0.5):
+            data = bytearray(path.read_bytes())
+            data[place if isinstance(place, int) else int(place * len(data))] ^= 4
+            path.write_bytes(data)
+            assert output(script) == [42, 0], (path.name, place)
+            assert output(script) == [42, 1], (path.name, place)
+
+
+def output(script: str, **environment: str) -> Any:
+    """The JSON that a script prints last, in a process of its own."""
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    done = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from afford.codecs.identity import digest
-from afford.codecs.kinds import BUNDLES, kind_of, kinds, schema_version, shard_name
+from afford.codecs.kinds import BUNDLES, encodings, kind_of, kinds, schema_version, shard_name
+from afford.codecs.pools import DECODERS, ENCODERS
 from afford.codecs.structure import load, load_folder, save
 
 __all__ = ["CODEC", "SchemaCodec", "digest", "load", "load_folder", "save"]
@@ -47,6 +48,11 @@ class SchemaCodec:
     def schema_version(self, kind: str) -> str:
         """Digest of the fields of a schema."""
         return schema_version(kind)
+
+    def selects(self, names: frozenset[str]) -> dict[str, frozenset[str]]:
+        """Encodings of the fields of these schemas that are entries of a registry (`runner.codec`)."""
+        found = frozenset(encodings(names) & {*ENCODERS, *DECODERS})
+        return {"encoder": found, "decoder": found}
 
 
 CODEC = SchemaCodec()

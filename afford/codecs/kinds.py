@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+from collections.abc import Iterable
 
 from blake3 import blake3
 
@@ -55,6 +56,12 @@ def kinds() -> dict[str, type[Schema]]:
     """Schema name -> class."""
     found = [c for module in MODULES for c in vars(module).values() if isinstance(c, type) and issubclass(c, Schema)]
     return {c.__name__: c for c in found if c is not Schema}
+
+
+def encodings(names: Iterable[str]) -> set[str]:
+    """How fields of these schemas are laid out on disk; other names are passed over."""
+    found = [kinds()[name] for name in names if name in kinds()]
+    return {field.metadata.get("encoding", "raw") for kind in found for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
 
 
 def kind_of(value: object) -> str:

@@ -18,8 +18,11 @@ from pycocotools import mask as coco
 from safetensors.numpy import load_file, save_file
 from zstandard import ZstdCompressor, ZstdDecompressor
 
-from afford.codecs.video import read_video, write_video
+from afford.registry import load
 
+ENCODERS = {"video": "afford.codecs.video:write_video"}
+DECODERS = {"video": "afford.codecs.video:read_video"}
+"""encoding of a field -> how an array becomes a file of its own; stages without such a field do not depend on that code"""
 ARRAYS, MASKS = "arrays.safetensors", "masks.json.zst"
 LEVEL = 3
 
@@ -44,7 +47,7 @@ class Writer:
             data = ZstdCompressor(level=LEVEL).compress(np.ascontiguousarray(value).tobytes())
             (self._folder / f"{name}.zst").write_bytes(data)
             return {"zstd": [f"{name}.zst", value.dtype.name, shape]}
-        write_video(self._folder / f"{name}.mkv", value)
+        load(ENCODERS, encoding)(self._folder / f"{name}.mkv", value)
         return {"video": [f"{name}.mkv", shape]}
 
     def close(self) -> None:
@@ -110,4 +113,5 @@ class Reader:
         return np.frombuffer(data, dtype).reshape(shape)
 
     def _video(self, file: str, shape: list[int]) -> np.ndarray:
-        return read_video(self._files[file], tuple(shape))
+        value: np.ndarray = load(DECODERS, "video")(self._files[file], tuple(shape))
+        return value
