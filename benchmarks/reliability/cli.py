@@ -7,12 +7,10 @@ import random
 import shutil
 import signal
 import time
-from pathlib import Path
-from typing import Any
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.commands import Tiny
-from benchmarks.reliability.rotten import Damaging
+from benchmarks.reliability.rotten import Damaging, paths
 from benchmarks.reliability.rows import Plan, Row
 from benchmarks.reliability.signals import WAYS, send
 from tests.flipped_stores import NoEndError, apart, damage, last_line
@@ -31,7 +29,8 @@ def rows(plan: Plan) -> list[Row]:
     wrong = clean.run()
     if wrong:
         return [Row("run dataset on a tiny source", tried=1, failures=wrong)]
-    return [_killed(plan, clean), *(_stopped(plan, clean, what) for what in WAYS if not plan.quick or what in SHORT), _rotten(plan, clean), _kernels(plan, clean)]
+    stopped = [_stopped(plan, clean, what) for what in WAYS if not plan.quick or what in SHORT]
+    return [_killed(plan, clean), *stopped, _rotten(plan, clean), _kernels(plan, clean)]
 
 
 def _killed(plan: Plan, clean: Tiny) -> Row:
@@ -95,42 +94,18 @@ def _packed(tiny: Tiny, rng: random.Random) -> list[str]:
     place, _ = origin("dataset", tiny.source, settings, digester(runner), ())
     graph = build("dataset", place, settings)
     before = runner.run(graph, "dataset").outputs
-    hurt = Hurting(runner, rng)
+    samples = [plan.output for plan in runner.explain(graph, "dataset", stage="sample_assemble")]
+    hurt = Damaging("dataset_pack", [rng.choice([path for digest in samples for path in paths(runner, digest)])], "flip", rng)
     report = open_runner(tiny.store, 2).run(graph, "dataset", force=["dataset_pack"], observer=hurt)
     wrong = [] if report.ok else [f"failed: {json.dumps([failure.message for failure in report.failures])}"]
     missing = [stage for stage, made in before.items() if report.outputs.get(stage) != made]
     return wrong + ([f"outputs differ: {', '.join(missing)}, ok={report.ok}"] if missing else [])
 
 
-class Hurting(Damaging):
-    """Damages a blob of an assembled sample when dataset_pack starts."""
-
-    def __init__(self, runner: Any, rng: random.Random) -> None:
-        super().__init__([], "flip", rng)
-        self._runner = runner
-
-    def started(self, stage: str, shard: str, reason: Any) -> None:
-        """Once."""
-        if stage == "dataset_pack" and self._runner is not None:
-            damage(self.rng.choice(_blobs(self._runner)), self.how, self.rng)
-            self._runner = None
-
-
-def _blobs(runner: Any) -> list[Path]:
-    """Files of assembled samples, by what made them."""
-    traces = (json.loads(path.read_bytes().partition(b"\n")[2] or path.read_bytes())
-              for path in (runner.place.store / "traces").glob("??/[!.]*.json"))
-    return [path for trace in traces if trace["stage"] == "sample_assemble" for path in _paths(runner, trace["output"])]
-
-
-def _paths(runner: Any, digest: str) -> list[Path]:
-    parts = runner.children(digest)
-    return list(runner.files(digest).values()) if parts is None else [path for _, part in parts for path in _paths(runner, part)]
-
-
 def _kernels(plan: Plan, clean: Tiny) -> Row:
     """Machine code and its index, one bit each."""
-    row, rng = Row("one bit flipped in a compiled kernel (.nbc, .nbi): the next run and the one after are right"), random.Random(plan.seed)
+    row = Row("one bit flipped in a compiled kernel (.nbc, .nbi): the next run and the one after are right")
+    rng = random.Random(f"{plan.seed} kernels")
     tiny, backup, expected = clean.copy(plan.folder / "kernels"), plan.folder / "numba", clean.published()
     shutil.copytree(tiny.store / ".cache" / "numba", backup)
     for n in range(plan.times(40, 2)):

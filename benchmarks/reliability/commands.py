@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -48,8 +47,8 @@ class Tiny:
         """Begin `run dataset` in a session of its own."""
         command = [sys.executable, "pipeline.py", "run", "dataset", "--source", str(self.source), "--store", str(self.store),
                    "--jobs", str(jobs), "--json", *more]
-        return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-                                env=os.environ)  # fmt: skip
+        return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                start_new_session=True)  # fmt: skip
 
     def run(self, *more: str, jobs: int = 2) -> list[str]:
         """What is wrong about a run from beginning to end."""

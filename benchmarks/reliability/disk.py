@@ -3,20 +3,68 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import resource
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row, skipped
+from runner import Graph
 from tests.flipped_stores import FlippedStore, apart
 
-SIZES = ("300k", "1m", "2m", "4m")
+SIZES_KIB = (200, 4000)
+"""the smallest disk holds little more than the store's folders, the largest nearly all of it"""
 LARGE = "64m"
 FILE_LIMIT = 20_000
 WORDS = ("no space left", "quota", "read-only", "file too large", "cannot be written")
+
+
+STAGE = '''"""word -> the same, with a large draft in its scratch folder meanwhile"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from toy.log import note
+from toy.values import Word
+
+
+def run(word: Word, ctx: Any) -> Word:
+    note("hungry", word.name)
+    with (ctx.scratch / "draft").open("ab", buffering=0) as draft:
+        for _ in range(100):
+            draft.write(bytes(4096))
+            time.sleep(0.0005)
+    return word
+'''
+
+
+class HungryStore(FlippedStore):
+    """With a stage that takes 400 kB for a moment, so that the disk may be full and have space again in one run."""
+
+    def write(self) -> HungryStore:
+        """With one stage more."""
+        super().write()
+        (self.code / "toy" / "hungry.py").write_text(STAGE)
+        return self
+
+    def more(self, g: Graph, word: Any) -> tuple[Any, ...]:
+        """One shard a word."""
+        return (g.add(importlib.import_module("toy.hungry").run, word=word),)
+
+    def expected(self, mark: str = "!") -> dict[str, list[str]]:
+        """The texts that a right run ends with."""
+        return super().expected(mark) | {"hungry": list(self.words)}
+
+    @property
+    def tasks(self) -> int:
+        """Tasks of the graph."""
+        return super().tasks + len(self.words)
 
 
 def rows(plan: Plan) -> list[Row]:
@@ -24,9 +72,10 @@ def rows(plan: Plan) -> list[Row]:
     reason = _cannot_mount(plan.place("probe"))
     if reason:
         return [skipped("full disk, no inodes, read-only store, on a small file system", reason), _limited(plan)]
-    full = Row(f"full disk of {', '.join(SIZES)}: one sentence, then more space")
-    for size in SIZES[: plan.times(len(SIZES), 2)]:
-        full.count(_small(plan, f"size={size}", f"size={LARGE}"))
+    count, (least, most) = plan.times(40, 5), SIZES_KIB
+    full = Row(f"full disk of {least} to {most} KiB: one sentence, then more space")
+    for n in range(count):
+        full.count(_small(plan, f"size={least + (most - least) * n // count}k", f"size={LARGE}"))
     inodes = Row("no inodes: one sentence, then more of them")
     inodes.count(_small(plan, f"size={LARGE},nr_inodes=150", f"size={LARGE},nr_inodes=0"))
     return [full, inodes, _cached(plan), _read_only(plan), _limited(plan)]
@@ -74,7 +123,7 @@ def _sentence(ended: toy.Ended, needed: bool) -> list[str]:
 
 
 def _small(plan: Plan, options: str, more: str) -> list[str]:
-    project = FlippedStore(plan.place(options), toy.WIDE).write()
+    project = HungryStore(plan.place(options), toy.WIDE).write()
     with mounted(project.store, options):
         wrong = _sentence(toy.run(project), False)
         remount(project.store, more)

@@ -22,7 +22,8 @@ WATCHED = ("open", "os.listdir", "os.rename", "os.mkdir", "subprocess.Popen", "f
 
 def rows(plan: Plan) -> list[Row]:
     """The table of edits; edits during a run; an edit between two reads of one file; an edit undone while a run is open."""
-    return [_table(plan), _comment(plan), _real_edit(plan), _between(plan), _same_second(plan), _undone(plan)]
+    seconds = [_same_second(plan, jobs) for jobs in (1, 0)]
+    return [_table(plan), _comment(plan), _real_edit(plan), _between(plan), *seconds, _undone(plan)]
 
 
 def _table(plan: Plan) -> Row:
@@ -104,16 +105,16 @@ def _edited_run(project: FlippedStore, nth: int) -> None:
     runner.run(graph, "all")
 
 
-def _same_second(plan: Plan) -> Row:
+def _same_second(plan: Plan, jobs: int) -> Row:
     """As a script does that tries one value after another."""
-    row = Row("a constant of a helper edited to another of the same length within a second of the last run")
+    row = Row(f"a constant of a helper edited to another of the same length within a second of the last run, jobs {jobs}")
     for n in range(plan.times(3, 1)):
-        project = FlippedStore(plan.place(f"second-{n}"), ("ab",)).write()
+        project = FlippedStore(plan.place(f"second-{jobs}-{n}"), ("ab",)).write()
         try:
             for mark in "?!?%":
                 project.edit(mark)
                 os.utime(project.code / "toy" / "helper.py", ns=(10**18, 10**18 + ord(mark)))
-                found = apart(project.run, 1)
+                found = apart(project.run, jobs)
                 wrong = [] if found["texts"] == project.expected(mark) else [f"{mark}: {found['texts']}, ok={found['ok']}"]
                 row.count(wrong)
         except (NoEndError, RuntimeError) as error:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +34,8 @@ def rows(plan: Plan) -> list[Row]:
     tiny = Tiny(plan.place("tiny")).write()
     wrong = tiny.run() + tiny.run()
     again = Row("run dataset twice: nothing hidden is left beside what is published")
-    hidden = sorted(path.name for room in ("datasets", "recordings") for path in (tiny.store / room).rglob(".*") if path.name != ".clips")
+    rooms = (tiny.store / "datasets", tiny.store / "recordings")
+    hidden = sorted(path.name for room in rooms for path in room.rglob(".*") if path.name != ".clips")
     again.count(wrong + ([f"{len(hidden)} left: {', '.join(hidden[:3])}"] if hidden else []))
     if wrong:
         return [again]
@@ -85,11 +89,8 @@ def _count(row: Row, work: Any, *args: Any) -> None:
 
 def _at_once(plan: Plan, tiny: Tiny, digests: dict[str, str]) -> list[Row]:
     """Processes that publish one folder, and one that looks at it."""
-    import multiprocessing
-    import subprocess
-    import sys
-
-    row, seen = Row(f"publish of one folder by {AT_ONCE} processes at one moment"), Row("a reader beside them finds the folder whole")
+    row = Row(f"publish of one folder by {AT_ONCE} processes at one moment")
+    seen = Row("a reader beside them finds the folder whole")
     folder, stop, each = plan.place("at-once") / "set", plan.folder / "stop", plan.times(400, 100)
     _count(Row(""), _publish, tiny, digests["folder"], folder)
     expected = {path.name for path in folder.iterdir()}

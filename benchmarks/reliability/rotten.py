@@ -24,12 +24,12 @@ def rows(plan: Plan) -> list[Row]:
 
 
 def _row(plan: Plan, extent: str, jobs: int) -> Row:
-    row, ways = Row(f"{extent} rotten after the check, consumer must run, {len(FORMS)} graph forms, jobs {jobs}"), ("flip", "remove")
+    row = Row(f"{extent} rotten after the check, consumer must run, {len(FORMS)} graph forms, jobs {jobs}")
     for n in range(plan.times(4, 1)):
         for form in FORMS:
             project = FlippedStore(plan.place(f"{extent} {jobs} {form} {n}")).write()
             rng = random.Random(f"{plan.seed} {form} {n}")
-            row.count([f"{form}: {what}" for what in _wrong(project, form, jobs, extent, ways[n % 2], rng)])
+            row.count([f"{form}: {what}" for what in _wrong(project, form, jobs, extent, ("flip", "remove")[n % 2], rng)])
     return row
 
 
@@ -52,8 +52,8 @@ def _healed(project: FlippedStore, form: str, jobs: int, extent: str, how: str, 
     graph = _graph(form)
     expected = runner.run(graph, "all").outputs
     made = runner.run(graph, "made").outputs
-    blobs = sorted({path for outputs in made.values() for _, digest in outputs for path in _paths(runner, digest)})
-    hurt = Damaging(blobs if extent != "one blob" else [rng.choice(blobs)], how, rng)
+    blobs = sorted({path for outputs in made.values() for _, digest in outputs for path in paths(runner, digest)})
+    hurt = Damaging("user", blobs if extent != "one blob" else [rng.choice(blobs)], how, rng)
     fresh = project.runner(jobs)
     report = fresh.run(graph, "all", force=["user"], observer=hurt)
     return {"ok": report.ok, "ran": dict(report.ran), "outputs": report.outputs, "expected": expected,
@@ -62,7 +62,8 @@ def _healed(project: FlippedStore, form: str, jobs: int, extent: str, how: str, 
 
 def _graph(form: str) -> Graph:
     """maker -> (form) -> user; target `made` is what the user reads, `all` what it makes."""
-    join, pair, shout, split, values = (importlib.import_module(f"toy.{name}") for name in ("join", "pair", "shout", "split", "values"))
+    join, pair, shout, split, values = (
+        importlib.import_module(f"toy.{name}") for name in ("join", "pair", "shout", "split", "values"))
     g = Graph()
     one, words = g.leaf("one", values.Word("one", "ab")), g.leaf("words", (values.Word("a", "ab"), values.Word("b", "cd")))
     word = g.each(words) if "collect" in form else one
@@ -85,23 +86,24 @@ def _graph(form: str) -> Graph:
     return g
 
 
-def _paths(runner: Runner, digest: str) -> list[Path]:
+def paths(runner: Runner, digest: str) -> list[Path]:
     """Blobs of an artifact and its parts."""
     parts = runner.children(digest)
-    return list(runner.files(digest).values()) if parts is None else [path for _, part in parts for path in _paths(runner, part)]
+    return list(runner.files(digest).values()) if parts is None else [path for _, part in parts for path in paths(runner, part)]
 
 
 @dataclass
 class Damaging:
-    """An observer that damages files when the consumer starts."""
+    """An observer that damages files when a stage starts."""
 
+    stage: str
     paths: list[Path]
     how: str
     rng: random.Random
 
     def started(self, stage: str, shard: str, reason: Any) -> None:
         """Once: the files are sound when they come back."""
-        if stage == "user":
+        if stage == self.stage:
             for path in self.paths:
                 damage(path, self.how, self.rng)
             self.paths = []

@@ -1,6 +1,7 @@
 """Runs a toy graph in a process that a benchmark may kill: toy_run.py PROJECT FOLDER JOBS SLEEP_S WORD...
 
-Prints the report as one line of JSON, the last one. Exit 0: all is well; 1: a shard failed; 3: the store cannot be used, in one sentence on stderr.
+Prints the report as one line of JSON, the last one. Exit 0: all is well; 1: a shard failed; 3: the store cannot be used, in one
+sentence on stderr; 130: interrupted.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from afford.registry import load  # noqa: E402
-from runner import StoreError  # noqa: E402
+from afford.registry import load
+from runner import StoreError
 
 PROJECTS = {"FlippedStore": "tests.flipped_stores:FlippedStore",
             "BadStore": "benchmarks.reliability.stages:BadStore",
+            "HungryStore": "benchmarks.reliability.disk:HungryStore",
             "WideStore": "benchmarks.reliability.turns:WideStore"}  # fmt: skip
 
 

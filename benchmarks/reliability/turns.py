@@ -10,7 +10,7 @@ from runner import Graph, Runner
 from tests.flipped_stores import FlippedStore
 
 NARROW = 60
-LATEST = 0.9
+LATEST = 0.25
 """share of the narrow tasks that may begin before the wide one"""
 STAGE = '''"""A word -> the same, with two cores"""
 
@@ -29,7 +29,7 @@ def run(word: Word) -> Word:
 
 
 class WideStore(FlippedStore):
-    """60 narrow tasks and a wide one."""
+    """60 narrow tasks and a wide one behind another."""
 
     def write(self) -> WideStore:
         """With the wide stage."""
@@ -38,22 +38,24 @@ class WideStore(FlippedStore):
         return self
 
     def graph(self, runner: Runner, sleep_s: float = 0.0) -> Graph:
-        """Narrow: word -> shout, one a word. Wide: one."""
+        """Narrow: word -> shout, one a word. Wide: a word -> shout -> wide, both of which the graph wants first."""
         shout, values, wide = (importlib.import_module(f"toy.{name}") for name in ("shout", "values", "wide"))
         g = Graph()
         word = g.each(g.leaf("words", tuple(values.Word(f"w{i}", text) for i, text in enumerate(self.words))))
         loud = g.add(shout.run, part=word, word=word, params=shout.Params(sleep_s=sleep_s))
-        g.target("all", loud, g.add(wide.run, word=g.leaf("one", values.Word("one", "x"))))
+        one = g.leaf("one", values.Word("one", "x"))
+        early = g.first(g.named("early").add(shout.run, part=one, word=one, params=shout.Params(sleep_s=3 * sleep_s)))
+        g.target("all", loud, g.first(g.add(wide.run, word=early)))
         return g
 
     def expected(self, mark: str = "!") -> dict[str, list[str]]:
         """The texts that a right run ends with."""
-        return {"shout": [word.upper() + mark for word in self.words], "wide": ["x"]}
+        return {"shout": [word.upper() + mark for word in self.words], "wide": ["X" + mark]}
 
     @property
     def tasks(self) -> int:
         """Tasks of the graph."""
-        return len(self.words) + 1
+        return len(self.words) + 2
 
 
 def rows(plan: Plan) -> list[Row]:
