@@ -16,7 +16,8 @@ STORE     ?= artifacts
 .PHONY: help setup dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  \033[1m%-20s\033[0m %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \
+	awk -F ':.*## ' -v bold="$$bold" -v plain="$$plain" '/^[a-z0-9-]+:.*## / {printf "  %s%-20s%s %s\n", bold, $$1, plain, $$2}' $(MAKEFILE_LIST)
 
 $(READY): pyproject.toml constraints.txt
 	@echo "setting up $(VENV) (first time: a few minutes)"
@@ -28,35 +29,35 @@ $(READY): pyproject.toml constraints.txt
 setup: $(READY) ## make .venv with everything but the extras `ray` and `gpu`
 
 dataset: $(READY) ## build the data set (SOURCE=DIR: from your own or an EPIC-format root)
-	@$(RUN) run dataset --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run dataset --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
-stage: $(READY) ## run one stage again on its last inputs (STAGE=mask_densify)
+stage: $(READY) ## run one stage again on its last inputs, record it, say where to look (STAGE=mask_densify)
 	@test -n "$(STAGE)" || { echo "say which: make stage STAGE=mask_densify"; exit 2; }
-	@$(RUN) run dataset --store $(STORE) --only $(STAGE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run dataset --store "$(STORE)" --only "$(STAGE)" --record $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 report: $(READY) ## score every extraction stage against synthetic ground truth
-	@$(RUN) run extraction-report --store $(STORE) $(ARGS)
+	@$(RUN) run extraction-report --store "$(STORE)" $(ARGS)
 
 train: $(READY) ## train a two-hand model on rendered stills (SOURCE=DIR: on a data set or on videos)
-	@$(RUN) run train --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run train --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 benchmark: $(READY) ## score the trained model and the baselines on held-out stills (SOURCE=DIR: on ActAffordance)
-	@$(RUN) run benchmark --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run benchmark --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 ablation: $(READY) ## train every row of the ablation, three seeds each (about an hour; stop and go on at will)
-	@$(RUN) run ablation --store $(STORE) $(ARGS)
+	@$(RUN) run ablation --store "$(STORE)" $(ARGS)
 
 negative-affordance: $(READY) ## where a hand must not go on objects, scored (SOURCE=DIR: on a folder of your meshes)
-	@$(RUN) run negative-affordance --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run negative-affordance --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 grasp: $(READY) ## a hand that grasps and keeps off what must not be touched: prior, teachers, examinations
-	@$(RUN) run grasp --store $(STORE) $(ARGS)
+	@$(RUN) run grasp --store "$(STORE)" $(ARGS)
 
 sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOURCE=DIR: on a root in the layout of SOR3D-AFF)
-	@$(RUN) run sor3d --store $(STORE) $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run sor3d --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
-	@$(RUN) demo --store $(STORE) $(ARGS)
+	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
 test: $(READY) ## run the tests (not those marked slow or npm)
 	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
@@ -76,7 +77,7 @@ types: $(READY) ## mypy
 	@$(VENV)/bin/mypy
 
 inspect: $(READY) ## summarise the recordings (RECORDING=PATH)
-	@$(RUN) inspect $(RECORDING) $(ARGS)
+	@$(RUN) inspect "$(RECORDING)" $(ARGS)
 
 bench: $(READY) ## run every benchmark; each writes its own Markdown table
 	@for script in benchmarks/bench_*.py; do echo "$$script"; PYTHONPATH=. $(PY) $$script || exit 1; done

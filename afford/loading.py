@@ -1,4 +1,4 @@
-"""Actions on libraries at the moment they are imported: seeds for one that loads late, checksums for numba's compiled code."""
+"""Actions on libraries at the moment they are imported: seeds for one that loads late, checksums for what they keep in a cache."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +17,8 @@ from blake3 import blake3
 DIGEST_BYTES = 32
 COMPILED = (".nbi", ".nbc")
 """numba's files: an index of a function's signatures, and the machine code of one"""
+
+FONTS = "fontlist-*.json"
 
 _actions: dict[str, Callable[[Any], None]] = {}
 
@@ -90,3 +93,26 @@ class _Sealing(io.BytesIO):
             with open(self._path, "wb") as file:
                 file.write(blake3(data).digest() + data)
         super().close()
+
+
+def seal_fonts(folder: Path) -> None:
+    """Delete matplotlib's list of fonts in `folder` where it does not fit the digest beside it, and put a digest beside a list that
+    matplotlib makes."""
+    for path in folder.glob(FONTS):
+        if not _digest_of(path).exists() or _digest_of(path).read_text() != blake3(path.read_bytes()).hexdigest():
+            path.unlink()
+            _digest_of(path).unlink(missing_ok=True)
+
+    def note(_: Any) -> None:
+        for path in folder.glob(FONTS):
+            if not _digest_of(path).exists():
+                partial = path.with_name(f".{path.name}.{os.getpid()}")
+                partial.write_text(blake3(path.read_bytes()).hexdigest())
+                partial.replace(_digest_of(path))
+
+    if "matplotlib.font_manager" not in _actions:
+        when_loaded("matplotlib.font_manager", note)
+
+
+def _digest_of(path: Path) -> Path:
+    return path.with_suffix(".blake3")

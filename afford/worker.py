@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+FONTS = "sealed-matplotlib"
 SEALED = "sealed-"
 """begins the names of folders of compiled code that is verified before it is used"""
 
@@ -26,7 +27,7 @@ def prepare(seed: int, threads: int) -> None:
     import cv2
     import numpy as np
 
-    from afford.loading import seal_kernels, when_loaded
+    from afford.loading import seal_fonts, seal_kernels, when_loaded
 
     _limit(threads)
     cv2.setNumThreads(threads)
@@ -42,6 +43,8 @@ def prepare(seed: int, threads: int) -> None:
     when_loaded("torch", torch_too)
     if SEALED in os.environ.get("NUMBA_CACHE_DIR", ""):
         when_loaded("numba.core.caching", seal_kernels)
+    if FONTS in os.environ.get("MPLCONFIGDIR", ""):
+        seal_fonts(Path(os.environ["MPLCONFIGDIR"]))
 
 
 class _Pools:
@@ -88,5 +91,8 @@ def use_kernel_cache(root: Path, store: Path) -> Path:
 
 
 def use_font_cache(store: Path) -> None:
-    """Let matplotlib keep its list of fonts in the store, and look for no settings in the home folder."""
-    os.environ["MPLCONFIGDIR"] = str(store / ".cache" / "matplotlib")
+    """Let matplotlib keep its list of fonts in the store, with a digest, and look for no settings in the home folder."""
+    from afford.loading import seal_fonts
+
+    os.environ["MPLCONFIGDIR"] = str(store / ".cache" / FONTS)
+    seal_fonts(store / ".cache" / FONTS)

@@ -18,11 +18,13 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from afford.lettering import label  # noqa: E402
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, InteractionSpec, InteractionTruth  # noqa: E402
 from stages import interaction_plan, interaction_read, interaction_render  # noqa: E402
 
 SHOWN = (0, 1, 2, 4, 5, 6, 8, 9)
 """frames of a row"""
+LETTERS_PX = 10
 
 
 def main() -> None:
@@ -67,8 +69,7 @@ def _row(clip: InteractionClip) -> np.ndarray:
     far = np.where(clip.depth_m[-1] > 0, 255 * np.clip(1.2 - clip.depth_m[-1] / 0.9, 0.1, 1), 0).astype(np.uint8)
     row = np.concatenate([*(clip.rgb[k] for k in SHOWN), marked, np.repeat(far[..., None], 3, -1)], axis=1)[..., ::-1].copy()
     words = f"{clip.affordance} {clip.object_type}"
-    for colour, thick in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-        cv2.putText(row, words, (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.36, colour, thick, cv2.LINE_AA)
+    label(row, words, (3, 2), LETTERS_PX)
     return row
 
 

@@ -30,7 +30,7 @@ def main(arguments: list[str]) -> int:
     out.mkdir(parents=True, exist_ok=True)
     failed = 0
     for source in sources:
-        failed += run(Request("dataset", source)) != 0
+        failed += run(Request("dataset", source, replace=True)) != 0
         for name in ("contact_sheet.png", "statistics.json"):
             made = STORE / "datasets" / source.name / name
             if made.exists():

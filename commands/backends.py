@@ -13,14 +13,14 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.padding import Padding
 
 from commands.errors import UsageError, unknown
 from commands.registries import Backend, everywhere, third_party
 from commands.settings import settings
 from maps.settings import Settings
 
-PIPED_WIDTH = 200
+PIPED_WIDTH = 100
 """columns where no terminal says how many"""
 
 
@@ -100,12 +100,15 @@ def _weights(backend: Backend, owner: str, params: Any) -> str:
 
 
 def _in_cache(model: str) -> bool:
-    """Whether a hub id was downloaded before."""
+    """Whether a hub id was downloaded before, in the revision that it names."""
     from huggingface_hub import try_to_load_from_cache
     from huggingface_hub.errors import HFValidationError
 
+    from afford.models.hub import pinned
+
     try:
-        return isinstance(try_to_load_from_cache(model, "config.json"), str)
+        repository, revision = pinned(model)
+        return isinstance(try_to_load_from_cache(repository, "config.json", revision=revision), str)
     except HFValidationError:  # a path
         return False
 
@@ -121,12 +124,15 @@ def _server(backend: Backend, owner: str, params: Any) -> str:
 
 
 def _print(found: list[Row]) -> None:
+    """A block for each: what chooses it and whether it can be used here, then what it does and needs, wrapped; nothing is cut."""
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
-    table = Table("chosen by", "backend", "here", "what it does", "needs", "why not", box=None)
     for row in found:
-        here = "[green]yes[/]" if row.usable else "[red]no[/]"
-        table.add_row(row.parameter, row.backend, here, *(escape(text) for text in (row.about, row.needs, row.why_not)))
-    console.print(table)
+        here = "[green]here[/]" if row.usable else "[red]not here[/]"
+        console.print(f"[bold]{row.parameter}[/] = [bold]{row.backend}[/]  {here}", highlight=False, overflow="fold")
+        needs = f"needs {row.needs}" if row.needs else ""
+        why = f"not here, for {row.why_not}" if row.why_not else ""
+        for text in filter(None, (row.about, needs, why)):
+            console.print(Padding(escape(text), (0, 0, 0, 4)), highlight=False, overflow="fold")
 
 
 def _write(out: Path, table: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,8 +13,7 @@ from commands.errors import UsageError
 from pipeline import TARGETS
 from runner.signals import TERMINATED, terminating
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich",
-                  help="From video of people to where each hand goes on an object: one content-hashed pipeline.")  # fmt: skip
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
 
 Target = Annotated[str, typer.Argument(help=" or ".join(", ".join(TARGETS).rsplit(", ", 1)))]
 SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes, RGB-D, pictures; default: rendered")]
@@ -26,6 +26,21 @@ Device = Annotated[str, typer.Option(help="cpu or cuda")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object as the last line")]
 
 
+def _print_version(wanted: bool) -> None:
+    """The version that pyproject.toml states, and no more."""
+    if wanted:
+        project = tomllib.loads((Path(__file__).resolve().parent.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        typer.echo(f"{project['name']} {project['version']}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")] = False,
+) -> None:
+    """From video of people to where each hand goes on an object: one content-hashed pipeline."""
+
+
 @app.command()
 def run(
     target: Target = "dataset",
@@ -34,6 +49,7 @@ def run(
     set_: Sets = None,
     params: ParamsFile = None,
     only: Annotated[str | None, typer.Option(help="run one stage on its last inputs; says when they are stale")] = None,
+    record: Annotated[bool, typer.Option("--record", help="with --only: record what the stage made")] = False,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run; inf: never; "
@@ -41,11 +57,13 @@ def run(
     store: Store = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
     rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="let an output of some clips alone, or without those that failed, take "
+                                          "the place of the whole one; default: it is named <name>-part")] = False,
     json: Json = False,
 ) -> None:
     """Make a target. What was made before from the same code, parameters and inputs is not made again."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
-                       minutes=minutes)
+                       minutes=minutes, replace=replace, record=record)
     if dry_run:
         from commands.store import dry_run as plan
 
@@ -53,6 +71,19 @@ def run(
     from commands.run import run as make
 
     raise typer.Exit(make(request))
+
+
+@app.command()
+def check(
+    folder: Annotated[Path, typer.Argument(help="EPIC root, folder with a video (and masks), or folder of meshes")],
+    clip: Clips = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """What would become of a source: clips, masks, contacts, narrations, warnings, refusals. Nothing is written."""
+    from commands.check import check as look
+
+    raise typer.Exit(look(folder, tuple(clip or ()), tuple(set_ or ()), json))
 
 
 @app.command()
@@ -108,11 +139,15 @@ def verify(store: Store = None, json: Json = False) -> None:
 
 
 @app.command()
-def gc(store: Store = None, json: Json = False) -> None:
+def gc(
+    store: Store = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="count what would go, delete nothing")] = False,
+    json: Json = False,
+) -> None:
     """Delete what the last use of every clip does not reach."""
     from commands.store import gc as sweep
 
-    raise typer.Exit(sweep(store, json))
+    raise typer.Exit(sweep(store, dry_run, json))
 
 
 @app.command()

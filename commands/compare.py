@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from commands.errors import UsageError
-from commands.publish import publish
+from commands.part import Publisher
+from commands.publish import publish, publish_text
 from maps.extraction import compared
 from maps.settings import Origin, Settings
 from pipeline import build
-from runner import Graph, GraphError, Runner, RunReport
+from runner import Graph, GraphError, RunReport
 
 REPORT, SCORE = "extraction_report", "extraction_score"
 Names = Mapping[str, Mapping[str, str]]
@@ -39,20 +40,22 @@ def _single(target: str, place: Origin, chosen: Settings) -> Graph:
         raise UsageError(str(error)) from error
 
 
-def publish_columns(runner: Runner, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:
-    """The report of every column that was made, one page about all, and the metrics of all, each under its column's name."""
+def publish_columns(to: Publisher, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:
+    """The report of every column that was made, one page about all, and the metrics of all, each under its column's name; all in a
+    folder of a part where one of the reports is one. Errors as `publish`."""
+    folder = to.together((stages[REPORT] for stages in names.values()), folder)
     metrics: dict[str, dict[str, float]] = {}
     for label, stages in names.items():
         for _, digest in report.outputs[stages[REPORT]]:
-            place = publish(runner, digest, folder / label)
+            place = publish(to.runner, digest, folder / label)
             found: dict[str, float] = json.loads((place / "metrics.json").read_text())
             metrics[label] = found | dict(_costs(report, stages, found["clips.frames"]))
     if not metrics:
         return {}, {}
     differing = [stage for stage in next(iter(names.values())) if len({own.get(stage) for own in names.values()}) > 1]
-    (folder / "compare.md").write_text(page(metrics, differing))
+    publish_text(to.runner, page(metrics, differing), folder / "compare.md")
     flat = {f"{label}.{name}": value for label, found in metrics.items() for name, value in found.items()}
-    (folder / "metrics.json").write_text(json.dumps(flat, indent=1, sort_keys=True) + "\n")
+    publish_text(to.runner, json.dumps(flat, indent=1, sort_keys=True) + "\n", folder / "metrics.json")
     return {"report": str(folder), "page": str(folder / "compare.md")}, flat
 
 

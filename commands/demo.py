@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,21 @@ from rich.console import Console
 from rich.markup import escape
 
 from commands.errors import UsageError
-from commands.session import STORE
+from commands.publish import FILES
+from commands.session import STORE, seen_runner
+from runner import LostError, is_store
 
 if TYPE_CHECKING:
     from afford.demo.examples import Example
+    from afford.predict.stored import Stored
+
+LAST_PORT = 65535
 
 
 def demo(host: str, port: int, model: Path | None, device: str, store: Path | None) -> int:
     """Serve until the user stops it. UsageError when there is no model, or the address cannot be had."""
+    if not 0 <= port <= LAST_PORT:
+        raise UsageError(f"--port {port}: expected a port of 0 (any that is free) to {LAST_PORT}")
     from commands.predict import open_model
 
     stored, predictor = open_model(model, store, device)
@@ -26,9 +34,10 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     ask = Asker(predictor, stored)
     console = Console(stderr=True)
     try:
-        site = Site(host, port, ask, ask.about(), _examples((store or STORE) / "benchmarks", console))
-    except (OSError, OverflowError) as error:
-        raise UsageError(f"--host {host} --port {port}: expected an address that is free on this machine, got: {error}") from error
+        site = Site(host, port, ask, ask.about(), _examples(stored, store or STORE, console))
+    except OSError as error:
+        wanted = "that is free; stop what listens there, or give --port 0" if error.errno == errno.EADDRINUSE else "of this machine"
+        raise UsageError(f"--host {host} --port {port}: expected an address {wanted} ({error})") from error
     console.print(f"model {escape(stored.name)} {stored.digest[:12]}", highlight=False)
     console.print(f"[bold]{site.url}[/]  (Ctrl+C stops it)", highlight=False)
     if not site.is_local:
@@ -41,12 +50,31 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     return 0
 
 
-def _examples(benchmarks: Path, console: Console) -> list[Example]:
-    """Pictures to begin with; a set that cannot be read is named and left out."""
-    from afford.demo.examples import examples
+def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
+    """Pictures to begin with: stills of a benchmark, else of the data set that the model learned from. What cannot be read is named
+    and left out, and so it is said where there are none."""
+    from afford.demo.examples import examples, held_out
 
     try:
-        return examples(benchmarks)
+        found = examples(store / "benchmarks") or held_out(_learned_from(model, store))
     except (ValueError, OSError) as error:
         console.print(f"[yellow]no examples[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return []
+    if not found:
+        console.print(f"no examples: {escape(str(store))} holds neither stills of `run benchmark-set` nor pictures of the data set "
+                      "that the model was trained on", highlight=False, soft_wrap=True)  # fmt: skip
+    return found
+
+
+def _learned_from(model: Stored, store: Path) -> dict[str, Path]:
+    """Name -> file of the data set that the card of a model names; nothing where the store does not hold it."""
+    from afford.demo.examples import data_set
+
+    digest = data_set(model.folder)
+    if digest is None or not is_store(store):
+        return {}
+    try:
+        found = seen_runner(store).files(digest)
+    except LostError:
+        return {}
+    return {name.removeprefix(FILES): path for name, path in found.items() if name.startswith(FILES)}

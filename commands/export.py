@@ -8,6 +8,7 @@ from pathlib import Path
 from afford.registry import load
 from commands.errors import UsageError, unknown
 from commands.origin import origin
+from commands.part import PART
 from commands.session import open_runner
 from commands.settings import settings
 from pipeline import build
@@ -38,7 +39,10 @@ def export(format: str, folder: Path, source: Path | None, store: Path | None) -
     name = source.resolve().name if source else "synthetic"
     dataset = runner.place.store / "datasets" / name
     if not dataset.is_dir():
-        raise UsageError(f"{dataset}: expected a data set there; run `make dataset{f' SOURCE={source}' if source else ''}` first")
+        part = dataset.with_name(f"{name}{PART}")
+        hint = f"; what {part} holds is a part, `run dataset --replace` names it {name}" if part.is_dir() else ""
+        make = f"make dataset{f' SOURCE={source}' if source else ''}"
+        raise UsageError(f"{dataset}: expected a data set there; run `{make}` first{hint}")
     folder.mkdir(parents=True, exist_ok=True)
     files = load(FORMATS, format)(dataset, folder)
     sys.stdout.write(f"{len(files)} files in {folder}\n")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,9 @@ from commands.errors import UsageError, unknown
 from commands.inspect_tables import SORTS, print_json, show_many, show_one
 
 SUFFIX = ".mcap"
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
+"""endings of a contact sheet; .png has no loss"""
+VIEWER, DISPLAYS = "rerun", ("DISPLAY", "WAYLAND_DISPLAY")
 DIGEST = re.compile("[0-9a-f]{4,64}")
 
 
@@ -55,6 +60,7 @@ def inspect(paths: Sequence[str], options: Options) -> int:
         return inspect_artifact(paths[0], options.store, options.json)
     files = _recordings(paths)
     _one_only(files, options)
+    _named(options)
     verdicts = [_verdict(path, options.strict) for path in files]
     _tell(verdicts, options)
     if all(not verdict.summary.problem for verdict in verdicts):
@@ -78,6 +84,12 @@ def _recordings(paths: Sequence[str]) -> list[Path]:
 def _one_only(files: list[Path], options: Options) -> None:
     if len(files) > 1 and (options.rerun or options.save or options.layout):
         raise UsageError(f"--rerun, --save and --layout: expected one recording, got {len(files)}; name one of them")
+
+
+def _named(options: Options) -> None:
+    """A picture is written as what its name says."""
+    if options.sheet and options.sheet.suffix.lower() not in PICTURES:
+        raise UsageError(f"--sheet {options.sheet}: expected a name that ends in .png, got {options.sheet.suffix or 'none'}")
 
 
 def _verdict(path: Path, strict: bool) -> Verdict:
@@ -109,30 +121,47 @@ def _views(files: list[Path], options: Options) -> None:
     if options.sheet:
         from afford.recording.sheet import write_sheet
 
-        write_sheet(files, options.sheet)
-        _made(options.sheet)
+        _fitting("--sheet", lambda out: write_sheet(files, out), options.sheet)
     if options.save:
         from afford.recording import viewer
 
-        viewer.save(files[0], options.save)
-        _made(options.save)
+        _fitting("--save", lambda out: viewer.save(files[0], out), options.save)
     if options.rerun:
-        from afford.recording import viewer
+        _show(files[0])
 
-        viewer.show(files[0])
+
+def _show(path: Path) -> None:
+    """Open the viewer that is installed beside this Python, whose environment need not be activated; UsageError without a viewer
+    or a display."""
+    program = shutil.which(VIEWER, path=str(Path(sys.executable).parent)) or shutil.which(VIEWER)
+    if program is None:
+        raise UsageError(f"--rerun: expected the program {VIEWER} beside {sys.executable}, found none; `make setup` installs it")
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
+        file = f"{path.stem}.rrd"
+        raise UsageError(f"--rerun: expected a display, and neither {' nor '.join(DISPLAYS)} is set; write a file with "
+                         f"`--save {file}`, and `{program} {file} --web-viewer` shows it in a browser")
+    from afford.recording import viewer
+
+    viewer.show(path, program)
 
 
 def _lay_out(found: Summary, out: Path | None) -> None:
     if out:
         from afford.recording.layout import layout
 
+        _fitting("--layout", lambda path: path.write_text(json.dumps(layout(found), indent=1) + "\n", encoding="utf-8"), out)
+
+
+def _fitting(option: str, write: Callable[[Path], object], out: Path) -> None:
+    """Write a view, and say so; UsageError where the recordings hold nothing of that kind, or the file cannot be written."""
+    try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(json.dumps(layout(found), indent=1) + "\n", encoding="utf-8")
-        _made(out)
-
-
-def _made(path: Path) -> None:
-    Console(stderr=True).print(f"wrote {path}", highlight=False, soft_wrap=True)
+        write(out)
+    except ValueError as error:
+        raise UsageError(f"{option}: {error}") from error
+    except OSError as error:
+        raise UsageError(f"{option} {out}: expected a file that can be written, got {error.strerror or error}") from error
+    Console(stderr=True).print(f"wrote {out}", highlight=False, soft_wrap=True)
 
 
 def _difference(paths: Sequence[str], options: Options) -> int:

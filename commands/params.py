@@ -14,7 +14,8 @@ from commands.errors import unknown
 from commands.settings import described
 from maps.settings import Settings
 
-TITLES = ("parameter", "type", "default", "meaning")
+PIPED_WIDTH = 100
+"""columns where no terminal says how many"""
 
 
 def show(stage: str | None, json: bool) -> int:
@@ -33,13 +34,8 @@ def show(stage: str | None, json: bool) -> int:
 
 
 def _print(rows: list[tuple[str, str, str, str]]) -> None:
-    """On a terminal the meaning stands under each parameter; for a program each is one line. Names are whole in both."""
-    if not sys.stdout.isatty():
-        widths = [max(len(cell) for cell in column) for column in zip(TITLES, *rows, strict=True)]
-        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (TITLES, *rows)]
-        sys.stdout.write("\n".join(lines) + "\n")
-        return
-    console = Console()
+    """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe."""
+    console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
     for name, kind, default, doc in rows:
         console.print(f"[bold]{name}[/]  {escape(default)}  [dim]{escape(kind)}[/]", highlight=False, overflow="fold")
-        console.print(Padding(escape(doc), (0, 0, 0, 4)), highlight=False)
+        console.print(Padding(escape(doc), (0, 0, 0, 4)), highlight=False, overflow="fold")

@@ -166,8 +166,10 @@ def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
 def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
     count = max(len(done.predictions), 1)
-    return {"task": task, "hands_asked": options.hands, "model": {"name": stored.name, "digest": stored.digest},
-            "predictions": done.predictions, "failures": done.failures,
+    from afford.predict.stored import unknown_words
+
+    return {"task": task, "unknown_words": unknown_words(stored, task), "hands_asked": options.hands,
+            "model": {"name": stored.name, "digest": stored.digest}, "predictions": done.predictions, "failures": done.failures,
             "ms_per_image": {"cpu": round(done.cpu_ms / count, 3), "wall": round(done.wall_ms / count, 3)},
             "seconds": round(seconds, 3)}  # fmt: skip
 
@@ -185,6 +187,10 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
         console.print(table)
     if len(summary["predictions"]) > SHOWN:
         console.print(f"and {len(summary['predictions']) - SHOWN} more")
+    if summary["unknown_words"]:
+        words = escape(", ".join(summary["unknown_words"]))
+        console.print(f"[yellow]unknown words[/] {words}: the training of this model did not contain them, so that the answer may "
+                      "mean little; use others", highlight=False, soft_wrap=True)  # fmt: skip
     for failure in summary["failures"]:
         console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)
     cost = summary["ms_per_image"]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event, Thread
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -12,6 +15,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from runner import Reason
+
+BEAT_S = 30.0
+"""time between two lines about a task that runs"""
 
 
 class Shown(Protocol):
@@ -81,17 +87,32 @@ class Bars:
             self._bars.console.print(f"[red]failed[/] {escape(f'{stage} {shard}: {message}')}", highlight=False)
 
 
-class Lines:
-    """A plain line for every task that ran or failed."""
+@dataclass
+class _Task:
+    """One that runs: since when, and what part of it is done, where its stage says so."""
 
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
+    began: float
+    part: float | None = None
+
+
+class Lines:
+    """A plain line for every task that ran or failed. One over the whole run is announced when it starts; of each that runs for
+    long a line says every BEAT_S seconds how far it is."""
+
+    def __init__(self, quiet: bool, now: Callable[[], float] = time.monotonic) -> None:
+        self._quiet, self._now = quiet, now
         self._left = 0
+        self._running: dict[tuple[str, str], _Task] = {}
+        self._over = Event()
+        self._beating = Thread(target=self._beat, daemon=True)
 
     def __enter__(self) -> Self:
+        if not self._quiet:
+            self._beating.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._over.set()
         sys.stderr.flush()
 
     def planned(self, stage: str, shard: str) -> None:
@@ -99,14 +120,37 @@ class Lines:
         self._left += 1
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
-        """Nothing to say."""
+        """Remember when; one line where the task is the only one of its stage."""
+        self._running[stage, shard] = _Task(self._now())
+        if not shard:
+            self._say(stage, shard, f"started ({reason})")
 
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
-        """Nothing to say."""
+        """Remember how far it is."""
+        if (stage, shard) in self._running:
+            self._running[stage, shard].part = done / max(total, 1)
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """One line, unless it was cached."""
         self._left -= 1
-        if result in ("ran", "failed") and not self._quiet:
+        self._running.pop((stage, shard), None)
+        if result in ("ran", "failed"):
             note = f"{wall_s:6.1f} s" if result == "ran" else f"failed: {message}"
-            sys.stderr.write(f"{stage:<22} {shard:<12} {note}  ({self._left} known tasks left)\n")
+            self._say(stage, shard, f"{note}  ({self._left} known tasks left)")
+
+    def report(self) -> None:
+        """A line for each task that has run for BEAT_S seconds or longer."""
+        for (stage, shard), task in list(self._running.items()):
+            seconds = self._now() - task.began
+            if seconds >= BEAT_S:
+                part = "" if task.part is None else f"{task.part:6.1%}, "
+                self._say(stage, shard, f"{part}running for {seconds:.0f} s")
+
+    def _beat(self) -> None:
+        while not self._over.wait(BEAT_S):
+            self.report()
+
+    def _say(self, stage: str, shard: str, note: str) -> None:
+        if not self._quiet:
+            sys.stderr.write(f"{stage:<22} {shard:<12} {note}\n")
+            sys.stderr.flush()

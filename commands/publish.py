@@ -1,69 +1,223 @@
-"""Outputs of a run under names that people can find: read-only links into the store, replaced as a whole."""
+"""Outputs of a run under names that people can find: read-only links into the store, replaced as a whole.
+
+One process at a time publishes into a folder: it holds a lease in the store. A reader finds the old folder or the new one and never
+none, because the two change places in one system call (renameat2 with RENAME_EXCHANGE, Linux). Where the system or the file system
+has no such call (macOS, some network file systems), two renames under the lease stand in for it, and the name is absent between
+them. Temporary names carry host, process and a random id; what a killed run left is deleted by the next one that publishes there.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
+import re
+import secrets
 import shutil
-from collections.abc import Mapping
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
-from runner import Runner
+from runner import Runner, StoreError
+from runner.canonical import digest as tagged
+from runner.lease import Lease
 
 FILES = "files/"
 """where the codec keeps the files of a FileTree inside its artifact"""
 LISTED = ".clips"
 """which recordings of clips a folder has, by name"""
+RECORDING = re.compile(r"[^./\0][^/\0]*\.mcap")
+"""the only names that are deleted when the list has them: plain ones, in the folder itself"""
+LEFTOVER = re.compile(r"\..+\.(partial|old)-(\d+|[\w-]+-\d+-[0-9a-f]{8})")
+"""temporary names, also those of earlier versions, which carried a process id alone"""
+NAME_LETTERS, HOST_LETTERS = 40, 16
+"""of a temporary name, so that a long name stays within what a file system allows"""
+AT_FDCWD, RENAME_EXCHANGE = -100, 2
+"""of Linux: paths are relative to the working directory; two names change places"""
+NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)
+"""what a system or a file system says that cannot exchange two names"""
+PATIENCE_S = 0.002
+
+
+@contextmanager
+def owned(store: Path, folder: Path) -> Iterator[None]:
+    """Own `folder` while something is put into it, and keep garbage collection away; leftovers of killed runs are deleted first.
+    StoreError when something cannot be written."""
+    where = folder.relative_to(store).as_posix() if folder.is_relative_to(store) else str(folder.absolute())
+    own = f"publish-{tagged('afford-publish', where)[:32]}.lock"
+    try:
+        with _leased(store / "leases" / "store.lock", shared=True), _leased(store / "leases" / own):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name in [name for name in os.listdir(folder) if LEFTOVER.fullmatch(name)]:
+                _delete(folder / name)
+            yield
+    except StoreError:
+        raise
+    except OSError as error:
+        raise StoreError(error.errno, f"{folder} could not be published to ({error}); what was made is kept in the store, mend "
+                                      "this and run again") from error
 
 
 def publish(runner: Runner, digest: str, folder: Path) -> Path:
-    """Show the files of a FileTree artifact as `folder`; what was there before is replaced only when all is in place."""
-    files = {name.removeprefix(FILES): path for name, path in runner.files(digest).items() if name.startswith(FILES)}
-    partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
-    _place(files, partial)
-    old = folder.with_name(f".{folder.name}.old-{os.getpid()}")
-    if folder.exists():
-        folder.rename(old)
-    partial.rename(folder)
-    shutil.rmtree(old, ignore_errors=True)
+    """Show the files of a FileTree artifact as `folder`; what was there before is replaced only when all is in place, and is left
+    alone when it is the same. LostError when a file is damaged, StoreError when the folder cannot be written."""
+    files = _files(runner, digest)
+    with owned(runner.place.store, folder.parent):
+        if not _shows(folder, files):
+            with _partial(folder) as partial:
+                _place(files, partial)
+                _swap(partial, folder)
     return folder
 
 
 def publish_file(runner: Runner, digest: str, path: Path) -> Path:
-    """Show the only file of a FileTree artifact as `path`."""
-    files = [file for name, file in runner.files(digest).items() if name.startswith(FILES)]
-    if len(files) != 1:
-        raise ValueError(f"artifact {digest[:12]}: expected one file, got {len(files)}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    _link(files[0], partial)
-    os.replace(partial, path)
+    """Show the only file of a FileTree artifact as `path`. Errors as `publish_files`."""
+    publish_files(runner, {path.name: digest}, path.parent)
     return path
 
 
+def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None:
+    """Show the only file of each FileTree artifact under its name in `folder`, beside what is there. Names that show it already are
+    left alone. ValueError for an artifact of several files, LostError and StoreError as `publish`."""
+    sources = {name: _only(runner, digest) for name, digest in made.items()}
+    with owned(runner.place.store, folder):
+        for name, source in sources.items():
+            if not _same(folder / name, source):
+                with _partial(folder / name) as partial:
+                    _link(source, partial)
+                    os.replace(partial, folder / name)
+
+
+def publish_text(runner: Runner, text: str, path: Path) -> Path:
+    """Write a page of several artifacts, whole or not at all. StoreError when it cannot be written."""
+    with owned(runner.place.store, path.parent):
+        _write(path, text)
+    return path
+
+
+def shown(runner: Runner, digest: str, folder: Path) -> bool:
+    """Whether `folder` shows this FileTree artifact, and nothing else."""
+    return _shows(folder, _files(runner, digest))
+
+
+def shows_file(runner: Runner, digest: str, path: Path) -> bool:
+    """Whether `path` shows the only file of this FileTree artifact."""
+    return _same(path, _only(runner, digest))
+
+
 def retire(folder: Path, made: set[str], whole: bool) -> None:
-    """After the recordings of clips `made`, names of files, were put into `folder`: those of clips that a `whole` run no longer has
-    are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it."""
+    """After the recordings of clips `made`, names of files, were put into `folder`, which is owned: those of clips that a `whole`
+    run no longer has are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it, nor what it calls by
+    another name than that of a recording in the folder itself."""
     listed = folder / LISTED
-    before = set(listed.read_text(encoding="utf-8").splitlines()) if listed.exists() else set()
+    lines = listed.read_text(encoding="utf-8", errors="replace").splitlines() if listed.is_file() else []
+    before = {name for name in lines if RECORDING.fullmatch(name)}
     for name in before - made if whole else ():
         (folder / name).unlink(missing_ok=True)
-    partial = listed.with_name(f"{LISTED}.partial-{os.getpid()}")
-    partial.write_text("".join(f"{name}\n" for name in sorted(made if whole else before | made)), encoding="utf-8")
-    os.replace(partial, listed)
+    _write(listed, "".join(f"{name}\n" for name in sorted(made if whole else before | made)))
+
+
+@contextmanager
+def _leased(path: Path, shared: bool = False) -> Iterator[None]:
+    """Wait for a lease, and hold it."""
+    while not (lease := Lease(path, shared)).held:
+        time.sleep(PATIENCE_S)
+    try:
+        yield
+    finally:
+        lease.release(remove=not shared)
+
+
+def _files(runner: Runner, digest: str) -> dict[str, Path]:
+    return {name.removeprefix(FILES): path for name, path in runner.files(digest).items() if name.startswith(FILES)}
+
+
+def _only(runner: Runner, digest: str) -> Path:
+    files = list(_files(runner, digest).values())
+    if len(files) != 1:
+        raise ValueError(f"artifact {digest[:12]}: expected one file, got {len(files)}")
+    return files[0]
+
+
+def _shows(folder: Path, files: Mapping[str, Path]) -> bool:
+    if folder.is_symlink() or not folder.is_dir():
+        return False
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()}
+    return there == set(files) and all(_same(folder / name, path) for name, path in files.items())
+
+
+def _same(target: Path, source: Path) -> bool:
+    """Whether a name is a hard link of a file in the store. (To link it anew would change the file's time of change, for which the
+    next run hashes it again.)"""
+    return target.is_file() and not target.is_symlink() and target.samefile(source)
+
+
+@contextmanager
+def _partial(path: Path) -> Iterator[Path]:
+    """A temporary name beside `path`, which is gone afterwards, also when the work ends with an error."""
+    partial = _temporary(path, "partial")
+    try:
+        yield partial
+    finally:
+        if os.path.lexists(partial):
+            _delete(partial)
+
+
+def _temporary(path: Path, kind: str) -> Path:
+    host = re.sub(r"\W", "_", socket.gethostname())[:HOST_LETTERS]
+    return path.with_name(f".{path.name[:NAME_LETTERS]}.{kind}-{host}-{os.getpid()}-{secrets.token_hex(4)}")
 
 
 def _place(files: Mapping[str, Path], folder: Path) -> None:
+    folder.mkdir()
     for name, path in files.items():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
         _link(path, target)
-    folder.mkdir(parents=True, exist_ok=True)
 
 
 def _link(source: Path, target: Path) -> None:
     """A hard link, or a copy where the file system has none between the two places."""
-    target.unlink(missing_ok=True)
     try:
         os.link(source, target)
     except OSError:
         shutil.copyfile(source, target)
+
+
+def _write(path: Path, text: str) -> None:
+    with _partial(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+
+
+def _swap(new: Path, folder: Path) -> None:
+    """Put `new` in the place of `folder`; what was there is under the name of `new` afterwards, or gone."""
+    if not os.path.lexists(folder):
+        new.rename(folder)
+    elif not _exchange(new, folder):
+        old = _temporary(folder, "old")
+        folder.rename(old)
+        new.rename(folder)
+        _delete(old)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Let two names change places at once; False where the system or the file system cannot."""
+    call = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if call is None:
+        return False
+    if call(AT_FDCWD, os.fsencode(one), AT_FDCWD, os.fsencode(other), ctypes.c_uint(RENAME_EXCHANGE)) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in NO_EXCHANGE:
+        return False
+    raise OSError(code, os.strerror(code), str(other))
+
+
+def _delete(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()

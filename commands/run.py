@@ -16,13 +16,18 @@ from rich.markup import escape
 from rich.table import Table
 
 from afford.readers.discover import Source
-from commands.compare import Names, built, publish_columns
+from commands.belongs import check_stages, laid_out
+from commands.compare import Names, publish_columns
+from commands.content import content
 from commands.errors import UsageError, unknown
-from commands.origin import NEEDED, origin
+from commands.origin import NEEDED
+from commands.part import RECORDS, Publisher, parts
 from commands.progress import observer
-from commands.publish import publish, publish_file, retire
+from commands.publish import owned, publish, publish_files, retire
+from commands.record import record
 from commands.session import digester, open_runner
 from commands.settings import columns
+from commands.warnings import show_warnings
 from commands.weights import weighed
 from maps.settings import Origin
 from maps.static_sets import REPORTS
@@ -37,6 +42,10 @@ CLIPS = ("clip_record", "object_record")
 """stages that record a clip, or an object"""
 MANY = 200
 """metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
+PIPED_WIDTH = 1000
+"""columns where no terminal says how many: nothing is cut"""
+MANY_SHARDS = 8
+"""artifacts of one stage that are listed"""
 EXTRACTION = ("frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect")
 NEGATIVE = ("mesh_read", "mesh_texture", "object_views", "object_masks", "part_describe", "mask_score",
             "negative_affordance_projection")  # fmt: skip
@@ -58,6 +67,8 @@ class Request:
     rehash: bool = False
     json: bool = False
     minutes: float | None = None
+    replace: bool = False
+    record: bool = False
 
 
 @dataclass
@@ -73,6 +84,8 @@ class Summary:
     seconds: float = 0.0
     left: dict[str, int] | None = None
     """only of a run that ends after some time"""
+    notes: list[str] | None = None
+    """what was published under the name of a part, or not made, and why"""
 
 
 def run(request: Request) -> int:
@@ -82,27 +95,53 @@ def run(request: Request) -> int:
         raise unknown("target", request.target, TARGETS)
     if target in NEEDED and request.source is None:
         raise UsageError(f"run {target}: expected --source with {NEEDED[target]}")
+    if request.record and not request.only:
+        raise UsageError("--record: expected --only STAGE with it; without, every stage is recorded as it is")
     if request.jobs is not None and request.jobs < 0:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
     chosen = columns(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    place, source = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
-    graph, names = built(target, place, weighted)
+    graph, names, place, source = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
     only, force = request.only and request.only.replace("-", "_"), [name.replace("-", "_") for name in request.force]
+    check_stages([*force, *([only] if only else [])], target, graph)
     limit_s = limited(request, target)
     with observer(quiet=False) as shown:
         ask = partial(runner.run, graph, target, shards=request.clips or None, only=only, observer=shown)
-        report, (outputs, metrics) = made(ask, lambda report: _published(runner, report, place, names, not (request.clips or only)),
-                                          force, limit_s)
+
+        def publisher(report: RunReport) -> Publisher:
+            why = parts(graph, report, request.clips, len(source.refused) if source else 0)
+            return Publisher(runner, why, request.replace, bool(report.left))
+
+        every = not (request.clips or only)
+        report, (outputs, metrics, notes) = made(
+            ask, lambda report: _published(publisher(report), report, place, names, every), force, limit_s)
+        if only and request.record:
+            more, where = record(runner, graph, only, place, request.clips, shown)
+            notes += [where] if more is None else []
+            if more is not None:
+                outputs["recordings"] = where
+                _add(report, more)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
-                      None if limit_s is None else report.left)
+                      None if limit_s is None else report.left, notes or None)
     _show(summary, report, source)
+    show_warnings(runner, report)
+    if only and not outputs:
+        _where(report)
     if request.json:
         said = {name: value for name, value in vars(summary).items() if value is not None}
         sys.stdout.write(json.dumps(said, sort_keys=True) + "\n")
     return 0 if report.ok else 1
+
+
+def _add(report: RunReport, more: RunReport) -> None:
+    """Count what a second run did of which the first has not heard."""
+    for mine, theirs in ((report.ran, more.ran), (report.cached, more.cached), (report.failed, more.failed)):
+        mine |= {stage: count for stage, count in theirs.items() if stage.startswith(RECORDS)}
+    report.failures += more.failures
+    report.cpu_s |= more.cpu_s
+    report.seconds += more.seconds
 
 
 def limited(request: Request, target: str) -> float | None:
@@ -125,60 +164,63 @@ def made(
         return report, publish(report)
 
 
-def _published(runner: Runner, report: RunReport, place: Origin, names: Names, every: bool) -> tuple[
-        dict[str, str], dict[str, float]]:  # fmt: skip
-    """Outputs under names that people can find, and what was measured; of a comparison, those of every column. Where `every` clip
-    was asked for and none failed, recordings of clips that are no more go."""
+def _published(to: Publisher, report: RunReport, place: Origin, names: Names, every: bool) -> tuple[
+        dict[str, str], dict[str, float], list[str]]:  # fmt: skip
+    """Outputs under names that people can find, what was measured, and which outputs are parts; of a comparison, those of every
+    column. Where `every` clip was asked for and none failed, recordings of clips that are no more go."""
+    store = to.runner.place.store
     if names:
-        return publish_columns(runner, report, names, runner.place.store / "reports" / f"{place.name}-compare")
-    outputs = _publish(runner, report, place)
-    clips = {f"{shard.rpartition('/')[2]}.mcap" for stage in CLIPS for shard, _ in report.outputs.get(stage, ())}
+        return *publish_columns(to, report, names, store / "reports" / f"{place.name}-compare"), to.notes
+    outputs = _publish(to, report, place)
+    clips = {f"{shard.rpartition('/')[2]}.mcap": digest for stage in CLIPS for shard, digest in report.outputs.get(stage, ())}
     if clips:
-        retire(runner.place.store / "recordings" / place.name, clips, every and report.ok and not report.left)
-    return outputs, _metrics(report, outputs)
+        folder = store / "recordings" / place.name
+        publish_files(to.runner, clips, folder)
+        with owned(store, folder):
+            retire(folder, set(clips), every and report.ok and not report.left)
+    return outputs, _metrics(report, outputs), to.notes
 
 
-def _publish(runner: Runner, report: RunReport, place: Origin) -> dict[str, str]:
+def _publish(to: Publisher, report: RunReport, place: Origin) -> dict[str, str]:
     """Friendly names for the outputs of the target: data sets, recordings, reports, files of rendered clips."""
-    store = runner.place.store
+    runner, store = to.runner, to.runner.place.store
     out: dict[str, str] = {}
     for stage, made in report.outputs.items():
         for shard, digest in made:
             clip = shard.rpartition("/")[2]
             if stage in ("dataset_pack", "train_pack"):
-                out["dataset"] = str(publish(runner, digest, store / "datasets" / place.name))
+                out["dataset"] = to.folder(stage, digest, store / "datasets" / place.name)
             elif stage == "benchmark_set":
-                out["benchmark"] = str(publish(runner, digest, store / "benchmarks" / place.name))
+                out["benchmark"] = to.folder(stage, digest, store / "benchmarks" / place.name)
             elif stage in CLIPS:
-                publish_file(runner, digest, store / "recordings" / place.name / f"{clip}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage.startswith("record_"):
-                publish_file(runner, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
+                to.file(stage, digest, store / "recordings" / place.name / f"{stage.removeprefix('record_')}.mcap")
                 out["recordings"] = str(store / "recordings" / place.name)
             elif stage in ("model_train.files", "pretrained_model_train.files"):
-                out["model"] = str(publish(runner, digest, store / "models" / place.name))
+                out["model"] = to.folder(stage, digest, store / "models" / place.name)
             elif stage in ("extraction_report", "benchmark", "ablation_report", "negative_affordance_report", "grasp_report",
                            "sor3d_report"):
-                out["report"] = str(publish(runner, digest, store / "reports" / place.name))
+                out["report"] = to.folder(stage, digest, store / "reports" / place.name)
             elif stage == "motion_files":
-                out["report"] = str(publish(runner, digest, store / "motions" / place.name))
+                out["report"] = to.folder(stage, digest, store / "motions" / place.name)
             elif stage in REPORTS or stage == "static_report":
-                out[stage] = str(publish(runner, digest, store / "reports" / place.name / stage))
+                out[stage] = to.folder(stage, digest, store / "reports" / place.name / stage)
             elif stage == "interaction_record":
-                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "interactions"))
+                out["films"] = to.folder(stage, digest, store / "recordings" / place.name / "interactions")
             elif stage == "grasp_record":
-                out["films"] = str(publish(runner, digest, store / "recordings" / place.name / "grasps"))
+                out["films"] = to.folder(stage, digest, store / "recordings" / place.name / "grasps")
             elif stage == "hand_imitation.files":
-                out["prior"] = str(publish(runner, digest, store / "models" / f"{place.name}-prior"))
+                out["prior"] = to.folder(stage, digest, store / "models" / f"{place.name}-prior")
             elif stage == "policies":
                 out |= _policies(runner, digest, place)
             elif stage == "negative_affordance_files":
                 publish(runner, digest, store / "negative" / place.name / clip)
                 out["negative"] = str(store / "negative" / place.name)
             elif stage == "scene_render":
-                parts = dict(runner.children(digest) or ())
+                inside = dict(runner.children(digest) or ())
                 for part in ("files", "truth"):
-                    publish(runner, parts[part], store / "scenes" / place.name / clip / part)
+                    publish(runner, inside[part], store / "scenes" / place.name / clip / part)
                 out["scenes"] = str(store / "scenes" / place.name)
     return out
 
@@ -245,7 +287,7 @@ def _per_frame(report: RunReport, metrics: dict[str, float]) -> dict[str, float]
 
 
 def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
-    console = Console(stderr=True)
+    console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
     table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
     for stage in _stages(summary):
         cpu = sum(seconds for (name, _), seconds in report.cpu_s.items() if name == stage)
@@ -263,10 +305,23 @@ def _show(summary: Summary, report: RunReport, source: Source | None) -> None:
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
+        for line in content(Path(path)) if name == "dataset" else ():
+            console.print(f"  {line}", highlight=False, soft_wrap=True)
+    for note in summary.notes or ():
+        console.print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
     few = len(summary.metrics) <= MANY
     for name in sorted(name for name in summary.metrics if few or name.count(".") <= 1):
         console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
     console.print(f"{summary.seconds:.1f} s")
+
+
+def _where(report: RunReport) -> None:
+    """How to look at what one stage has made that has no other name."""
+    for stage, made in report.outputs.items():
+        for shard, digest in made[:MANY_SHARDS]:
+            sys.stderr.write(f"{stage} {shard}: python pipeline.py inspect {digest[:12]}\n")
+        if len(made) > MANY_SHARDS:
+            sys.stderr.write(f"and {len(made) - MANY_SHARDS} more\n")
 
 
 def _stages(summary: Summary) -> Iterable[str]:
@@ -276,7 +331,8 @@ def _stages(summary: Summary) -> Iterable[str]:
 def _show_failures(console: Console, failures: list[Any]) -> None:
     if not failures:
         return
-    table = Table("stage", "clip", "what happened", title="[red]failed[/]", box=None, title_justify="left")
+    table = Table("stage", "clip", title="[red]failed[/]", box=None, title_justify="left")
+    table.add_column("what happened", overflow="fold")
     for failure in failures:
         table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
     console.print(table)

@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
+from commands.belongs import check_stages, laid_out
 from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.origin import origin
@@ -33,7 +34,9 @@ PIPED_WIDTH = 1000
 def planned(request: Request) -> list[TaskPlan]:
     """What `run` would do, without doing it."""
     runner, graph, target = _prepared(request)
-    return runner.plan(graph, target, shards=request.clips or None, force=request.force)
+    force = [name.replace("-", "_") for name in request.force]
+    check_stages(force, target, graph)
+    return runner.plan(graph, target, shards=request.clips or None, force=force)
 
 
 def dry_run(request: Request) -> int:
@@ -42,18 +45,16 @@ def dry_run(request: Request) -> int:
     if request.json:
         _print_json({"target": request.target, "tasks": [_plan(plan) for plan in plans]})
     else:
-        _show_plans([plan for plan in plans if plan.status != "cached"])
+        _show_groups([plan for plan in plans if plan.status != "cached"])
         counts = Counter(plan.status for plan in plans)
-        Console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
+        _console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
     return 0
 
 
 def explain(request: Request, stage: str | None, clip: str | None) -> int:
     """Why each task would run, or ran the last time."""
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    names = [node.name for node in graph.stages()]
-    if stage and stage.replace("-", "_") not in names:
-        raise unknown("stage", stage, names)
+    check_stages([stage.replace("-", "_")] if stage else [], target, graph)
     plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
@@ -67,21 +68,28 @@ def explain(request: Request, stage: str | None, clip: str | None) -> int:
 
 
 def status(request: Request) -> int:
-    """Per stage: how many shards are cached, would run, wait for others; and what failed and has not succeeded since."""
+    """Per stage: how many shards are cached, would run, wait for others; and which of them failed and have not succeeded since.
+    Failures of other sources, targets or settings are counted."""
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    plans, failures = runner.plan(graph, target), runner.failures()
+    plans = runner.plan(graph, target)
+    keys, failures = {plan.key for plan in plans}, runner.failures()
+    mine, others = [[failure for failure in failures if (failure["key"] in keys) is own] for own in (True, False)]
     counts = {node.name: Counter(p.status for p in plans if p.stage == node.name) for node in graph.stages()}
     if request.json:
-        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": failures})
+        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": mine,
+                     "failures_elsewhere": others})
         return 0
     table = Table("stage", "cached", "to run", "pending", box=None)
     for stage, count in counts.items():
         table.add_row(stage, *(str(count[status] or "") for status in ("cached", "run", "pending")))
-    console = Console()
+    console = _console()
     console.print(table)
-    for failure in failures:
+    for failure in mine:
         told = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
         console.print(f"[red]failed[/] {told}", highlight=False, soft_wrap=True)
+    if others:
+        console.print(f"{len(others)} task(s) of other sources, targets or settings failed in this store; --json lists them",
+                      highlight=False, soft_wrap=True)
     return 0
 
 
@@ -140,7 +148,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
         return 0
     tree = Tree(_origin_line(found))
     _grow(tree, found, {found.digest})
-    Console(width=None if sys.stdout.isatty() else PIPED_WIDTH).print(tree, crop=False, no_wrap=True, overflow="ignore")
+    _console().print(tree, crop=False, no_wrap=True, overflow="ignore")
     return 0
 
 
@@ -189,13 +197,14 @@ def verify(store: Path | None, as_json: bool) -> int:
     return 0 if verdict.ok else 1
 
 
-def gc(store: Path | None, as_json: bool) -> int:
-    """Delete what the last use of every shard does not reach."""
-    swept = seen_runner(store).gc()
+def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
+    """Delete what the last use of every shard does not reach, or count it."""
+    swept = seen_runner(store).gc(dry_run)
     if as_json:
         _print_json(asdict(swept))
     else:
-        sys.stdout.write(f"deleted {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
+        done = "would delete" if dry_run else "deleted"
+        sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
     return 0
 
 
@@ -211,8 +220,8 @@ def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> 
     chosen = columns(request.sets, request.params)
     runner = opened(request.store, glance=True)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    place, _ = origin(target, request.source, next(iter(weighted.values())), digester(runner), request.clips)
-    return runner, built(target, place, weighted)[0], target
+    graph, *_ = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
+    return runner, graph, target
 
 
 def _plan(plan: TaskPlan) -> dict[str, str]:
@@ -220,10 +229,36 @@ def _plan(plan: TaskPlan) -> dict[str, str]:
 
 
 def _show_plans(plans: list[TaskPlan]) -> None:
-    table = Table("stage", "clip", "state", "reason", box=None)
+    table = _table("stage", "clip", "state")
     for plan in plans:
         table.add_row(plan.stage, escape(plan.shard), plan.status, escape(str(plan.reason)))
-    Console().print(table)
+    _console().print(table)
+
+
+def _show_groups(plans: list[TaskPlan]) -> None:
+    """One row for all tasks of a stage that are in the same state for the same reason; of one alone, its clip."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for plan in plans:
+        groups.setdefault((plan.stage, plan.status, str(plan.reason)), []).append(plan.shard)
+    table = _table("stage", "state", "tasks")
+    for (stage, status, reason), shards in groups.items():
+        table.add_row(stage, status, escape(shards[0]) or "1" if len(shards) == 1 else str(len(shards)), escape(reason))
+    if groups:
+        _console().print(table)
+
+
+def _table(*titles: str) -> Table:
+    """Columns that are never cut, and the reason, which wraps."""
+    table = Table(box=None)
+    for title in titles:
+        table.add_column(title, no_wrap=True)
+    table.add_column("reason", overflow="fold")
+    return table
+
+
+def _console() -> Console:
+    """As wide as the terminal; in a pipe as wide as the longest line."""
+    return Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
 
 
 def _print_json(value: Any) -> None:

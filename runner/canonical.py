@@ -45,9 +45,11 @@ def digest(tag: str, tree: Any) -> str:
 
 def path_digest(path: Path) -> str:
     """Hex digest of a file, or of a folder of plain files: of their names and bytes. OSError when a folder holds anything else,
-    links above all."""
-    if not path.is_dir():
+    links above all, and for what is neither: reading a pipe waits for ever."""
+    if path.is_file():
         return file_digest(path)
+    if path.exists() and not path.is_dir():
+        raise OSError(f"{path}: expected a file or a folder, got a pipe, a socket or a device; take it out")
     rows = []
     with os.scandir(path) as found:
         for item in sorted(found, key=lambda item: item.name):

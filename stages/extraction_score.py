@@ -17,7 +17,8 @@ from schemas.masks import CompleteObjects, Tracks
 from schemas.report import ClipScores
 from schemas.video import Frames, Inpainted
 
-LIBRARIES = ("numpy", "opencv-python-headless", "safetensors", "zstandard", "av", "pycocotools", "blake3")
+LIBRARIES = ("numpy", "opencv-python-headless", "safetensors", "zstandard", "av", "pycocotools", "blake3", "matplotlib",
+             "pillow")
 THREADS = 1
 MEMORY_GIB = 1.5
 

@@ -4,8 +4,8 @@ Reads   FileTree of the media, Footage: neither outlines nor words, so that a ch
 Writes  Frames: rgb (t, h, w, 3) uint8 sRGB, frame (t,) data-set numbers, time_ns (t,) from the start of the video
 Method  frames are told apart by presentation time, so variable rates and reordering do no harm; EPIC-KITCHENS videos are
         resampled to 60 or 50 frames/s as their annotators did; display rotation is applied; sizes shrink by area mean
-Fails   the file cannot be read, or no key frame of the clip can be decoded (no frame, where none is known yet); frames after a
-        truncation are merely absent
+Fails   the file cannot be read or states too many pixels, or no key frame of the clip can be decoded (no frame, where none is
+        known yet); frames after a truncation are merely absent
 Paper   VISOR (frame extraction), EPIC-KITCHENS-100 (456 x 256 frames)
 """
 
@@ -17,7 +17,7 @@ from schemas.clip import Footage
 from schemas.files import FileTree
 from schemas.video import Frames
 
-LIBRARIES = ("numpy", "opencv-python-headless", "av")
+LIBRARIES = ("numpy", "opencv-python-headless", "av", "pillow")
 THREADS = 1
 MEMORY_GIB = 1.5
 

@@ -44,7 +44,7 @@ class Params:
     key_variable: str = "OPENAI_API_KEY"
     """endpoint: name of the environment variable that holds the key; '' for a server that asks for none"""
     timeout_s: float = 120.0
-    """endpoint: longest silence of the server"""
+    """endpoint: longest that a request lasts as a whole, from the connection to the last byte of the reply"""
     retries: int = 3
     """endpoint: further tries when it cannot be reached, is busy or fails"""
     pause_s: float = 1.0

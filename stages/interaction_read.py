@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip
 
-LIBRARIES = ("numpy", "opencv-python-headless")
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow")
 THREADS = 1
 MEMORY_GIB = 0.5
 

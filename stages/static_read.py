@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from schemas.files import FileTree
 from schemas.interaction import StaticSet
 
-LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow")
 THREADS = 1
 MEMORY_GIB = 2.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -86,9 +85,8 @@ def run(store: Path, target: str, graph: Graph) -> None:
 
 def with_fonts(store: Path) -> Path:
     """The store, with the list of fonts that matplotlib keeps in it."""
-    (store / ".cache" / "matplotlib").mkdir(parents=True, exist_ok=True)
-    listing = [sys.executable, "-c", "import matplotlib.font_manager"]
-    subprocess.run(listing, env=os.environ | {"MPLCONFIGDIR": str(store / ".cache" / "matplotlib")}, check=True)
+    code = f"from pathlib import Path; from afford.worker import use_font_cache; use_font_cache(Path({str(store)!r}))"
+    subprocess.run([sys.executable, "-c", f"{code}; import matplotlib.font_manager"], cwd=ROOT, check=True)
     return store
 
 

@@ -8,11 +8,14 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import h5py
 import pytest
 
+from commands.backends import rows
+from commands.backends import show as show_backends
 from commands.params import show as show_params
 from commands.publish import LISTED
 from commands.settings import described
@@ -159,6 +162,24 @@ def test_a_verb_alone_shows_help() -> None:
     assert all(call(verb, "--help").code == 0 for verb in verbs)
 
 
+def test_the_version_is_that_of_the_project() -> None:
+    """One line, and nothing else is done."""
+    said = call("--version")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (said.code, said.out, said.err) == (0, f"afford {project['version']}\n", "")
+
+
+def test_make_quotes_paths_and_writes_no_codes_of_terminals_into_a_pipe() -> None:
+    """The list of targets is plain text; a store and a recording may have blanks in their names."""
+    make = ["make", "--no-print-directory", "-C", str(ROOT)]
+    listed = subprocess.run([*make, "help"], capture_output=True, text=True, check=True).stdout
+    assert "\x1b" not in listed and re.search(r"^  dataset +build the data set", listed, re.MULTILINE)
+    for target in ("dataset", "stage", "report", "train", "demo", "inspect"):
+        words = ["STORE=a b", "RECORDING=c d", "STAGE=mask_densify", target]
+        shown = subprocess.run([*make, "-n", "-o", ".venv/.ready", *words], capture_output=True, text=True, check=True).stdout
+        assert ('"c d"' if target == "inspect" else '"a b"') in shown, target
+
+
 # -- what the verbs say ------------------------------------------------------------------------------------------------
 
 
@@ -257,7 +278,7 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a pipe each stands on one line with its meaning; on a narrow terminal too no name is cut."""
+    """Each begins a line and has its meaning below it, in a pipe and on a narrow terminal; nothing is cut and no line is wide."""
     said = Terminal() if terminal else io.StringIO()
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys, "stdout", said)
@@ -266,8 +287,34 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
     for stage in dataclasses.fields(Settings):
         for field in dataclasses.fields(stage.default):
             assert re.search(rf"^{stage.name}\.{field.name} ", text, re.MULTILINE), f"{stage.name}.{field.name}"
-    doc = next(doc for _, _, _, doc in described(mask_densify.Params()) if len(doc) > 60)
-    assert (doc in text) != terminal and "…" not in text
+    docs = [doc for _, _, _, doc in described(mask_densify.Params())]
+    assert all(doc in " ".join(text.split()) for doc in docs) and not all(doc in text for doc in docs) and "…" not in text
+    assert max(map(len, text.splitlines())) <= (80 if terminal else 100)
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_backends_are_told_in_blocks_of_which_nothing_is_cut(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What chooses each stands first, then what it does, what it needs and why it cannot be used here."""
+    said = Terminal() if terminal else io.StringIO()
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys, "stdout", said)
+    show_backends(None, (), None, False, None)
+    text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
+    assert max(map(len, text.splitlines())) <= (80 if terminal else 100) and "…" not in text
+    words = " ".join(text.split())
+    for row in rows(Settings()):
+        assert f"{row.parameter} = {row.backend} " in text and row.about in words and row.why_not in words
+
+
+def test_a_dry_run_has_one_row_for_the_tasks_of_a_stage(made: Made) -> None:
+    """With their number, and the reason whole; one task alone is named by its clip."""
+    shown = made.ask("run", "dataset", "--dry-run", "--set", "mask_densify.radius=3").out.splitlines()
+    lines = [" ".join(line.split()) for line in shown]
+    assert {"mask_densify run 2 parameter changed: radius 0 -> 3", "hand_inpaint pending 2 upstream pending",
+            "dataset_pack pending 1 upstream pending"} <= set(lines)  # fmt: skip
+    assert len({line.split()[0] for line in lines[1:-1]}) == len(lines) - 2
+    one = made.ask("run", "dataset", "--dry-run", "--clip", VIDEOS[0], "--set", "mask_densify.radius=3").words
+    assert f"mask_densify run {VIDEOS[0]}/{VIDEOS[0]} parameter changed: radius 0 -> 3" in one
 
 
 def test_inspect_summarises_what_run_published(made: Made) -> None:

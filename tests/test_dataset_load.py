@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import copy
 import pickle
+import random
+import shutil
 from dataclasses import fields, replace
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from afford.dataset import augment, load
+from afford.dataset.files import MANIFEST
+from afford.readers.errors import SourceError
 from stages import dataset_pack
 from tests.made_samples import Scratch, clip
 
@@ -52,6 +57,24 @@ def test_random_access_is_iteration(data):
 def test_it_travels_to_worker_processes(data):
     """A data loader sends copies of the data set to its workers; a deep copy is made the same way, and reads the same."""
     assert same(copy.deepcopy(data)[150], data[150])
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.filterwarnings("error:The given NumPy array is not writable")
+def test_a_data_loader_gives_batches(data, workers):
+    """Of torch: arrays and numbers as tensors, words as lists, in this process and from workers. The folder may be a string."""
+    from torch.utils.data import DataLoader
+
+    named = load.Dataset(str(data.files[0].parents[1]), "train")
+    batch = next(iter(DataLoader(named, batch_size=3, num_workers=workers, collate_fn=load.collate)))
+    items = [data[n] for n in range(3)]
+    assert batch.keys() == {field.name for field in fields(load.Item)}
+    for name in ("image", "masks", "motion", "motion_time_ns", "taxonomy", "quality"):
+        expected = np.stack([getattr(item, name) for item in items])
+        assert np.array_equal(batch[name].numpy(), expected, equal_nan=expected.dtype.kind == "f"), name
+    assert batch["narration"] == [item.narration for item in items]
+    with pytest.raises(ValueError, match=r"'image': expected one shape in a batch, got \(16, 48, 3\) and \(32, 48, 3\)"):
+        load.collate([items[0], replace(items[1], image=items[1].image[:16])])
 
 
 def test_class_names_belong_to_labels(data):
@@ -126,3 +149,48 @@ def test_vague_words_are_always_cropped(data):
     settings = augment.Settings(flip_share=0, crop_share=0, colour_share=0)
     assert same(augment.augment(item, settings, 0, 0, 0), augment.crop(item, settings.crop_margin))
     assert same(augment.augment(data[0], settings, 0, 0, 0), data[0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_flipped_bit_changes_no_sample(tmp_path, seed):
+    """Wherever it is, in pages, their headers or the footer: the same samples and classes, or one sentence that names the file."""
+    small = clip("P01_02", 6, split="train", height=32, width=48)
+    dataset_pack.run((small,), dataset_pack.Params(sheet_samples=1), Scratch(tmp_path))
+    path = next((tmp_path / "dataset" / "data").glob("*.parquet"))
+    whole, rng, refused = path.read_bytes(), random.Random(seed), 0
+    samples, features = list(load.Dataset(tmp_path / "dataset")), load.Dataset(tmp_path / "dataset").features
+    for _ in range(40):
+        flipped = bytearray(whole)
+        flipped[rng.randrange(len(whole))] ^= 1 << rng.randrange(8)
+        path.write_bytes(bytes(flipped))
+        try:
+            data = load.Dataset(tmp_path / "dataset")
+            assert data.features == features and all(map(same, data, samples))
+        except SourceError as error:
+            assert str(error).startswith(f"data/{path.name}: expected a whole shard")
+            refused += 1
+    assert refused > 20
+
+
+def test_a_data_set_without_its_manifest_is_read(data, tmp_path):
+    """As one that comes from elsewhere; pages are verified all the same."""
+    root = shutil.copytree(data.files[0].parents[1], tmp_path / "copy")
+    (root / MANIFEST).write_text('["a manifest of another kind"]')
+    assert same(load.Dataset(root)[7], data[7])
+    (root / MANIFEST).unlink()
+    assert same(load.Dataset(root)[7], data[7])
+    path = load.Dataset(root).files[0]
+    flipped = bytearray(path.read_bytes())
+    flipped[len(flipped) // 3] ^= 1
+    path.write_bytes(bytes(flipped))
+    with pytest.raises(SourceError, match="CRC checksum verification failed"):
+        list(load.Dataset(root))
+
+
+def test_a_shard_without_a_column_is_named(data, tmp_path):
+    """Another table is no data set."""
+    root = tmp_path / "other"
+    (root / "data").mkdir(parents=True)
+    pq.write_table(pq.read_table(data.files[0]).drop_columns(["motion"]), root / "data" / "train-00000-of-00001.parquet")
+    with pytest.raises(SourceError, match="got no motion"):
+        load.Dataset(root)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import http.client
+import io
 import json
 import shutil
 import signal
@@ -18,18 +19,26 @@ from urllib.parse import urlencode, urlsplit
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
+from afford.codecs import identity
 from afford.demo import server
 from afford.demo.answer import MAX_SIDE_PX, Asker
 from afford.demo.examples import Example, examples
 from afford.demo.server import Site
+from afford.models.twohands import known
 from afford.models.twohands.predictor import Predictor
 from afford.palette import HANDS
 from afford.predict import stored
 from afford.recording.pictures import jpeg
+from commands import demo as commands_demo
+from commands.session import open_runner
+from stages import dataset_pack
 from tests import tiny_asked
 from tests.command import call
+from tests.made_samples import Scratch, clip
 from tests.tiny_asked import TASK, write_picture
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,7 +46,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tiny_asked.write_model(tmp_path_factory.mktemp("store") / "models" / "small" / "model")
+    folder = tiny_asked.write_model(tmp_path_factory.mktemp("store") / "models" / "small" / "model")
+    known.write(known.of([(TASK, "pour", "kettle"), ("cut bread", "cut", "bread")]), folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +122,13 @@ def test_an_answer_is_that_of_the_python_api(site: Site, model: Path) -> None:
         for data, probability in zip(said["maps"][side], expected.probability[n], strict=True):
             found = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_UNCHANGED)
             assert np.abs(found / 255 - probability).max() <= 0.5 / 255 + 1e-6
+
+
+def test_unknown_words_are_in_the_answer(site: Site) -> None:
+    """And the known ones beside the model's name; null where a model does not say."""
+    assert ask(site, "GET", "/model.json").json["words"] == {"verbs": ["cut", "pour"], "things": ["bread", "kettle"]}
+    assert predict(site, png(tiny_asked.picture())).json["unknown_words"] == []
+    assert predict(site, png(tiny_asked.picture()), "pour the zorgblatt").json["unknown_words"] == ["zorgblatt"]
 
 
 def test_large_pictures_come_back_at_the_pages_size(site: Site) -> None:
@@ -207,12 +225,35 @@ def test_examples_are_stills_of_a_rendered_set(tmp_path: Path) -> None:
     assert cv2.imdecode(np.frombuffer(found[0].jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (180, 320, 3)
 
 
+def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: Path) -> None:
+    """Of the validation part of the data set that the model's card names, where the store holds it; each task once."""
+    clips = tuple(clip(f"P01_0{n}", 8, split=split, height=180, width=320) for n, split in enumerate(("train", "val", "val")))
+    packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))
+    store, folder = tmp_path / "store", tmp_path / "store" / "models" / "small"
+    digest = identity.digest(packed)
+    open_runner(store, 0).store.put_leaf(packed)
+    shutil.copytree(model, folder / "model")
+    console = Console(file=io.StringIO(), width=400)
+    assert commands_demo._examples(stored.find(folder), store, console) == []
+    assert "holds neither stills of `run benchmark-set` nor pictures" in console.file.getvalue()  # type: ignore[attr-defined]
+    (folder / "card.md").write_text(f"`stills`, content digest `{digest}`, divided by `given`")
+    found = commands_demo._examples(stored.find(folder), store, console)
+    rows = [row for path in packed.files if path.name.startswith("data/val-") for row in pq.read_table(path.path).to_pylist()]
+    assert sorted(one.task for one in found) == sorted({row["narration"] for row in rows}) and len(found) == 4
+    assert cv2.imdecode(np.frombuffer(found[0].jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (180, 320, 3)
+
+
 def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path: Path) -> None:
     """No model, or an address that is taken: exit 2, one sentence."""
     none = call("demo", "--store", tmp_path)
     assert none.code == 2 and "run `make train` or give --model DIR" in none.err
     taken = call("demo", "--model", model, "--port", str(site.server_address[1]), "--store", tmp_path)
     assert taken.code == 2 and "expected an address that is free" in taken.err
+    for port in ("99999", "-1"):
+        wrong = call("demo", "--model", model, "--port", port, "--store", tmp_path)
+        assert wrong.code == 2 and f"--port {port}: expected a port of 0 (any that is free) to 65535" in wrong.words
+    alien = call("demo", "--model", model, "--host", "192.0.2.1", "--port", "0", "--store", tmp_path)
+    assert alien.code == 2 and "--host 192.0.2.1 --port 0: expected an address of this machine" in alien.words
 
 
 def test_the_verb_serves_until_it_is_stopped(model: Path, tmp_path: Path) -> None:
@@ -310,11 +351,46 @@ def test_a_picture_and_a_task_give_both_hands_regions(page: Any, site: Site, mod
     chosen = [page.locator(f"input[name=way-{side}]:checked").get_attribute("value") for side in ("left", "right")]
     assert chosen[0] == chosen[1] and "ms of CPU" in page.inner_text("#time")
 
+    with page.expect_download() as saved:
+        page.click("#save-left")
+    mask = cv2.imread(str(saved.value.path()), cv2.IMREAD_COLOR)
+    share = float(page.inner_text("#area-left").split()[0]) / 100
+    assert saved.value.suggested_filename == "kettle_left.png" and mask.shape == tiny_asked.picture().shape
+    assert set(np.unique(mask)) <= {0, 255} and (mask > 0).mean() == pytest.approx(share, abs=0.02)
+
+    page.fill("#task", "pour zorgblatt")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#unknown:visible")
+    assert "“zorgblatt”" in page.inner_text("#unknown")
+    page.click("#words summary")
+    assert page.inner_text("#things") == "bread, kettle" and page.inner_text("#verbs") == "cut, pour"
+
     (tmp_path / "notes.txt").write_text("not a picture")
     before = canvas(page)
     page.set_input_files("#file", tmp_path / "notes.txt")
     page.wait_for_selector("#error:visible")
     assert page.inner_text("#error").startswith("notes.txt: expected an image") and np.array_equal(canvas(page), before)
+
+
+@pytest.mark.browser
+def test_the_largest_number_leaves_its_bar_free(page: Any, site: Site, tmp_path: Path) -> None:
+    """100 % in bold, on one line, beside the bar."""
+    page.goto(site.url)
+    page.set_input_files("#file", write_picture(tmp_path / "kettle.png"))
+    page.check("input[value=both]", force=True)
+    page.fill("#task", TASK)
+    page.keyboard.press("Enter")
+    page.wait_for_selector("main[data-state=done]")
+    found = page.evaluate("""() => [...document.querySelectorAll('.number')].map((node) => {
+      node.textContent = percent(1);
+      node.style.fontWeight = 600;
+      const range = document.createRange();
+      range.selectNodeContents(node);
+      const text = range.getBoundingClientRect(), bar = node.parentElement.querySelector('.bar').getBoundingClientRect();
+      const own = node.previousElementSibling.getBoundingClientRect();
+      return [range.getClientRects().length, text.left - own.right, bar.width];
+    })""")
+    assert len(found) == 10 and all(lines == 1 and free >= 2 and wide > 40 for lines, free, wide in found)
 
 
 @pytest.mark.browser

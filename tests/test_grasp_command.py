@@ -82,6 +82,21 @@ def test_the_taxonomy_and_the_option_choose_hands(look: Path) -> None:
     assert read(replace(files, masks=None, right=look / "masks" / "right.png")).hands.tolist() == [False, True]
 
 
+def test_a_folder_with_the_mask_of_one_hand_is_about_that_hand(look: Path, tmp_path: Path) -> None:
+    """With and without the prediction beside it; one that has none at all is refused with the name of the file."""
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    (masks / "right.png").write_bytes((look / "masks" / "right.png").read_bytes())
+    asked = ("grasp", look / "depth.npy", "--out", tmp_path / "out", "--masks", masks)
+    done = call(*asked, "--intrinsics", look / "camera.json", "--json")
+    assert done.code == 0 and done.json["grasps"]["right"] > 0 and not done.json["grasps"].get("left")
+    forced = call(*asked, "--hands", "both", "--focal-px", "200")
+    assert forced.code == 2 and "--left" in forced.words and "got no mask" in forced.words
+    (masks / "right.png").unlink()
+    none = call(*asked, "--focal-px", "200")
+    assert none.code == 2 and f"{masks / 'left.png'}: expected a mask (PNG)" in none.words
+
+
 def test_points_of_the_object_are_put_into_the_camera(look: Path, tmp_path: Path) -> None:
     """negative.json and a pose give the points that an array in the camera's frame gives."""
     scene = read(Files(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=look / "negative.png"))

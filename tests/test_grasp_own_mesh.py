@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from afford.dataset.files import tree
+from commands.part import Publisher
 from commands.run import _publish
 from commands.session import open_runner
 from maps.settings import Origin
@@ -65,8 +66,8 @@ def test_what_is_finished_is_published_by_its_row(tmp_path: Path) -> None:
     g.target("none", g.finished("policies", []))
     place = Origin("grasp-full")
     models = tmp_path / "store" / "models"
-    assert _publish(runner, runner.run(g, "some"), place) == {
+    assert _publish(Publisher(runner), runner.run(g, "some"), place) == {
         row: str(models / f"grasp-full-{row}") for row in ("teacher", "student_no_negative")}  # fmt: skip
     assert [(file.name, file.digest) for file in tree("again", models / "grasp-full-teacher").files] == [
         (file.name, file.digest) for file in files.files]
-    assert _publish(runner, runner.run(g, "none"), place) == {}
+    assert _publish(Publisher(runner), runner.run(g, "none"), place) == {}

@@ -14,6 +14,7 @@ from afford.readers.errors import SourceError
 from schemas.files import FileTree
 from stages import hand_model
 from tests.made_hands import JOINT, LINK, PINCER, hand_of, read_text, written
+from tests.mesh_files import box
 
 
 def test_a_hand_without_fingertip_frames(tmp_path: Path) -> None:
@@ -103,6 +104,17 @@ def test_wishes_that_cannot_be_met(params: dict[str, object], said: str, tmp_pat
     lift = LINK.format("arm") + JOINT.format("lift", "arm", "palm", "0 0 0", "0 0 1", "0 0 0")
     with pytest.raises(ValueError, match=said):
         hand_of(written(tmp_path, PINCER.replace("</robot>", lift + "</robot>")), **params)
+
+
+def test_copies_of_meshes_are_named_in_turn(tmp_path: Path) -> None:
+    """By file and scale; names that begin alike count together up to a dot."""
+    (tmp_path / "meshes").mkdir()
+    for name in ("a.b", "a"):
+        box().export(tmp_path / "meshes" / f"{name}.stl")
+    drawn = "".join(f'<visual><geometry><mesh filename="meshes/{name}.stl" scale="{scale} 1 1"/></geometry></visual>'
+                    for name, scale in (("a.b", 1), ("a", 1), ("a.b", 2), ("a.b", 1), ("a", 3)))  # fmt: skip
+    hand = hand_of(written(tmp_path, PINCER.replace('<link name="palm">', '<link name="palm">' + drawn)))
+    assert {mesh.file for mesh in hand.meshes} == {"meshes/a.b.obj", "meshes/a.1.obj", "meshes/a.b.1.obj", "meshes/a.3.obj"}
 
 
 def test_several_urdfs_are_refused(tmp_path: Path) -> None:

@@ -10,11 +10,14 @@ from pathlib import Path
 
 import cv2
 import pytest
+from mcap.reader import make_reader
 
+from afford.recording.files import read, write
 from afford.recording.layout import CURVES, layout
 from afford.recording.own_types import MESSAGES
-from afford.recording.summary import Summary, summarise
+from afford.recording.summary import Summary, Topic, summarise
 from commands.cli import main
+from tests.command import call
 from tests.made_recordings import T, recorded
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -162,6 +165,48 @@ def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) 
     curves = [path["value"].rsplit(".", 1) for path in made["configById"]["Plot!curves"]["paths"]]
     assert {topic for topic, _ in curves} <= topics and ["/affordance/state", "quality"] in curves
     assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, number in CURVES.items())
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("--sheet", "{out}/s.png"), "--sheet: {path}: expected pictures on /frame_decode/image"),
+    (("--layout", "{out}/l.json"), "--layout: {path}: expected pictures, curves or words"),
+    (("--sheet", "{out}/s.xyz"), "--sheet {out}/s.xyz: expected a name that ends in .png, got .xyz"),
+    (("--sheet", "{out}/s"), "expected a name that ends in .png, got none"),
+    (("--sheet", "{out}/file/s.png"), "--sheet {out}/file/s.png: expected a file that can be written"),
+    (("--rerun",), "--rerun: expected a display, and neither DISPLAY nor WAYLAND_DISPLAY is set; write a file with "
+                   "`--save made.rrd`, and `{bin}/rerun made.rrd --web-viewer` shows it in a browser"),
+])  # fmt: skip
+def test_a_view_that_cannot_be_had_is_refused_in_a_sentence(
+    words: tuple[str, ...], said: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Exit 2, and no traceback."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "file").touch()
+    path = tmp_path / "made.mcap" if "{path}" in said or words[0] == "--rerun" else recording
+    with recording.open("rb") as stream:
+        write(tmp_path / "made.mcap", read(make_reader(stream), ("/source_read/outlines",)))  # which no view shows alone
+    refused = call("inspect", path, *(word.format(out=tmp_path) for word in words))
+    assert refused.code == 2 and said.format(out=tmp_path, path=path, bin=Path(sys.executable).parent) in refused.words
+
+
+def test_the_viewer_is_found_beside_python(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the environment is not activated."""
+    import rerun
+
+    opened: dict[str, object] = {}
+    monkeypatch.setattr(rerun, "spawn", lambda **how: opened.update(how))
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert call("inspect", recording, "--rerun").code == 0
+    assert opened["executable_path"] == str(Path(sys.executable).parent / "rerun") and opened["recording"]
+
+
+def test_pictures_alone_and_words_alone_are_laid_out() -> None:
+    """As a recording of a training has them."""
+    for schema, panel in (("foxglove.CompressedImage", "Image!previews"), ("affordance.v1.Document", "RawMessages!previews")):
+        made = layout(Summary("x.mcap", 0, "", (Topic("/previews", schema, 1, 10, 0.0, 1.0, 1.0, 0.0),)))
+        assert placed(made["layout"]) == [panel]
 
 
 def placed(tree: str | dict) -> list[str]:

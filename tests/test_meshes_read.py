@@ -11,11 +11,14 @@ import trimesh
 
 from afford.meshes.bake import sample
 from afford.meshes.files import target
+from afford.meshes.gltf import _tinted, linear, srgb
 from afford.meshes.nearest import Nearest
+from afford.meshes.read import read
 from afford.meshes.units import decide
 from afford.readers.errors import SourceError
 from schemas.mesh import ObjectMesh, ReadMesh
-from tests.mesh_files import SIZE_M, box, checks, mended, places, planar_uv, write_image, write_obj
+from tests.fuzz_meshes import write_gltf
+from tests.mesh_files import SIZE_M, box, checks, mended, places, planar_uv, tree, write_image, write_obj
 
 ROOT = Path(__file__).resolve().parent.parent
 SCANS = ROOT.parent / "shared" / "data" / "objects"
@@ -173,6 +176,10 @@ def test_polygons_and_backward_indices_are_read(tmp_path: Path) -> None:
     assert len(found.mesh.faces) == 6 and found.report.watertight
 
 
+PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{0}"
+       "element face 1\nproperty list uchar int vertex_indices\nend_header\n{1}3 {2}\n")
+SOLID = ("solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+         "endsolid a\n")
 BROKEN = {
     "no_faces.obj": ("v 0 0 0\n", "triangles, got none"),
     "range.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", r"range\.obj, line 4: expected v indices 1\.\.3, got 4"),
@@ -189,6 +196,23 @@ BROKEN = {
     "squeezed.gltf": (json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}),
                       "got KHR_draco_mesh_compression"),
     "empty.gltf": (json.dumps({"asset": {"version": "2.0"}}), "expected triangles, got none"),
+    "listed.gltf": (json.dumps({"asset": [{"version": "2.0"}]}), r"expected glTF 2\.x"),
+    "twice.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
+                               "nodes": [{"children": [1, 1]}, {"name": "k"}]}),
+                   "expected nodes that form a tree, got node 'k' in two places"),
+    "circle.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]}),
+                    "expected nodes that form a tree, got node 0 in two places"),
+    "short.stl": ("a" * 80 + "\0\0\0\1" + "b" * 50, r"short\.stl: expected one solid with triangles, got none"),
+    "solids.stl": (SOLID * 2,
+                   r"solids\.stl: expected one solid with triangles, got 2 of them"),
+    "beyond.ply": (PLY.format("property uchar red\nproperty uchar green\nproperty uchar blue\n", "0 0 0 1 2 3\n" * 3, "0 1 9"),
+                   r"beyond\.ply: expected vertex indices 0\.\.2, got 9"),
+    "polygon.ply": (PLY.format("", "0 0 0\n" * 3, "0 1 2").replace("3 0 1 2", "2 0 1"),
+                    r"polygon\.ply: expected faces of 3 corners"),
+    "digits.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 " + "9" * 5000 + "\n", "expected f lines with corners v, v/vt"),
+    "superscript.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -\u00b3\n", "expected f lines with corners v, v/vt"),
+    "library.obj": ("mtllib\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "that it refers to, got no such file"),
+    "far.obj": ("v 0 0 1e20\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", r"far\.obj: expected vertices of at most 1e\+09, got 1e\+20"),
 }
 
 
@@ -199,6 +223,42 @@ def test_broken_files_say_what_is_wrong(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text(content)
     with pytest.raises(SourceError, match=sentence):
         mended(tmp_path)
+
+
+def test_nodes_without_a_scene_stand_once_where_their_parents_put_them(tmp_path: Path) -> None:
+    """Only those that no other node carries are roots."""
+    path = write_gltf(tmp_path)
+    document = json.loads(path.read_text())
+    whole = mended(tmp_path)
+    path.write_text(json.dumps({key: value for key, value in document.items() if key not in ("scene", "scenes")}))
+    assert np.array_equal(mended(tmp_path).mesh.vertices, whole.mesh.vertices)
+
+
+def test_vertex_colours_stay_with_their_vertices_beside_unused_texture_coordinates(tmp_path: Path) -> None:
+    """Of a PLY with s and t but no image, whose first vertex is in no face."""
+    places = np.array([[9.0, 9, 9], [0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
+    rows = "".join(f"{x} {y} {z} 0.{k} 0.5 {50 * k} 9 9\n" for k, (x, y, z) in enumerate(places))
+    head = "property float s\nproperty float t\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+    (tmp_path / "thing.ply").write_text(PLY.replace("vertex 3", "vertex 4").format(head, rows, "3 1 2"))
+    surface = read(tree(tmp_path))
+    for place, colour in zip(surface.vertices[surface.faces[0]], surface.colour[0], strict=True):
+        assert colour[0] == 50 * int(np.abs(places - place).sum(axis=1).argmin())
+
+
+def test_of_two_libraries_the_one_named_last_counts(tmp_path: Path) -> None:
+    """Also when one is named twice."""
+    for name, red in (("a", 0), ("b", 1)):
+        (tmp_path / f"{name}.mtl").write_text(f"newmtl m\nKd {red} 0 0\n")
+    solid = box()
+    write_obj(tmp_path / "thing.obj", solid.vertices, solid.faces, None, "mtllib a.mtl\nmtllib b.mtl\nmtllib a.mtl\nusemtl m")
+    assert (mended(tmp_path).mesh.texture == 0).all()
+
+
+@pytest.mark.parametrize("factor", [[1, 0.5, 0.25, 1], [0, 0, 0, 1]])
+def test_a_base_colour_multiplies_the_linear_image(factor: list[float]) -> None:
+    """The table of 256 values gives what the formula gives for every texel."""
+    image = np.arange(3 * 256, dtype=np.uint32).reshape(16, 16, 3).astype(np.uint8)
+    assert np.array_equal(_tinted(image, np.array(factor[:3])), srgb(linear(image) * factor[:3]))
 
 
 @pytest.mark.parametrize("reference", ["../x.png", "a/../../x.png", "/etc/x.png", "http://x.org/x.png", "C:\\x.png"])

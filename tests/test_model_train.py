@@ -70,6 +70,15 @@ def test_it_leaves_a_model_that_predicts(trained: Trained, tmp_path: Path) -> No
     assert said.threshold == thresholds.value[thresholds.step == trained.log.best_step][0]
 
 
+def test_it_leaves_the_words_that_taught_it(dataset: FileTree, trained: Trained) -> None:
+    """Verbs, things and words of the part `train`, beside the weights."""
+    path = next(file.path for file in dataset.files if file.name.startswith("data/train-"))
+    rows = pq.read_table(path, columns=["narration", "verb", "noun"]).to_pylist()
+    words = json.loads(trained.files.find("model/words.json").path.read_text())
+    assert words["verbs"] == sorted({row["verb"] for row in rows}) and words["things"] == sorted({row["noun"] for row in rows})
+    assert words["words"] == sorted({word for row in rows for word in row["narration"].lower().replace(",", "").split()})
+
+
 def test_curves_are_the_same_everywhere(trained: Trained) -> None:
     """The log, the table and the event file say the same numbers at the same steps."""
     table = pq.read_table(trained.files.find("history.parquet").path).to_pylist()

@@ -81,6 +81,8 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "phase": ({"phase": ["grab"] * 12}, "phase: expected words of unknown"),
     "phases": ({"phase": ["hold"] * 3}, "phase: expected finite numbers"),
     "pose": ({"object_pose": np.zeros((12, 7))}, "expected quaternions x y z w, got zeros in frame 0"),
+    "pose of one number": ({"object_pose": np.array(3.0)}, "object_pose: expected finite numbers"),
+    "palm of few numbers": ({"palm": np.zeros((12, 2, 2))}, "palm: expected finite numbers"),
     "typo": ({"objectname": "cup"}, "got objectname"),
 }
 
@@ -91,6 +93,16 @@ def test_what_is_wrong_is_said_in_one_sentence(motion: HandMotion, tmp_path: Pat
     with pytest.raises(SourceError, match=message) as caught:
         read(written(tmp_path / "bad.npz", fields(motion, **changes)))
     assert str(caught.value).startswith("bad.npz") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"phase": [["hold"], ["hold", "reach"]]}, "phase: expected words of unknown"),
+    ({"object_pose": [[10**400] * 7] * 12}, "object_pose: expected numbers in rows of one length"),
+])  # fmt: skip
+def test_json_that_numpy_cannot_take_is_refused(motion: HandMotion, tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+    """Rows of several lengths, numbers beyond any float."""
+    with pytest.raises(SourceError, match=said):
+        read(written(tmp_path / "bad.json", fields(motion, **changes)))
 
 
 def test_files_that_are_no_files_of_keypoints(motion: HandMotion, tmp_path: Path) -> None:

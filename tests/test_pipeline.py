@@ -17,8 +17,8 @@ from afford.recording.summary import summarise
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.scene import SceneSpec
-from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made
-from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations
+from tests.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made, call
+from tests.tiny_source import FRAMES, VIDEOS, media, write_narrations, write_source
 
 AFTER_AFFORDANCE = {"affordance_intersect": 2, "record_affordance_intersect": 2, "clip_record": 2, "sample_assemble": 2,
                     "record_sample_assemble": 2, "dataset_pack": 1, "record_dataset_pack": 1}
@@ -30,9 +30,9 @@ def mine(made: Made, tmp_path: Path) -> Made:
     return made.copy(tmp_path)
 
 
-def rows(made: Made) -> list[str]:
-    """The video of every sample in the data set."""
-    shards = sorted((made.store / "datasets" / made.source.name / "data").glob("*.parquet"))
+def rows(made: Made, part: str = "") -> list[str]:
+    """The video of every sample in the data set, or in what was published beside it as a part."""
+    shards = sorted((made.store / "datasets" / f"{made.source.name}{part}" / "data").glob("*.parquet"))
     return [video for shard in shards for video in pq.read_table(shard, columns=["video"])["video"].to_pylist()]
 
 
@@ -77,6 +77,15 @@ def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
     assert made.first["cached"] == made.first["failed"] == {}
     assert Path(made.first["outputs"]["dataset"]).is_dir() and set(rows(made)) == set(VIDEOS)
     assert all(is_whole(recording(made, video)) for video in VIDEOS)
+
+
+def test_a_run_ends_with_what_the_data_set_holds(made: Made) -> None:
+    """Samples by split and by hands, and frames without one by reason, as in its statistics."""
+    said = made.run("dataset").words
+    samples = len(rows(made))
+    left = json.loads((made.store / "datasets" / made.source.name / "statistics.json").read_text())["frames_without_sample"]
+    assert f"{samples} samples of 2 video(s): train {samples} hands: right {samples} frames left out: no contact" in said
+    assert left and all(f"{reason.replace('_', ' ')} {count}" in said for reason, count in left.items())
 
 
 def test_what_all_clips_came_to_is_recorded_too(made: Made) -> None:
@@ -171,6 +180,22 @@ def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine:
     assert stale.json["ran"] == {} and "its recorded inputs are stale" in stale.words
 
 
+def test_one_stage_is_recorded_alone_and_says_where_to_look(mine: Made) -> None:
+    """Its recorder runs on what it has just made; a stage without one, or whose recording would need others, says so."""
+    clip, before = recording(mine, VIDEOS[0]), recording(mine, VIDEOS[0]).read_bytes()
+    said = mine.run("dataset", "--only", "affordance_intersect", "--record", "--set", "affordance_intersect.dilate_px855=0")
+    folder = mine.store / "recordings" / mine.source.name / "affordance_intersect"
+    assert said.code == 0 and said.json["ran"] == times(2, ["affordance_intersect", "record_affordance_intersect"])
+    assert said.json["outputs"] == {"recordings": str(folder)} and str(folder) in said.err and clip.read_bytes() == before
+    assert {path.name for path in folder.iterdir()} == {f"{video}.mcap" for video in VIDEOS}
+    assert all("/affordance/state" in {topic.topic for topic in summarise(path).topics} for path in folder.iterdir())
+    bare = mine.run("dataset", "--only", "clip_footage", "--record")
+    assert "clip_footage has no recording of its own" in bare.words and bare.words.count("pipeline.py inspect ") == len(VIDEOS)
+    stale = mine.run("dataset", "--only", "object_completion", "--record", "--set", "mask_densify.radius=3")
+    assert stale.json["ran"] == {} and "is not renewed, for " in stale.words
+    assert mine.run("dataset", "--record").code == 2
+
+
 def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> None:
     """`--force` distrusts one stage."""
     assert mine.run("dataset", "--force", "narration-labelling").json["ran"] == {"narration_labelling": 2}
@@ -180,13 +205,28 @@ def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> Non
 
 
 def test_a_corrupt_video_fails_alone(mine: Made) -> None:
-    """Exit 1, one clear sentence, and the data set of the other clip."""
+    """Exit 1, one clear sentence, and the data set of the other clip, beside the one of both."""
     media(mine.source, VIDEOS[0]).write_bytes(b"no video")
     broken = mine.run("dataset")
     assert broken.code == 1 and sum(broken.json["failed"].values()) == 1
     assert f"{VIDEOS[0]}.MP4" in broken.words and "Traceback" not in broken.err
-    assert set(rows(mine)) == {VIDEOS[1]}
+    assert set(rows(mine, "-part")) == {VIDEOS[1]} and set(rows(mine)) == set(VIDEOS)
     assert f"{VIDEOS[0]}" in mine.ask("status").words
+
+
+def test_status_tells_failures_of_other_sources_apart(mine: Made, tmp_path: Path) -> None:
+    """They are counted, and only those of the source and target that were named are listed."""
+    broken = write_source(tmp_path / "broken", ("P96_09",))
+    points = next(broken.rglob("P96_09.json"))
+    points.write_text(points.read_text().replace('"segments": [[[', '"segments": [[["x",', 1))
+    failed = call("run", "dataset", "--source", broken, "--store", mine.store, "--jobs", "0", "--json")
+    assert failed.code == 1 and failed.json["failed"] == {"source_read": 1}
+    here, there = mine.ask("status"), call("status", "--source", broken, "--store", mine.store)
+    assert "failed source_read P96_09" in there.words and "P96_09" not in here.words
+    elsewhere = "1 task(s) of other sources, targets or settings failed in this store"
+    assert elsewhere in here.words and "other sources" not in there.words
+    said = mine.ask("status", "--json").json
+    assert said["failures"] == [] and [failure["shard"] for failure in said["failures_elsewhere"]] == ["P96_09"]
 
 
 def test_a_flipped_bit_in_the_store_is_found_and_mended(mine: Made) -> None:

@@ -23,8 +23,8 @@ def mine(made: Made, tmp_path: Path) -> Made:
     return made.copy(tmp_path)
 
 
-def column(made: Made, name: str) -> list[str]:
-    shards = sorted((made.store / "datasets" / made.source.name / "data").glob("*.parquet"))
+def column(made: Made, name: str, part: str = "") -> list[str]:
+    shards = sorted((made.store / "datasets" / f"{made.source.name}{part}" / "data").glob("*.parquet"))
     return [value for shard in shards for value in pq.read_table(shard, columns=[name])[name].to_pylist()]
 
 
@@ -75,10 +75,12 @@ def test_brackets_in_a_message_are_shown_as_they_are(mine: Made) -> None:
 
 
 def test_a_clip_without_masks_gives_no_samples_and_harms_no_other(mine: Made) -> None:
-    """No hand in contact: nothing to learn from, nothing wrong."""
+    """No hand in contact: nothing to learn from. A data set of one video replaces that of two only when asked to."""
     write_points(mine.source, BAD, [])
     told = mine.run("dataset")
-    assert "Traceback" not in told.err and set(column(mine, "video")) == {GOOD}
+    assert "Traceback" not in told.err and set(column(mine, "video", "-part")) == {GOOD}
+    assert "tiny-part is a part: " in told.words and set(column(mine, "video")) == {GOOD, BAD}
+    assert mine.run("dataset", "--replace").code == told.code and set(column(mine, "video")) == {GOOD}
 
 
 def test_a_source_of_which_nothing_can_be_read_gives_no_data_set(made: Made, tmp_path: Path) -> None:

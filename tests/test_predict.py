@@ -15,12 +15,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from afford.bounded import TooLargeError
 from afford.models.twohands.predictor import Predictor
 from afford.palette import HANDS
 from afford.predict import picture, stored
 from afford.predict.ask import Question, ask
 from afford.predict.overlay import overlay
-from afford.predict.picture import Picture, TooLargeError, decode
+from afford.predict.picture import Picture, decode
 from afford.predict.record import record
 from afford.predict.sources import find
 from afford.readers.errors import SourceError

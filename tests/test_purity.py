@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
-from afford.worker import use_kernel_cache
+from afford.worker import FONTS, use_kernel_cache
 from runner import RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -124,7 +124,7 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     command = [sys.executable, str(ROOT / "tests" / "purity_probe.py"), str(folder / "job.json")]
     kernels = use_kernel_cache(ROOT, store)
     kernels.mkdir(parents=True, exist_ok=True)
-    fonts = store / ".cache" / "matplotlib"
+    fonts = store / ".cache" / FONTS
     kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
     environment = OTHER_ENVIRONMENT | kind | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
     done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -143,3 +145,29 @@ def test_the_real_samples_are_found() -> None:
     tabletop = discover(DATA / "tabletop", digest)
     assert [tree.name for tree in tabletop.videos] == ["P90_01", "P90_02"]
     assert not any(file.name.endswith(".jpg") for tree in tabletop.videos for file in tree.files)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "socket"])
+def test_what_is_no_file_is_refused_and_never_opened(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A named pipe under the name of a video would be read for ever; the other video is used."""
+    write_root(tmp_path, "P95_01")
+    write_root(tmp_path, "P95_02")
+    odd = tmp_path / "videos" / "P95_02.MP4"
+    odd.unlink()
+    if kind == "pipe":
+        os.mkfifo(odd)
+    else:
+        monkeypatch.chdir(odd.parent)
+        socket.socket(socket.AF_UNIX).bind(odd.name)
+    source = discover(tmp_path, digest)
+    assert [tree.name for tree in source.videos] == ["P95_01"]
+    assert f"videos/P95_02.MP4: expected a file, got a {'named pipe' if kind == 'pipe' else kind}" in source.refused[0].reason
+
+
+def test_a_pipe_as_a_table_of_all_videos_refuses_the_source(tmp_path: Path) -> None:
+    """What all videos share cannot be left out."""
+    write_root(tmp_path)
+    (tmp_path / "EPIC_100_train.csv").unlink()
+    os.mkfifo(tmp_path / "EPIC_100_train.csv")
+    with pytest.raises(SourceError, match=r"EPIC_100_train\.csv: expected a file, got a named pipe"):
+        discover(tmp_path, digest)

@@ -12,7 +12,8 @@ from pycocotools import mask as coco_mask
 
 from afford.readers.errors import SourceError
 from afford.readers.own_narrations import seconds
-from afford.readers.polygons import rasterise
+from afford.readers.polygons import rasterise, trace
+from afford.readers.run_lengths import boxed, run_lengths
 from afford.readers.words import verb_and_nouns
 from schemas.clip import Clip
 from stages import source_read
@@ -155,3 +156,35 @@ def test_the_examples_of_the_guide_work_as_printed(tmp_path: Path, kind: str, ke
     hand, mug = clip.key_frames[-1].annotations
     assert (hand.side, hand.contact) == ("right", mug.annotation_id)
     assert [(n.verb, n.noun, n.start_frame) for n in clip.narrations] == [("reach", "mug", 1), ("pick-up", "mug", 19)]
+
+
+@pytest.mark.parametrize("text", ["1e999", "inf", "nan", "1e308:0:0", "-1", "1:2:3:4"])
+def test_times_that_are_none_are_refused(tmp_path: Path, text: str) -> None:
+    """A narration that never stops was the last frame."""
+    with pytest.raises(SourceError, match="expected seconds, mm:ss or hh:mm:ss"):
+        read_own(tmp_path, coco(compressed()), f"start,stop,narration\n0,{text},move mug\n")
+
+
+def test_images_of_one_frame_or_one_id_are_refused(tmp_path: Path) -> None:
+    """The first of the two was lost without a word."""
+    document = coco(compressed())
+    document["images"][1]["file_name"] = document["images"][0]["file_name"]
+    with pytest.raises(SourceError, match="one entry per frame"):
+        read_own(tmp_path, document)
+    document["images"][1]["id"] = 1
+    with pytest.raises(SourceError, match="ids that differ"):
+        read_own(tmp_path, document)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_mask_drawn_in_its_box_is_the_mask(seed: int) -> None:
+    """The same pixels and the same outlines as on the whole picture, also where a run goes on in the next column."""
+    rng = np.random.default_rng(seed)
+    height, width = rng.integers(1, 50, 2)
+    mask = rng.random((height, width)) < rng.choice([0.02, 0.3, 0.98])
+    code = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))["counts"].decode()
+    found, whole = boxed(run_lengths(code, height, width), height), np.zeros_like(mask)
+    whole[found.y : found.y + found.mask.shape[0], found.x : found.x + found.mask.shape[1]] = found.mask
+    assert np.array_equal(whole, mask)
+    outlines = trace(found.mask, (found.x, found.y))
+    assert [p.points.tolist() for p in outlines] == [p.points.tolist() for p in trace(mask)]

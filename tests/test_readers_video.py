@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.readers.errors import SourceError
 from afford.video.decode import decode_video
 from afford.video.number import epic_rate, number_in, shown
 from afford.video.probe import probe
@@ -109,3 +110,26 @@ def test_numbers_are_read_off_names() -> None:
     """The last run of digits counts."""
     assert number_in("rgb_frames/P03_101/P03_101_frame_0000000157.jpg") == 157
     assert number_in("x/no digits.png") is None
+
+
+@pytest.mark.parametrize("text", [
+    "ffconcat version 1.0\nfile other.mp4\n",
+    "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nother.mp4\n#EXT-X-ENDLIST\n",
+    "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 4567 RTP/AVP 96\na=rtpmap:96 H264/90000\n",
+    '<?xml version="1.0"?><MPD xmlns="urn:mpeg:dash:schema:mpd:2011" type="static"><Period><AdaptationSet><Representation id="1">'
+    "<BaseURL>other.mp4</BaseURL></Representation></AdaptationSet></Period></MPD>"], ids=["ffconcat", "HLS", "SDP", "DASH"])
+def test_a_list_of_other_files_is_no_video(tmp_path: Path, text: str) -> None:
+    """The files that it names are in no digest, so that their change would go unnoticed."""
+    write_video(tmp_path / "other.mp4", 12)
+    path = tmp_path / "list.mp4"
+    path.write_text(text)
+    for read in (probe, lambda file: decode_video(file, 1, 3, None, BOX)):
+        with pytest.raises(SourceError, match=r"list\.mp4: expected a video that can be read"):
+            read(path)
+
+
+def test_a_file_may_be_called_like_a_protocol(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name with a colon is a name."""
+    write_video(tmp_path / "a.mp4", 12).rename(tmp_path / "concat:b.mp4")
+    monkeypatch.chdir(tmp_path)
+    assert len(probe(Path("concat:b.mp4")).pts) == 12

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 
 from afford.interactions import pictures
+from afford.interactions.mat5 import read_matrix
 from afford.readers.errors import SourceError
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages import static_read
@@ -114,6 +119,33 @@ def test_faults_of_umd(tmp_path) -> None:
     (tmp_path / "category_split.txt").write_text("3 knife_01\n")
     with pytest.raises(SourceError, match="line 1: expected 1 or 2, then a tool"):
         static_read.run(folder(tmp_path, "umd"), static_read.Params("umd", crop_px=0))
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2", "i4", "u4", "f4", "f8"])
+def test_a_matrix_is_read_as_scipy_reads_it(dtype: str, packed: bool, tmp_path) -> None:
+    """Among other variables, of any size."""
+    for shape in ((3, 5), (1, 1), (40, 60), (2, 3, 4), (0, 0)):
+        label = np.random.default_rng(0).integers(0, 9, shape).astype(dtype)
+        more = {"a": np.arange(5.0), "gt_label": label, "words": "text", "cell": {"x": 1}, "a_long_name_here": 3}
+        scipy.io.savemat(tmp_path / "a.mat", more, do_compression=packed)
+        found = read_matrix((tmp_path / "a.mat").read_bytes(), "gt_label", "a.mat")
+        wanted = scipy.io.loadmat(tmp_path / "a.mat")["gt_label"]
+        assert found is not None and found.dtype == wanted.dtype and np.array_equal(found, wanted)
+    assert read_matrix((tmp_path / "a.mat").read_bytes(), "other", "a.mat") is None
+    for more in ({"gt_label": "text"}, {"gt_label": np.array([1j])}, {"gt_label": scipy.sparse.eye(3)}):
+        scipy.io.savemat(tmp_path / "a.mat", more, do_compression=packed)
+        with pytest.raises(SourceError, match=r"a\.mat: expected a MATLAB 5 file"):
+            read_matrix((tmp_path / "a.mat").read_bytes(), "gt_label", "a.mat")
+
+
+@pytest.mark.parametrize(("backend", "write", "name"), [("umd", umd, "category_split.txt"), ("iit-aff", iit_aff, "val.txt")])
+def test_a_split_that_is_no_text_is_named(backend: str, write: Callable[[Path], object], name: str, tmp_path) -> None:
+    """Byte and file."""
+    write(tmp_path)
+    (tmp_path / name).write_bytes(b"1 knife\xff\n")
+    with pytest.raises(SourceError, match=rf"{name}: expected text in UTF-8, got byte 7 that is not"):
+        static_read.run(folder(tmp_path, backend), static_read.Params(backend))
 
 
 def test_faults_of_iit_aff(tmp_path) -> None:

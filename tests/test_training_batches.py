@@ -235,3 +235,14 @@ def test_scores_are_the_definitions() -> None:
         assert found[0, n] == pytest.approx((said & true).sum() / (said | true).sum())
         assert found[1, n] == pytest.approx((said & true).sum() / said.sum() if said.any() else 0)
     assert scores(np.zeros((2, 4, 4), np.float32), truth[:, :4, :4]).max() == 0
+
+
+def test_a_flipped_bit_is_not_learned(tmp_path: Path) -> None:
+    """Pages are verified when a model is trained on them; the sentence names the shard."""
+    dataset_pack.run((clip("P01_01", 3, split="train"),), dataset_pack.Params(sheet_samples=1), Scratch(tmp_path))
+    path = next((tmp_path / "dataset" / "data").glob("*.parquet"))
+    flipped = bytearray(path.read_bytes())
+    flipped[flipped.index(b"JFIF") + 700] ^= 1  # in a picture
+    path.write_bytes(bytes(flipped))
+    with pytest.raises(ValueError, match=r"train-00000-of-00001\.parquet: expected a whole shard of a data set"):
+        list(sources.items({f"data/{path.name}": path}, "train"))

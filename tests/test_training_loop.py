@@ -141,12 +141,16 @@ def test_a_loss_that_explodes_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
-    """Half a file is named, not loaded."""
-    run(tmp_path)
+    """Half a file, or one flipped bit of a weight, is named, not loaded; the next run begins anew and ends as a first one does."""
+    first, _ = run(tmp_path)
     path = tmp_path / "checkpoint.safetensors"
-    path.write_bytes(path.read_bytes()[:500])
-    with pytest.raises(ValueError, match=r"checkpoint\.safetensors: expected a checkpoint of a training"):
-        run(tmp_path)
+    whole = path.read_bytes()
+    for damaged in (whole[:500], whole[:-5] + bytes([whole[-5] ^ 1]) + whole[-4:], whole.replace(b"step", b"stop", 1)):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"checkpoint\.safetensors: expected a checkpoint of a training"):
+            run(tmp_path)
+        again, _ = run(tmp_path)
+        assert bytes_of(again.model) == bytes_of(first.model)
 
 
 def test_ahead_keeps_the_order_and_passes_errors_on() -> None:

@@ -123,3 +123,27 @@ def test_bad_questions_are_refused() -> None:
         predictor.predict(image, "x", hands="none")
     with pytest.raises(ValueError, match="2 images and 1 tasks"):
         predictor.predict_batch([image, image], ["x"])
+
+
+def test_inference_on_a_cpu_takes_one_thread_and_gives_back_the_others() -> None:
+    """Inside the model one; afterwards, and after an error, as many as the process had."""
+    before = torch.get_num_threads()
+
+    class Counts(Red):
+        def forward(self, batch: Batch) -> Output:
+            found.append(torch.get_num_threads())
+            if batch.task == ("fail",):
+                raise RuntimeError("out of paper")
+            return super().forward(batch)
+
+    found: list[int] = []
+    predictor, image = Predictor(Counts(), mirror=False), np.zeros((10, 10, 3), np.uint8)
+    torch.set_num_threads(3)
+    try:
+        predictor.predict(image, "take the box")
+        assert found == [1] and torch.get_num_threads() == 3
+        with pytest.raises(RuntimeError, match="out of paper"):
+            predictor.predict(image, "fail")
+        assert found == [1, 1] and torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)

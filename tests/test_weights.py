@@ -12,6 +12,7 @@ import pytest
 
 from afford.models.hub import files, find
 from afford.models.weights import placed, root, stamp
+from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
 from commands.weights import reads_weights, weighed
@@ -127,6 +128,41 @@ def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code.replace("    find(", "    print(find(").replace("model')", "model'))")],
                           cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
     assert done.stdout.strip().endswith("snapshots/0123456789abcdef0123456789abcdef01234567"), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("name", "repository", "revision"), [
+    ("owner/model", "owner/model", None), ("model@v1.0", "model", "v1.0"), ("owner/model@refs/pr/1", "owner/model", "refs/pr/1"),
+    ("owner/model@0123456789abcdef0123456789abcdef01234567", "owner/model", "0123456789abcdef0123456789abcdef01234567")])
+def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
+    name: str, repository: str, revision: str | None, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without one, the newest; the whole name stays in the parameters, so that a run states its revision."""
+    called = []
+
+    def download(repository: str, *, revision: str | None, allow_patterns: list[str]) -> str:
+        called.append((repository, revision))
+        return str(model)
+
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
+    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+    assert called == [(repository, revision)] and chosen.mask_densify.model == name
+
+
+@pytest.mark.parametrize("name", ["owner/model@", "owner/model@-x", "owner/model@a b", "owner/model@a@b", "@main"])
+def test_what_is_no_revision_is_no_hub_id(name: str) -> None:
+    """Refused before anything is downloaded."""
+    with pytest.raises(ValueError, match=r"OWNER/NAME or OWNER/NAME@REVISION\), got nothing there"):
+        find(name)
+
+
+def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By `pipeline.py backends`: another revision of the same model is not here."""
+    commit = "0123456789abcdef0123456789abcdef01234567"
+    snapshot = tmp_path / "models--owner--model" / "snapshots" / commit
+    snapshot.mkdir(parents=True)
+    (snapshot / "config.json").write_text("{}")
+    monkeypatch.setattr("huggingface_hub.file_download.constants.HF_HUB_CACHE", str(tmp_path))
+    assert backends._in_cache(f"owner/model@{commit}") and not backends._in_cache("owner/model@v2")
 
 
 def test_local_places_are_taken_as_they_are(model: Path) -> None:

@@ -119,6 +119,27 @@ def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(tmp_path: Path)
             assert output(script) == [42, 1], (path.name, place)
 
 
+FONTS = """
+import json
+from pathlib import Path
+from afford.worker import use_font_cache
+use_font_cache(Path({store!r}))
+from matplotlib.font_manager import fontManager
+found = Path({store!r}).rglob("fontlist-*.json")
+print(json.dumps([path.read_text() for path in found]))
+"""
+
+
+def test_a_flipped_byte_of_the_list_of_fonts_is_found_before_it_is_used(tmp_path: Path) -> None:
+    """It is made again; another name of a font would draw other pictures."""
+    script = FONTS.format(store=str(tmp_path))
+    (whole,) = output(script)
+    (path,) = tmp_path.rglob("fontlist-*.json")
+    path.write_text(whole.replace("DejaVu", "DejaWu", 1))
+    again = output(script)
+    assert "DejaWu" not in again[0] and output(script) == again, "made anew once, then kept"
+
+
 def output(script: str, **environment: str) -> Any:
     """The JSON that a script prints last, in a process of its own."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}

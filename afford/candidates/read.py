@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.bounded import check_image, load_npy, not_an_image, reason
 from afford.predict.picture import read_image
 from afford.predict.sources import RECORD
 from afford.readers.errors import SourceError
@@ -73,9 +74,9 @@ def read_depth(path: Path) -> np.ndarray:
     """(h, w) float32 metres, 0 where nothing was measured, of a 16-bit PNG in millimetres or a .npy in metres."""
     expected, fix = "a depth picture: PNG of 16 bits in millimetres, or .npy (h, w) in metres", "convert it"
     try:
-        found = np.load(path, allow_pickle=False) if path.suffix == ".npy" else _png(path)
-    except (OSError, ValueError, EOFError) as error:
-        raise SourceError(str(path), expected, _why(error), "check the path and the format") from error
+        found = load_npy(path, str(path)) if path.suffix == ".npy" else _png(path)
+    except OSError as error:
+        raise SourceError(str(path), expected, reason(error), "check the path and the format") from error
     if found.ndim != 2 or not (found.dtype == np.uint16 if path.suffix != ".npy" else found.dtype.kind == "f"):
         raise SourceError(str(path), expected, f"{found.dtype} {found.shape}", fix)
     depth = (found * PNG_M if found.dtype == np.uint16 else found).astype(np.float32)
@@ -92,7 +93,7 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     try:
         found = _png(path)
     except OSError as error:
-        raise SourceError(str(path), "a mask (PNG)", _why(error), "check the path") from error
+        raise SourceError(str(path), "a mask (PNG)", reason(error), "check the path") from error
     flat = found.max(axis=2) if found.ndim == 3 else found
     if flat.shape != shape:
         raise SourceError(str(path), f"a mask of the depth's size, {shape[1]} x {shape[0]}", f"{flat.shape[1]} x {flat.shape[0]}",
@@ -102,27 +103,29 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
 
 def _png(path: Path) -> np.ndarray:
     data = path.read_bytes()
-    found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    check_image(data, str(path))
+    try:
+        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise not_an_image(str(path), len(data)) from error
     if found is None:
-        raise OSError("a file that is no picture")
+        raise not_an_image(str(path), len(data))
     return found
-
-
-def _why(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error).splitlines()[0]
 
 
 def _json(path: Path, what: str) -> Any:
     try:
         return parse(path.read_bytes(), str(path))
     except OSError as error:
-        raise SourceError(str(path), what, _why(error), "check the path") from error
+        raise SourceError(str(path), what, reason(error), "check the path") from error
 
 
 def _places(files: Files) -> list[Path | None]:
-    """The mask of the left and of the right hand."""
-    return [given or (files.masks / f"{side}.png" if files.masks else None)
-            for side, given in zip(SIDES, (files.left, files.right), strict=True)]  # fmt: skip
+    """The mask of the left and of the right hand; a folder with that of one hand is about this hand."""
+    inside: list[Path | None] = [files.masks / f"{side}.png" if files.masks else None for side in SIDES]
+    if any(path and path.exists() for path in inside):
+        inside = [path if path and path.exists() else None for path in inside]
+    return [given or path for given, path in zip((files.left, files.right), inside, strict=True)]
 
 
 def _regions(files: Files, shape: tuple[int, ...]) -> np.ndarray:
@@ -175,7 +178,7 @@ def _numbers(found: Any, shape: tuple[int, ...]) -> np.ndarray | None:
     """The array, None when it is not one of finite numbers of this shape; -1 stands for any size."""
     try:
         out = np.array(found, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     fits = out.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, out.shape, strict=True))
     return out if fits and np.isfinite(out).all() else None
@@ -190,7 +193,7 @@ def _hands(files: Files, region: np.ndarray) -> np.ndarray:
     if files.masks is not None and (files.masks / RECORD).is_file():
         content = _json(files.masks / RECORD, "a prediction")
         chosen = content.get("hands") if isinstance(content, dict) else None
-        if not isinstance(chosen, list) or not set(chosen) <= set(SIDES):
+        if not isinstance(chosen, list) or not all(side in SIDES for side in chosen):
             raise SourceError(f"{files.masks / RECORD}, field 'hands'", "a list of left and right", repr(chosen), "predict again")
         return np.array([side in chosen for side in SIDES])
     return np.asarray(region.any((1, 2)))
@@ -209,10 +212,7 @@ def _negative(files: Files, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndar
 
 
 def _points(path: Path) -> np.ndarray:
-    try:
-        found = _numbers(np.load(path, allow_pickle=False), (-1, 3))
-    except (OSError, ValueError, EOFError) as error:
-        raise SourceError(str(path), "points (k, 3) in metres", _why(error), "check the path and the format") from error
+    found = _numbers(load_npy(path, str(path)), (-1, 3))
     if found is None:
         raise SourceError(str(path), "finite points (k, 3) in metres, in the camera's frame", "another array", "check its shape")
     return found

@@ -14,7 +14,10 @@ from blake3 import blake3
 from schemas.files import FileRef, FileTree
 
 MANIFEST = "manifest.json"
+FOOTER = "footer_blake3"
 CHUNK_BYTES = 1 << 20
+TAIL_BYTES = 8
+"""of a Parquet file: the length of its footer and its mark"""
 
 
 def empty_folder(path: Path) -> Path:
@@ -45,13 +48,25 @@ def sha256(path: Path) -> str:
 
 
 def write_manifest(root: Path) -> None:
-    """manifest.json: size, sha256 and blake3 of every other file."""
+    """manifest.json: size, sha256 and blake3 of every other file, and blake3 of the footer of every shard."""
     files = {name: _entry(root / name) for name in names(root) if name != MANIFEST}
     write_json(root / MANIFEST, {"files": files})
 
 
 def _entry(path: Path) -> dict[str, Any]:
-    return {"bytes": path.stat().st_size, "sha256": sha256(path), "blake3": _blake3(path)}
+    entry = {"bytes": path.stat().st_size, "sha256": sha256(path), "blake3": _blake3(path)}
+    return entry | ({FOOTER: footer_digest(path)} if path.suffix == ".parquet" else {})
+
+
+def footer_digest(path: Path) -> str:
+    """Hex digest of what stands behind the pages of a Parquet file: schema, classes, places of the columns. Pages have checksums of
+    their own."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(max(size - TAIL_BYTES, 0))
+        stated = int.from_bytes(file.read(TAIL_BYTES)[:4], "little")
+        file.seek(max(size - TAIL_BYTES - stated, 0))
+        return blake3(file.read()).hexdigest()
 
 
 def tree(name: str, root: Path) -> FileTree:

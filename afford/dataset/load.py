@@ -1,11 +1,11 @@
-"""The data set, read back: shards -> samples as arrays. Works as it is with `torch.utils.data.DataLoader`."""
+"""The data set, read back: shards -> samples as arrays; with `collate`, batches of a `torch.utils.data.DataLoader`."""
 
 from __future__ import annotations
 
 import json
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
@@ -14,10 +14,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from afford.bounded import check_image
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
+from afford.dataset.parquet import opened, read_group, refused
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -51,8 +52,24 @@ class Item:
     """(s,) int64, after the sample"""
 
 
-def splits(root: Path) -> list[str]:
+def collate(items: Sequence[Item]) -> dict[str, Any]:
+    """A batch, for `DataLoader(Dataset(folder), collate_fn=collate)`: field of Item -> tensor (b, ...) of its arrays or numbers, or
+    list of its words. ValueError where arrays differ in shape."""
+    import torch
+
+    batch: dict[str, Any] = {}
+    for name, values in ((field.name, [getattr(item, field.name) for item in items]) for field in fields(Item)):
+        shapes = sorted({np.shape(value) for value in values})
+        if len(shapes) > 1:
+            raise ValueError(f"field {name!r}: expected one shape in a batch, got {shapes[0]} and {shapes[1]}; bring the samples "
+                             "to one size before, or take batches of one")
+        batch[name] = values if isinstance(values[0], str) else torch.from_numpy(np.stack(values))
+    return batch
+
+
+def splits(root: Path | str) -> list[str]:
     """Names of the splits, `train` before `val` before `test`, then others. ValueError when there is none."""
+    root = Path(root)
     names = {path.name.rsplit("-", 3)[0] for path in (root / "data").glob("*-of-*.parquet")}
     if not names:
         raise ValueError(f"{root.name}/data: expected <split>-NNNNN-of-NNNNN.parquet, found none; "
@@ -60,34 +77,42 @@ def splits(root: Path) -> list[str]:
     return [name for name in ("train", "val", "test") if name in names] + sorted(names - {"train", "val", "test"})
 
 
-def shards(root: Path, split: str) -> list[Path]:
+def shards(root: Path | str, split: str) -> list[Path]:
     """The Parquet files of one split. ValueError when there is none."""
+    root = Path(root)
     if split not in splits(root):
         raise ValueError(f"{root.name}/data: expected {split}-*.parquet, found the splits {', '.join(splits(root))}")
     return sorted((root / "data").glob(f"{split}-*-of-*.parquet"))
 
 
 def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rows of the table as they are written (images as bytes), in order; one row group in memory."""
+    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
     for path in shards(root, split):
-        with pq.ParquetFile(path) as file:
-            for group in range(file.num_row_groups):
-                yield from file.read_row_group(group, columns=list(columns), use_threads=False).to_pylist()
+        for group in range(_groups(path)):
+            with refused(path):
+                found = read_group(path, group, columns).to_pylist()
+            yield from found
+
+
+def _groups(path: Path) -> int:
+    with opened(path) as file:
+        return int(file.num_row_groups)
 
 
 class Dataset(Sequence[Item]):
-    """One split. Indexing decodes one sample; iterating reads the shards in order."""
+    """One split. Indexing decodes one sample; iterating reads the shards in order. SourceError when a shard is damaged."""
 
-    def __init__(self, root: Path, split: str = "train") -> None:
+    def __init__(self, root: Path | str, split: str = "train") -> None:
         self.files = shards(root, split)
-        opened = [pq.ParquetFile(path) for path in self.files]
-        self.groups = [(n, group) for n, file in enumerate(opened) for group in range(file.num_row_groups)]
-        self.ends = list(accumulate(opened[n].metadata.row_group(group).num_rows for n, group in self.groups))
-        self.features = json.loads(opened[0].schema_arrow.metadata[b"huggingface"])["info"]["features"]
+        lengths = [_lengths(path) for path in self.files]
+        self.groups = [(n, group) for n, rows in enumerate(lengths) for group in range(len(rows))]
+        self.ends = list(accumulate(length for rows in lengths for length in rows))
+        with opened(self.files[0]) as file, refused(self.files[0]):
+            self.features = json.loads(file.schema_arrow.metadata[b"huggingface"])["info"]["features"]
         self._group = lru_cache(maxsize=4)(self._read)
 
     def __len__(self) -> int:
-        return self.ends[-1]
+        return self.ends[-1] if self.ends else 0
 
     def __getitem__(self, index: Any) -> Any:
         """Sample `index`; negative ones count from the end."""
@@ -115,14 +140,22 @@ class Dataset(Sequence[Item]):
 
     def _read(self, group: int) -> _Group:
         number, inside = self.groups[group]
-        with pq.ParquetFile(self.files[number]) as file:
-            return _Group(file.read_row_group(inside, columns=list(NEEDED), use_threads=False).combine_chunks())
+        path = self.files[number]
+        with refused(path):
+            return _Group(path, read_group(path, inside, NEEDED).combine_chunks())
+
+
+def _lengths(path: Path) -> list[int]:
+    """Rows of each row group of a shard."""
+    with opened(path) as file:
+        return [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
 
 
 class _Group:
     """A row group, its columns unpacked, its pictures not yet decoded."""
 
-    def __init__(self, table: pa.Table) -> None:
+    def __init__(self, path: Path, table: pa.Table) -> None:
+        self.path = path
         self.size = table.num_rows
         self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
         self.jpeg = table["image"].chunk(0).field("bytes")
@@ -132,11 +165,17 @@ class _Group:
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
 
     def item(self, n: int) -> Item:
-        data = np.frombuffer(self.jpeg[n].as_buffer(), np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
-        if image is None:
-            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG; compare the shard with manifest.json")
+        """Sample `n`, decoded; SourceError when a picture of it is damaged."""
+        with refused(self.path):
+            return self._item(n)
+
+    def _item(self, n: int) -> Item:
+        data = self.jpeg[n].as_py()
+        check_image(data, f"{self.plain['sample_id'][n]}, column `image`")
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
         planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
+        if image is None or planes.shape[1:] != image.shape[:2]:
+            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG, or none of the size of its masks")
         return Item(image=image, masks=planes, motion=self.motion[n], motion_time_ns=self.times[n],
                     **{name: found[n] for name, found in self.plain.items()})
 

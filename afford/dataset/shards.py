@@ -31,10 +31,10 @@ def write(rows: Iterator[dict[str, Any]], schema: pa.Schema, root: Path, names: 
 
 
 def _writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
-    """zstd but for the JPEGs, which it cannot shorten; page index and content-defined pages for the Hub."""
+    """zstd but for the JPEGs, which it cannot shorten; page index and content-defined pages for the Hub; checksums of pages."""
     codec = dict.fromkeys(_leaves(schema), "zstd") | {"image.bytes": "none"}
     return pq.ParquetWriter(path, schema, compression=codec, use_dictionary=False, write_page_index=True,
-                            use_content_defined_chunking=True)
+                            write_page_checksum=True, use_content_defined_chunking=True)
 
 
 def _leaves(schema: pa.Schema) -> list[str]:

@@ -39,8 +39,9 @@ class Asker:
     def about(self) -> dict[str, Any]:
         """What the page says of the model."""
         config = self._predictor.model.config
+        words = self._model.words
         return {"name": self._model.name, "digest": self._model.digest, "variant": config.variant, "threshold": config.threshold,
-                "hypotheses": config.hypotheses}  # fmt: skip
+                "hypotheses": config.hypotheses, "words": words and {"verbs": words.verbs, "things": words.things}}  # fmt: skip
 
     def __call__(self, data: bytes, task: str, hands: str) -> dict[str, Any]:
         """The record of one answer (afford/predict/record.py) and `maps`: per hand and hypothesis an 8-bit PNG of

@@ -44,7 +44,7 @@ async function take(file) {
     return fail(`${file.name}: expected an image (JPEG, PNG or WebP), got a file that cannot be shown as one; choose another.`);
   }
   Object.assign(shown, { file, image, answer: null, maps: null });
-  $("answer").hidden = true;
+  $("answer").hidden = $("unknown").hidden = true;
   $("invitation").hidden = true;
   $("canvas").hidden = $("under").hidden = false;
   $("drop").classList.add("full");
@@ -143,7 +143,7 @@ function differs(inside, n, x, y, width, height, thick, here) {
 
 // -- the words -------------------------------------------------------------------------------------------------------
 
-const percent = (value) => `${Math.round(100 * value)} %`;
+const percent = (value) => `${Math.round(100 * value)}\u00a0%`;
 
 function bar(value) {
   const fill = make("i");
@@ -155,6 +155,9 @@ function describe() {
   const { answer } = shown;
   $("answer").hidden = false;
   $("hands").replaceChildren(...SIDES.map(card));
+  const unknown = answer.unknown_words ?? [];
+  $("unknown").hidden = !unknown.length;
+  $("unknown").textContent = `The training of this model did not contain ${unknown.map((word) => `“${word}”`).join(", ")}, so that the answer may mean little. The known words are below.`;
   $("pairs").hidden = !(answer.left.selected && answer.right.selected);
   $("taxonomy").replaceChildren(...Object.entries(answer.taxonomy.probabilities).flatMap(([name, value]) => {
     const className = name === answer.taxonomy.label ? "likeliest" : "";
@@ -174,6 +177,12 @@ function card(side) {
   const note = make("span", { className: "faint", id: `area-${side}`, textContent: hand.selected ? area(side) : "not needed" });
   const node = make("div", { className: `hand ${side}${hand.selected ? "" : " idle"}` }, make("header", {}, name, note));
   if (hand.selected && hand.hypotheses.length > 1) node.append(ways(side, hand));
+  if (hand.selected) {
+    const button = make("button", { type: "button", className: "plain", id: `save-${side}`, textContent: "Download the mask" });
+    button.setAttribute("aria-label", `Download the mask of the ${side} hand`);
+    button.addEventListener("click", () => save(side));
+    node.append(button);
+  }
   return node;
 }
 
@@ -203,6 +212,19 @@ function refresh() {
   draw();
   for (const side of SIDES) if (shown.answer[side].selected) $(`area-${side}`).textContent = area(side);
   label();
+}
+
+// The region that is shown, at the picture's own size: a PNG, white inside and black outside.
+async function save(side) {
+  const { width, height } = shown.image, layer = new OffscreenCanvas(width, height), context = layer.getContext("2d");
+  context.imageSmoothingQuality = "high";
+  context.drawImage(shown.maps[side][shown.ways[side]], 0, 0, width, height);
+  const pixels = context.getImageData(0, 0, width, height), { data } = pixels, least = shown.threshold * 255;
+  for (let n = 0; n < data.length; n += 4) data.fill(data[n] > least ? 255 : 0, n, n + 3);
+  context.putImageData(pixels, 0, 0);
+  const url = URL.createObjectURL(await layer.convertToBlob({ type: "image/png" }));
+  make("a", { href: url, download: `${shown.file.name.replace(/\.[^.]*$/, "")}_${side}.png` }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 60000);
 }
 
 const measured = new WeakMap();   // map -> Uint8 histogram of its probabilities, so that the slider is quick
@@ -250,6 +272,11 @@ document.addEventListener("paste", (event) => { if (event.clipboardData.files.le
 async function start() {
   const model = await (await fetch("/model.json")).json();
   $("model").textContent = `model ${model.name}, ${model.digest.slice(0, 12)}`;
+  if (model.words) {
+    for (const kind of ["verbs", "things"]) $(kind).textContent = model.words[kind].join(", ");
+    $("words").querySelector("dl").hidden = false;
+    $("words").querySelector("p").hidden = true;
+  }
   const examples = await (await fetch("/examples.json")).json();
   $("examples").hidden = !examples.length;
   $("examples").querySelector("ul").replaceChildren(...examples.map(({ url, task }) => {

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as Xml
 
 import numpy as np
 
+from afford.bounded import TooLargeError
 from afford.hands.tree import GREY, Coupling, Joint, Link, Tree, ordered
 from afford.hands.urdf_shapes import Meshes, shapes
 from afford.meshes.files import URDF, suffix
@@ -15,6 +16,8 @@ from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 FIX = "correct the URDF"
+MAX_LINKS = 1000
+"""of a hand, or of a robot that carries one: a humanoid with two hands has 100"""
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -30,11 +33,13 @@ def read(files: FileTree) -> Tree:
 
 
 def _tree(files: FileTree, file: FileRef, root: Xml.Element) -> Tree:
+    links = root.findall("link")
+    if len(links) > MAX_LINKS:
+        raise TooLargeError(file.name, f"a hand of at most {MAX_LINKS} links", str(len(links)), FIX)
     meshes = Meshes(files, file)
     paints = {m.get("name", ""): m for m in root.findall("material")}
-    links = tuple(_link(link, file.name, paints, meshes) for link in root.findall("link"))
     joints = tuple(_joint(joint, file.name) for joint in root.findall("joint"))
-    tree = ordered(Tree(file.name, links, joints, meshes.found))
+    tree = ordered(Tree(file.name, tuple(_link(link, file.name, paints, meshes) for link in links), joints, meshes.found))
     return Tree(files.name, tree.links, tree.joints, meshes.found)
 
 

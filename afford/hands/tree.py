@@ -131,11 +131,14 @@ def cut(tree: Tree, root: str) -> Tree:
 
 def _below(tree: Tree, root: str) -> list[Joint]:
     """Joints below a link, depth first."""
+    carried: dict[str, list[Joint]] = {}
+    for joint in reversed(tree.joints):
+        carried.setdefault(joint.parent, []).append(joint)
     out: list[Joint] = []
-    waiting = [joint for joint in reversed(tree.joints) if joint.parent == root]
+    waiting = [*carried.get(root, ())]
     while waiting and len(out) <= len(tree.joints):
         out.append(waiting.pop())
-        waiting.extend(joint for joint in reversed(tree.joints) if joint.parent == out[-1].child)
+        waiting.extend(carried.get(out[-1].child, ()))
     return out
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import posixpath
 import xml.etree.ElementTree as Xml
+from collections import Counter
 
 import numpy as np
 
 from afford.hands.tree import Shape
 from afford.meshes.read import read_mesh
-from afford.meshes.surface import moved
+from afford.meshes.surface import Surface, check_triangles, moved
 from afford.meshes.urdf import mesh_file, numbers, origin
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
@@ -25,6 +26,10 @@ class Meshes:
     def __init__(self, files: FileTree, urdf: FileRef) -> None:
         self.files, self.urdf = files, urdf
         self.found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._surfaces: dict[str, Surface] = {}
+        self._triangles = 0
+        self._taken: Counter[str] = Counter()
+        """how many names begin with these words and a dot"""
         self._names: dict[tuple[str, tuple[float, ...]], str] = {}
 
     def name(self, mesh: Xml.Element) -> str:
@@ -32,17 +37,26 @@ class Meshes:
         file = mesh_file(self.files, self.urdf, mesh)
         scale = tuple(map(float, numbers(mesh, "scale", (1.0, 1.0, 1.0), self.urdf.name)))
         if (file.name, scale) not in self._names:
-            surface = moved(read_mesh(self.files, file), np.diag([*scale, 1.0]))
+            surface = moved(self._surface(file), np.diag([*scale, 1.0]))
             if not len(surface.faces):
                 raise SourceError(file.name, "triangles", "none", "export the mesh again")
+            self._triangles += len(surface.faces)
+            check_triangles(self._triangles, self.urdf.name)
             name = self._free(posixpath.splitext(file.name)[0].removeprefix("meshes/").replace("/", "_"))
             self._names[file.name, scale] = name
             self.found[name] = (surface.vertices.astype(np.float32), surface.faces.astype(np.int32))
         return self._names[file.name, scale]
 
+    def _surface(self, file: FileRef) -> Surface:
+        if file.name not in self._surfaces:
+            self._surfaces[file.name] = read_mesh(self.files, file)
+        return self._surfaces[file.name]
+
     def _free(self, stem: str) -> str:
-        taken = sum(name.startswith(f"meshes/{stem}.") for name in self.found)
-        return f"meshes/{stem}.obj" if not taken else f"meshes/{stem}.{taken}.obj"
+        name = f"{stem}.{self._taken[stem]}" if self._taken[stem] else stem
+        words = f"{name}.obj".split(".")
+        self._taken.update(".".join(words[:k]) for k in range(1, len(words)))
+        return f"meshes/{name}.obj"
 
 
 def shapes(link: Xml.Element, where: str, meshes: Meshes) -> tuple[Shape, ...]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from afford.interactions.names import SPLITS, VIEWS
 from afford.readers.errors import SourceError
 from afford.readers.folder import Entry, entries
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]
@@ -26,8 +28,8 @@ def discover(root: Path, digest: Digest) -> tuple[FileTree, ...]:
     if not found:
         raise SourceError(str(root), "train/<Subject>_<action>_<object>/rgb/ or the same in val/", "no such folder",
                           "name the folders as docs/interaction-data.md says")  # fmt: skip
-    names = [key.partition("/")[2] for key in found]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    names = Counter(key.partition("/")[2] for key in found)
+    twice = next((name for name, count in names.items() if count > 1), None)
     if twice is not None:
         raise SourceError(str(root), "sequences of one name only", f"{twice!r} in train and val", "rename one")
     return tuple(tree(key.partition("/")[2], kept, digest) for key, kept in sorted(found.items()))
@@ -49,7 +51,7 @@ def views(root: Path) -> dict[str, int]:
     if not path.is_file():
         return {}
     out = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path, VIEWS).splitlines(), 1):
         subject, _, view = line.partition("\t")
         if line and view.strip() not in ("1", "2", "3"):
             raise SourceError(f"{VIEWS}, line {number}", "SubjectN, a tab, and 1, 2 or 3", repr(line), "correct the line")

@@ -21,6 +21,7 @@ from afford.interactions.crops import centre, mapped
 from afford.interactions.pictures import picture
 from afford.interactions.static_set import Listed
 from afford.readers.errors import SourceError
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 
@@ -49,7 +50,7 @@ def _splits(files: FileTree) -> dict[str, str]:
     for name, split in SPLIT_FILES:
         for file in files.files:
             if PurePosixPath(file.name).name == name:
-                for line in file.path.read_text(encoding="utf-8").split():
+                for line in read_text(file.path, file.name).split():
                     out.setdefault(PurePosixPath(line).stem, split)
     return out
 
@@ -71,8 +72,9 @@ def _sample(stem: str, at: dict[tuple[str, ...], FileRef], split: str, crop_px: 
 
 def _rows(file: FileRef) -> np.ndarray:
     """(h, w) float64 of a table of numbers in text; SourceError when a row is of another length, or no number."""
+    lines = read_text(file.path, file.name).splitlines()
     try:
-        found = np.array([line.split() for line in file.path.read_text(encoding="utf-8").splitlines() if line.strip()], np.float64)
+        found = np.array([line.split() for line in lines if line.strip()], np.float64)
     except ValueError as error:
         raise SourceError(file.name, "rows of numbers of one length", str(error), FIX) from error
     if found.ndim != 2 or not np.isfinite(found).all():

@@ -7,17 +7,25 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.bounded import TooLargeError, check_image
 from afford.readers.errors import SourceError
 from schemas.files import FileRef
 
 
 def picture(file: FileRef, flags: int, dtype: Any, dimensions: int) -> np.ndarray:
     """The picture as OpenCV reads it: BGR, or one channel; SourceError when it is none, or of another kind."""
-    data = np.fromfile(file.path, np.uint8)
-    found = cv2.imdecode(data, flags) if data.size else None
+    data = file.path.read_bytes()
+    got = f"{len(data)} bytes that OpenCV cannot decode"
+    broken = SourceError(file.name, "a picture", got, "was the file cut short? get it again")
+    try:
+        check_image(data, file.name)
+        found = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except TooLargeError:
+        raise
+    except (cv2.error, SourceError) as error:
+        raise broken from error
     if found is None:
-        got = f"{file.size} bytes that OpenCV cannot decode"
-        raise SourceError(file.name, "a picture", got, "was the file cut short? get it again")
+        raise broken
     if found.dtype != dtype or found.ndim != dimensions:
         want = f"{'one channel' if dimensions == 2 else 'three channels'} of {np.dtype(dtype).name}"
         raise SourceError(file.name, want, f"{found.dtype} {found.shape}", "convert the picture")

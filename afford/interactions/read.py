@@ -150,7 +150,7 @@ def _number(record: object, key: str, where: str) -> float:
     found = record.get(key) if isinstance(record, dict) else None
     try:
         number = float(found) if isinstance(found, (int, float, str)) and not isinstance(found, bool) else math.nan
-    except ValueError:
+    except (ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise SourceError(f"{where}, {key}", "a number", repr(found), DOCS)

@@ -10,20 +10,20 @@ assumption. Intrinsics are not given. Of our nine affordances only grasp, cut an
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from functools import partial
 from pathlib import PurePosixPath
 
 import cv2
 import numpy as np
-import scipy.io
 
 from afford.interactions.crops import centre, mapped
+from afford.interactions.mat5 import read_matrix
 from afford.interactions.names import DEPTH_MM
 from afford.interactions.pictures import picture
 from afford.interactions.static_set import Listed
 from afford.readers.errors import SourceError
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 
@@ -32,8 +32,6 @@ OURS = {"grasp": "grasp", "cut": "cut", "pound": "hammer", "wrap-grasp": "grasp"
 TABLE = np.array([BACKGROUND, *(AFFORDANCES.index(OURS[c]) if c in OURS else BACKGROUND for c in CLASSES)], np.uint8)
 SPLITS = {"1": "train", "2": "test"}
 RGB, LABEL, DEPTH = "_rgb.jpg", "_label.mat", "_depth.png"
-BROKEN = (ValueError, TypeError, IndexError, NotImplementedError, OSError, EOFError, zlib.error, scipy.io.matlab.MatReadError)
-"""what SciPy raises of a file that was cut short or is none"""
 FIX = "compare with the layout in docs/interaction-data.md"
 
 
@@ -57,7 +55,7 @@ def _splits(files: FileTree, split_file: str) -> dict[str, str]:
     if file is None:
         return {}
     out = {}
-    for number, line in enumerate(file.path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(file.path, file.name).splitlines(), 1):
         words = line.split()
         if words and (len(words) != 2 or words[0] not in SPLITS):
             raise SourceError(f"{file.name}, line {number}", "1 or 2, then a tool", repr(line), FIX)
@@ -82,12 +80,7 @@ def _sample(label: FileRef, by_name: Mapping[str, FileRef], tool: str, split: st
 
 def _label(file: FileRef) -> np.ndarray:
     """(h, w) gt_label; a .mat of arrays holds no code that could run."""
-    try:
-        found = scipy.io.loadmat(file.path, variable_names=["gt_label"])
-    except BROKEN as error:
-        got = f"{type(error).__name__}: {error}"
-        raise SourceError(file.name, "a MATLAB 5 file", got, "was it cut short? get it again") from error
-    label = found.get("gt_label")
+    label = read_matrix(file.path.read_bytes(), "gt_label", file.name)
     if label is None or label.ndim != 2 or label.dtype.kind not in "ui":
         got = "nothing" if label is None else f"{label.dtype} {label.shape}"
         raise SourceError(f"{file.name}, gt_label", "an image of whole numbers", got, FIX)

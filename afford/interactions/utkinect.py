@@ -10,7 +10,9 @@ Frames without a picture are left out; where depth is missing for one frame of a
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from pathlib import PurePosixPath
 
 import cv2
@@ -19,10 +21,12 @@ import numpy as np
 from afford.interactions.names import DEPTH_MM
 from afford.interactions.pictures import picture
 from afford.readers.errors import SourceError
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.interaction import ActionClip
 
 LABELS = "actionLabel.txt"
+PICTURE = re.compile(r"colorImg(0|[1-9][0-9]{0,17})\.jpg")
 PLAYER_BITS = 3
 FIX = "compare with the layout in docs/interaction-data.md"
 
@@ -33,7 +37,8 @@ def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, .
     if table is None:
         raise SourceError(files.name, LABELS, "no such file", FIX)
     at = {PurePosixPath(f.name).parts[-2:]: f for f in files.files if len(PurePosixPath(f.name).parts) >= 2}
-    found = [_clip(row, at, size_px, most_frames) for row in _rows(table)]
+    shown = _shown(at)
+    found = [_clip(row, at, shown, size_px, most_frames) for row in _rows(table)]
     clips = tuple(clip for clip in found if clip is not None)
     if not clips:
         raise SourceError(files.name, "RGB/<sequence>/colorImg<number>.jpg of an action", "none", FIX)
@@ -43,7 +48,7 @@ def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, .
 def _rows(table: FileRef) -> list[tuple[str, str, int, int]]:
     """Sequence, action, first and last number."""
     out, sequence = [], ""
-    for number, line in enumerate(table.path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(table.path, table.name).splitlines(), 1):
         action, colon, numbers = (word.strip() for word in line.partition(":"))
         if action and not colon:
             sequence = action
@@ -57,9 +62,20 @@ def _rows(table: FileRef) -> list[tuple[str, str, int, int]]:
     return out
 
 
-def _clip(row: tuple[str, str, int, int], at: dict[tuple[str, ...], FileRef], size_px: int, most: int) -> ActionClip | None:
+def _shown(at: Iterable[tuple[str, ...]]) -> dict[str, list[int]]:
+    """Sequence -> the numbers of its pictures, in order."""
+    out: dict[str, list[int]] = {}
+    for sequence, name in at:
+        number = PICTURE.fullmatch(name)
+        if number:
+            out.setdefault(sequence, []).append(int(number[1]))
+    return {sequence: sorted(numbers) for sequence, numbers in out.items()}
+
+
+def _clip(row: tuple[str, str, int, int], at: dict[tuple[str, ...], FileRef], shown: dict[str, list[int]], size_px: int,
+          most: int) -> ActionClip | None:  # fmt: skip
     sequence, action, first, last = row
-    numbers = [k for k in range(first, last + 1) if (sequence, f"colorImg{k}.jpg") in at]
+    numbers = [k for k in shown.get(sequence, ()) if first <= k <= last]
     if not numbers:
         return None
     numbers = [numbers[k] for k in np.unique(np.linspace(0, len(numbers) - 1, min(most, len(numbers))).round().astype(int))]
@@ -82,6 +98,6 @@ def _depth(file: FileRef) -> np.ndarray:
         root = ET.fromstring(data)
         width, height = (int(root.findtext(f".//{key}", "")) for key in ("width", "height"))
         values = np.array((root.findtext(".//data") or "").split(), np.int64).reshape(height, width)
-    except (ET.ParseError, ValueError) as error:
+    except (ET.ParseError, ValueError, OverflowError) as error:
         raise SourceError(file.name, "width, height and as many numbers in data", str(error), FIX) from error
     return np.asarray((values >> PLAYER_BITS) / DEPTH_MM, np.float32)

@@ -13,7 +13,7 @@ from pathlib import Path
 from afford.meshes.files import LABELS, URDF
 from afford.meshes.references import collisions, is_mesh, needs
 from afford.readers.errors import SourceError
-from afford.readers.folder import Entry, entries
+from afford.readers.folder import Entry, entries, refuse_link
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]
@@ -86,9 +86,7 @@ def _tree(name: str, mains: list[Entry], found: dict[str, Entry], digest: Digest
         entry = waiting.pop()
         if entry.name in members:
             continue
-        if entry.leaves:
-            raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
-                              "copy the file into the folder, or use the folder it lies in as the source")
+        refuse_link(entry)
         members[entry.name] = entry
         wanted = [*needs(entry.name, entry.path), entry.name + LABELS]
         waiting.extend(found[other] for other in wanted if other in found)

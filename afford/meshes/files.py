@@ -9,12 +9,15 @@ import re
 import numpy as np
 from PIL import Image
 
+from afford.bounded import IMAGE_ERRORS, TooLargeError, check_image, reason
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 URDF = ".urdf"
 LABELS = ".parts.json"
+MAX_TEXELS = 1 << 27
+"""pixels of all images of one object: two of 8192 x 8192, the largest that renderers take; 400 MB as RGB"""
 SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 
 
@@ -65,10 +68,31 @@ def text(file: FileRef) -> str:
 
 
 def picture(data: bytes, name: str) -> np.ndarray:
-    """(h, w, 3) uint8 sRGB of an image file, transparency left out; SourceError when it cannot be read."""
+    """(h, w, 3) uint8 sRGB of an image file, transparency left out; SourceError when it cannot be read or is too large."""
+    check_image(data, name, MAX_TEXELS)
     try:
         with Image.open(io.BytesIO(data)) as image:
             return np.asarray(image.convert("RGB"))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SourceError(name, "an image (PNG, JPEG, BMP, TGA, WebP)", str(error) or type(error).__name__,
-                          "convert it to PNG") from error
+    except IMAGE_ERRORS as error:
+        raise SourceError(name, "an image (PNG, JPEG, BMP, TGA, WebP)", reason(error), "convert it to PNG") from error
+
+
+class Pictures:
+    """The images of one object by name: each is decoded once, and together they have at most MAX_TEXELS pixels."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, np.ndarray] = {}
+        self._texels = 0
+
+    def read(self, file: FileRef) -> np.ndarray:
+        """(h, w, 3) uint8 of an image file; SourceError when it cannot be read, or all are too large together."""
+        if file.name not in self._found:
+            self._found[file.name] = picture(file.path.read_bytes(), file.name)
+            self.count(self._found[file.name], file.name)
+        return self._found[file.name]
+
+    def count(self, image: np.ndarray, name: str) -> None:
+        """Add an image (h, w, 3) to the total; TooLargeError when that is beyond the limit."""
+        self._texels += image.size // 3
+        if self._texels > MAX_TEXELS:
+            raise TooLargeError(name, f"images of at most {MAX_TEXELS / 1e6:.0f} megapixels together", "more", "make them smaller")

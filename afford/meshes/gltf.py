@@ -9,15 +9,15 @@ from __future__ import annotations
 import base64
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 from trimesh.transformations import quaternion_matrix
 
-from afford.meshes.files import locate, picture
-from afford.meshes.surface import Surface, join, moved
+from afford.meshes.files import Pictures, locate, picture
+from afford.meshes.surface import Surface, check_triangles, join, moved
 from afford.readers import strict_json
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
@@ -36,26 +36,30 @@ class _Document:
     tree: dict[str, Any]
     body: bytes
     """the binary chunk of a GLB"""
+    pictures: Pictures = field(default_factory=Pictures)
+    _blobs: dict[str, bytes] = field(default_factory=dict)
+    _images: dict[int, np.ndarray] = field(default_factory=dict)
 
     def refuse(self, expected: str, got: str) -> SourceError:
         return SourceError(self.file.name, expected, got, "export it as GLB with plain triangles and PNG or JPEG images")
 
     def blob(self, uri: str | None) -> bytes:
-        """Bytes behind a uri; the binary chunk where there is none."""
+        """Bytes behind a uri, read once; the binary chunk where there is none."""
         if uri is None:
             return self.body
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        return locate(self.files, self.file.name, unquote(uri)).path.read_bytes()
+        if uri not in self._blobs:
+            self._blobs[uri] = (base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:")
+                                else locate(self.files, self.file.name, unquote(uri)).path.read_bytes())  # fmt: skip
+        return self._blobs[uri]
 
-    def view(self, index: int) -> tuple[bytes, int]:
+    def view(self, index: int) -> tuple[memoryview, int]:
         """Bytes of a buffer view, and its stride (0: packed)."""
         view = self.tree["bufferViews"][index]
         data = self.blob(self.tree["buffers"][view["buffer"]].get("uri"))
         start = view.get("byteOffset", 0)
         if start + view["byteLength"] > len(data):
             raise self.refuse(f"{start + view['byteLength']} bytes in buffer {view['buffer']}", f"{len(data)}")
-        return data[start : start + view["byteLength"]], view.get("byteStride", 0)
+        return memoryview(data)[start : start + view["byteLength"]], view.get("byteStride", 0)
 
     def array(self, index: int) -> np.ndarray:
         """(n, width) values of an accessor, normalised integers as 0..1."""
@@ -71,34 +75,49 @@ class _Document:
         return out / np.iinfo(kind).max if accessor.get("normalized") else out
 
     def image(self, texture: int) -> np.ndarray:
-        """(h, w, 3) uint8 of a texture."""
+        """(h, w, 3) uint8 of a texture, decoded once."""
         source = self.tree["textures"][texture].get("source")
         if source is None:
             raise self.refuse("PNG or JPEG images", f"texture {texture} in another format")
-        image = self.tree["images"][source]
-        data = self.view(image["bufferView"])[0] if "bufferView" in image else self.blob(image.get("uri"))
-        return picture(data, f"{self.file.name}, image {source}")
+        if source not in self._images:
+            image = self.tree["images"][source]
+            data = bytes(self.view(image["bufferView"])[0]) if "bufferView" in image else self.blob(image.get("uri"))
+            self._images[source] = picture(data, f"{self.file.name}, image {source}")
+            self.pictures.count(self._images[source], self.file.name)
+        return self._images[source]
+
+    def corners(self, primitive: dict[str, Any]) -> int:
+        """Corners or vertices of a primitive, whichever are more, as its accessors state them."""
+        places = primitive["attributes"]["POSITION"]
+        return max(int(self.tree["accessors"][index]["count"]) for index in (places, primitive.get("indices", places)))
 
 
 def read_gltf(files: FileTree, file: FileRef) -> Surface:
     """A surface in metres, which the format says. A node's name is the group of its faces."""
     data = file.path.read_bytes()
     document = _Document(files, file, *_chunks(data, file.name))
-    unknown = set(document.tree.get("extensionsRequired", [])) - HANDLED
-    if unknown:
-        raise document.refuse(f"no required extensions but {', '.join(sorted(HANDLED))}", ", ".join(sorted(unknown)))
     try:
-        materials = _materials(document)
-        found = [_primitive(document, primitive, name, T, materials)
-                 for name, T, mesh in _nodes(document) for primitive in document.tree["meshes"][mesh]["primitives"]
-                 if primitive.get("mode", TRIANGLES) >= TRIANGLES]
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        if isinstance(error, SourceError):
-            raise
+        found = _primitives(document)
+    except SourceError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise document.refuse("a complete glTF 2.0 document", f"{type(error).__name__} {error}") from error
     if not found:
         raise document.refuse("triangles", "none in its scene")
     return join(found, "m")
+
+
+def _primitives(document: _Document) -> list[Surface]:
+    """Every primitive of triangles of the scene; how many there are is checked before one is read."""
+    unknown = sorted(set(document.tree.get("extensionsRequired", [])) - HANDLED)
+    if unknown:
+        raise document.refuse(f"no required extensions but {', '.join(sorted(HANDLED))}", ", ".join(unknown))
+    meshes = document.tree.get("meshes", [])
+    wanted = [(primitive, name, T) for name, T, mesh in _nodes(document) for primitive in meshes[mesh]["primitives"]
+              if primitive.get("mode", TRIANGLES) >= TRIANGLES]  # fmt: skip
+    check_triangles(sum(document.corners(primitive) for primitive, _, _ in wanted) // 3, document.file.name)
+    materials = _materials(document)
+    return [_primitive(document, primitive, name, T, materials) for primitive, name, T in wanted]
 
 
 def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
@@ -115,7 +134,8 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
         if JSON_CHUNK not in parts:
             raise SourceError(name, "a JSON chunk", "none", "was the file cut short? get it again")
         tree, body = strict_json.parse(parts[JSON_CHUNK], name), parts.get(BIN_CHUNK, b"")
-    if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith("2"):
+    asset = tree.get("asset") if isinstance(tree, dict) else None
+    if not isinstance(asset, dict) or not str(asset.get("version", "")).startswith("2"):
         raise SourceError(name, "glTF 2.x", "another version or none", "export it as glTF 2.0")
     return tree, body
 
@@ -123,19 +143,23 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
 def _nodes(document: _Document) -> Iterator[tuple[str, np.ndarray, int]]:
     """Name, pose and mesh of every node of the scene that has one, parents first."""
     tree = document.tree
-    roots = tree["scenes"][tree.get("scene", 0)].get("nodes", []) if tree.get("scenes") else range(len(tree.get("nodes", [])))
-    stack = [(index, np.eye(4), 0) for index in reversed(list(roots))]
+    carried = {child for node in tree.get("nodes", []) for child in node.get("children", [])}
+    free = [index for index in range(len(tree.get("nodes", []))) if index not in carried]
+    roots = tree["scenes"][tree.get("scene", 0)].get("nodes", []) if tree.get("scenes") else free
+    stack = [(index, np.eye(4)) for index in reversed(list(roots))]
+    seen: set[int] = set()
     while stack:
-        index, parent, depth = stack.pop()
+        index, parent = stack.pop()
         node = tree["nodes"][index]
-        if depth > len(tree["nodes"]):
-            raise document.refuse("nodes that form a tree", "a circle")
+        if index in seen:
+            raise document.refuse("nodes that form a tree", f"node {node.get('name', index)!r} in two places")
+        seen.add(index)
         T = parent @ _local(node)
         if "skin" in node:
             raise document.refuse("rigid meshes", f"the skinned node {node.get('name', index)!r}")
         if "mesh" in node:
             yield node.get("name", f"node_{index}"), T, node["mesh"]
-        stack.extend((child, T, depth + 1) for child in reversed(node.get("children", [])))
+        stack.extend((child, T) for child in reversed(node.get("children", [])))
 
 
 def _local(node: dict[str, Any]) -> np.ndarray:
@@ -157,8 +181,17 @@ def _materials(document: _Document) -> list[tuple[np.ndarray, np.ndarray]]:
         image = document.image(texture["index"]) if texture else np.full((1, 1, 3), 255, np.uint8)
         if texture and texture.get("texCoord", 0) != 0:
             raise document.refuse("base colours on the first set of texture coordinates", f"set {texture['texCoord']}")
-        out.append((image if (factor == 1).all() else srgb(linear(image) * factor), _shift(texture or {})))
+        if not (factor == 1).all():
+            image = _tinted(image, factor)
+            document.pictures.count(image, document.file.name)
+        out.append((image, _shift(texture or {})))
     return out
+
+
+def _tinted(image: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """(h, w, 3) uint8 sRGB times a linear (3,) factor, by a table of the 256 values."""
+    table = srgb(linear(np.arange(256, dtype=np.uint8))[:, None] * factor)
+    return np.stack([table[image[..., channel], channel] for channel in range(3)], axis=-1)
 
 
 def _shift(texture: dict[str, Any]) -> np.ndarray:

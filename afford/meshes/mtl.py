@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.meshes.files import locate, picture, text
+from afford.meshes.files import Pictures, locate, text
 from afford.meshes.surface import GREY
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
@@ -32,8 +32,9 @@ def statements(content: str) -> list[tuple[int, str, str]]:
     return [(number, word, rest.strip()) for number, word, rest in split if word and not word.startswith("#")]
 
 
-def read_mtl(files: FileTree, mtl: FileRef) -> dict[str, np.ndarray]:
-    """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only."""
+def read_mtl(files: FileTree, mtl: FileRef, pictures: Pictures) -> dict[str, np.ndarray]:
+    """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only; images come from
+    `pictures`."""
     found: dict[str, np.ndarray] = {}
     mapped: set[str] = set()
     name = ""
@@ -46,7 +47,7 @@ def read_mtl(files: FileTree, mtl: FileRef) -> dict[str, np.ndarray]:
             raise SourceError(where, "newmtl first", word, "is the file cut short? export it again")
         elif word == "map_Kd":
             image = locate(files, mtl.name, image_name(rest, where))
-            found[name] = picture(image.path.read_bytes(), image.name)
+            found[name] = pictures.read(image)
             mapped.add(name)
         elif word == "Kd" and name not in mapped:
             found[name] = _colour(rest, where)

@@ -7,15 +7,18 @@ are left out.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from afford.meshes.files import locate, text
+from afford.meshes.files import Pictures, locate, text
 from afford.meshes.mtl import read_mtl
 from afford.meshes.surface import GREY, Surface
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
+
+INDEX = re.compile(r"[0-9]{1,18}")
 
 
 @dataclass
@@ -77,7 +80,7 @@ def _sort(content: str) -> _Lines:
         elif words[0] in ("g", "o"):
             group = out.groups.setdefault(" ".join(words[1:]), len(out.groups))
         elif words[0] == "mtllib":
-            out.libraries.append(line.split(None, 1)[1].strip())
+            out.libraries.append(line.partition(words[0])[2].strip())
     return out
 
 
@@ -86,7 +89,7 @@ def _absolute(word: str, vertices: int, coords: int) -> str:
     parts = word.split("/")
     for k, count in enumerate((vertices, coords)[: len(parts)]):
         if parts[k].startswith("-"):
-            parts[k] = str(count + 1 + int(parts[k])) if parts[k][1:].isdigit() else parts[k]
+            parts[k] = str(count + 1 + int(parts[k])) if INDEX.fullmatch(parts[k][1:]) else parts[k]
     return "/".join(parts)
 
 
@@ -120,7 +123,7 @@ def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np
     try:
         v = np.array([int(parts[0]) for parts in split], np.int64)
         vt = np.array([int(parts[1]) if len(parts) > 1 and parts[1] else 0 for parts in split], np.int64)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise SourceError(name, "f lines with corners v, v/vt, v//vn or v/vt/vn", str(error), "export the file again") from error
     for index, count, word in ((v, vertices, "v"), (vt, coords, "vt")):
         bad = (index > count) | (index < (1 if word == "v" else 0))
@@ -137,8 +140,10 @@ def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np
 def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.ndarray, ...], str]:
     """The image of each material that faces use (grey where no library is named), and a name that no library has."""
     known: dict[str, np.ndarray] = {"": np.asarray(GREY, np.uint8).reshape(1, 1, 3)}
-    for library in lines.libraries:
-        known |= read_mtl(files, locate(files, file.name, library))
-    wanted = {name for name, index in lines.materials.items() if index in set(lines.material)}
+    pictures = Pictures()
+    for library in reversed(dict.fromkeys(reversed(lines.libraries))):  # each once; of one name the last counts
+        known |= read_mtl(files, locate(files, file.name, library), pictures)
+    used = set(lines.material)
+    wanted = {name for name, index in lines.materials.items() if index in used}
     missing = next((name for name in lines.materials if name in wanted and name not in known), "") if lines.libraries else ""
     return tuple(known.get(name, known[""]) for name in lines.materials), missing

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from afford.bounded import TooLargeError
 from afford.meshes.files import LABELS
 from afford.meshes.surface import Surface
 from afford.readers import strict_json
@@ -14,6 +15,8 @@ from afford.readers.errors import SourceError
 from schemas.files import FileTree
 
 FIX = "see docs/mesh-format.md"
+MAX_PARTS = 1000
+"""names of one object: each is looked for on every face"""
 KEYS = {"version", "category", "parts", "groups"}
 
 
@@ -39,6 +42,8 @@ def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> Labels:
     if len(ways) != 1:
         raise SourceError(file.name, "either 'parts' or 'groups'", " and ".join(ways) or "neither", FIX)
     named = strict_json.entry(tree, ways[0], dict, file.name)
+    if len(named) > MAX_PARTS:
+        raise TooLargeError(f"{file.name}, {ways[0]}", f"at most {MAX_PARTS} parts", str(len(named)), FIX)
     give = _by_range if ways[0] == "parts" else _by_group
     part = np.full(len(surface.faces), -1, np.int16)
     for index, (name, value) in enumerate(named.items()):
@@ -84,9 +89,10 @@ def _by_range(ranges: list[Any], surface: Surface, where: str) -> np.ndarray:
 
 def _by_group(names: list[Any], surface: Surface, where: str) -> np.ndarray:
     """(f,) bool: triangles of the groups."""
-    unknown = [name for name in names if name not in surface.groups]
+    there, wanted = set(surface.groups), {name for name in names if isinstance(name, str)}
+    unknown = [name for name in names if not isinstance(name, str) or name not in there]
     if unknown:
         known = ", ".join(repr(name) for name in dict.fromkeys(surface.groups) if name)
         raise SourceError(where, f"groups of the mesh ({known or 'it has none'})", repr(unknown[0]), FIX)
-    wanted = np.array([name in names for name in surface.groups])
-    return np.asarray(wanted[surface.group])
+    chosen = np.array([name in wanted for name in surface.groups])
+    return np.asarray(chosen[surface.group])

@@ -8,10 +8,13 @@ from afford.meshes.files import MESH_SUFFIXES, URDF, main_file, suffix
 from afford.meshes.gltf import read_gltf
 from afford.meshes.obj import read_obj
 from afford.meshes.ply import read_ply, read_stl
-from afford.meshes.surface import Surface
+from afford.meshes.surface import Surface, check_corners
 from afford.meshes.urdf import read_urdf
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
+
+FARTHEST = 1e9
+"""in any unit: squares and products of what is larger leave the range of numbers"""
 
 
 def read(files: FileTree) -> Surface:
@@ -20,13 +23,13 @@ def read(files: FileTree) -> Surface:
     surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)
     if not len(surface.faces) or not len(surface.vertices):
         raise SourceError(file.name, "triangles", "none", "export the mesh again")
-    if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
-        bad = surface.faces.max() if surface.faces.min() >= 0 else surface.faces.min()
-        raise SourceError(file.name, f"vertex indices 0..{len(surface.vertices) - 1}", str(bad), "export the mesh again")
+    check_corners(surface.faces, len(surface.vertices), file.name)
     for what, values in (("vertices", surface.vertices), ("texture coordinates", surface.uv.reshape(-1, 2))):
         broken = int((~np.isfinite(values)).any(axis=1).sum())
         if broken:
             raise SourceError(file.name, f"finite {what}", f"{broken} with NaN or infinity", "export the mesh again")
+        if np.abs(values).max() > FARTHEST:
+            raise SourceError(file.name, f"{what} of at most {FARTHEST:g}", f"{np.abs(values).max():g}", "export the mesh again")
     return surface
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from urllib.parse import unquote
@@ -11,6 +10,7 @@ from afford.meshes import urdf
 from afford.meshes.files import MESH_SUFFIXES, URDF, suffix, target
 from afford.meshes.mtl import image_name, statements
 from afford.meshes.ply import HEADER_BYTES, texture_name
+from afford.readers import strict_json
 from afford.readers.errors import SourceError
 
 JSON_START = 20
@@ -51,13 +51,13 @@ def _uris(kind: str, path: Path) -> list[str]:
     data = path.read_bytes()
     if kind == ".glb":
         data = data[JSON_START : JSON_START + int.from_bytes(data[12:16], "little")]
+    tree = strict_json.parse(data, path.name)
     try:
-        tree = json.loads(data)
         entries = [*tree.get("buffers", []), *tree.get("images", [])]
         uris = [entry["uri"] for entry in entries if "uri" in entry]
+        return [unquote(uri) for uri in uris if not uri.startswith("data:")]
     except (ValueError, AttributeError, TypeError) as error:
         raise SourceError(path.name, "a glTF document", str(error), "export it again") from error
-    return [unquote(uri) for uri in uris if not uri.startswith("data:")]
 
 
 def _text(path: Path) -> str:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
+from afford.bounded import TooLargeError
+from afford.readers.errors import SourceError
+
 GREY = (190, 190, 190)
 """sRGB of what nobody gave a colour"""
+MAX_TRIANGLES = 10_000_000
+"""of one object, copies of one mesh counted each: a surface takes 110 bytes a triangle, and 60,000 triangles are kept"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,19 @@ def moved(surface: Surface, T: np.ndarray) -> Surface:
     return replace(placed, faces=placed.faces[:, ::-1], uv=placed.uv[:, ::-1], colour=placed.colour[:, ::-1])
 
 
+def check_triangles(count: int, name: str) -> None:
+    """TooLargeError for more triangles than one object may have."""
+    if count > MAX_TRIANGLES:
+        raise TooLargeError(name, f"at most {MAX_TRIANGLES:,} triangles", f"{count:,}", "simplify the mesh, or use fewer copies")
+
+
+def check_corners(faces: np.ndarray, vertices: int, name: str) -> None:
+    """SourceError when a face names a vertex that is not there."""
+    if faces.size and (faces.min() < 0 or faces.max() >= vertices):
+        bad = faces.max() if faces.min() >= 0 else faces.min()
+        raise SourceError(name, f"vertex indices 0..{vertices - 1}", str(bad), "export the mesh again")
+
+
 def join(surfaces: Sequence[Surface], unit: str) -> Surface:
     """One surface, faces in order; faces of the file are numbered on, images and groups are listed one after another."""
     if len(surfaces) == 1:
@@ -77,5 +96,5 @@ def join(surfaces: Sequence[Surface], unit: str) -> Surface:
     ]
     faces, paint, group, line = (np.concatenate(column) for column in zip(*shifted, strict=True))
     vertices, uv, colour = (np.concatenate([getattr(s, name) for s in surfaces]) for name in ("vertices", "uv", "colour"))
-    return Surface(vertices, faces, uv, paint, sum((s.images for s in surfaces), ()), colour, line, group,
-                   sum((s.groups for s in surfaces), ()), sum((s.notes for s in surfaces), ()), unit)  # fmt: skip
+    return Surface(vertices, faces, uv, paint, tuple(chain(*(s.images for s in surfaces))), colour, line, group,
+                   tuple(chain(*(s.groups for s in surfaces))), tuple(chain(*(s.notes for s in surfaces))), unit)  # fmt: skip

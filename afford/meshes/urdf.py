@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import xml.etree.ElementTree as Xml
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,13 +12,18 @@ import numpy as np
 import trimesh
 from trimesh.transformations import euler_matrix
 
-from afford.meshes.files import SCHEME, locate, target, text
-from afford.meshes.surface import Surface, join, moved, plain
+from afford.bounded import TooLargeError
+from afford.meshes.files import SCHEME, Pictures, locate, target, text
+from afford.meshes.surface import Surface, check_triangles, join, moved, plain
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]
 PACKAGE = "package://"
+TRIANGLES = {"box": 12, "sphere": 1280, "cylinder": 128}
+"""of the shapes that a URDF describes, as they are drawn"""
+MAX_DEPTH = 256
+"""joints between a link and the base: an arm with a hand has 15; each link costs as many products of matrices"""
 
 
 def parse(content: str, name: str) -> Xml.Element:
@@ -59,11 +65,12 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
     root = parse(text(file), file.name)
     poses = _poses(root, file.name)
     colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
-    found = []
+    found: list[Surface] = []
+    shapes = _Shapes(files, file, read_mesh, root)
     for link in root.findall("link"):
         name = link.get("name", "")
         for visual in link.findall("visual"):
-            shape = _shape(files, file, visual, read_mesh)
+            shape = shapes.read(visual)
             painted = _painted(shape, visual, colours, file.name)
             found.append(replace(moved(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
@@ -72,16 +79,41 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
     return join(found, "m")
 
 
-def _shape(files: FileTree, file: FileRef, visual: Xml.Element, read_mesh: ReadMesh) -> Surface:
-    """The geometry of a visual, in its own frame."""
-    geometry = visual.find("geometry")
-    kind = next(iter(geometry), None) if geometry is not None else None
-    if kind is None:
-        raise SourceError(file.name, "a shape in <geometry>", "nothing", "name a mesh")
-    if kind.tag == "mesh":
-        shape = read_mesh(files, mesh_file(files, file, kind))
-        return moved(shape, np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), file.name), 1.0]))
-    solid = _solid(kind, file.name)
+class _Shapes:
+    """The shapes of one URDF: each mesh file is read once, and the triangles of all copies are counted before they are made."""
+
+    def __init__(self, files: FileTree, file: FileRef, read_mesh: ReadMesh, root: Xml.Element) -> None:
+        kinds = list(root.iterfind("link/visual/geometry/*"))
+        self.files, self.file, self.read_mesh = files, file, read_mesh
+        self._uses = Counter(kind.get("filename") for kind in kinds)
+        self._meshes: dict[str, Surface] = {}
+        self._pictures = Pictures()
+        self._triangles = 0
+        self._count(sum(TRIANGLES.get(kind.tag, 0) for kind in kinds))
+
+    def read(self, visual: Xml.Element) -> Surface:
+        """The geometry of a visual, in its own frame; SourceError for none, or for too many triangles together."""
+        geometry = visual.find("geometry")
+        kind = next(iter(geometry), None) if geometry is not None else None
+        if kind is None:
+            raise SourceError(self.file.name, "a shape in <geometry>", "nothing", "name a mesh")
+        return self._mesh(kind) if kind.tag == "mesh" else _plain(_solid(kind, self.file.name))
+
+    def _count(self, triangles: int) -> None:
+        self._triangles += triangles
+        check_triangles(self._triangles, self.file.name)
+
+    def _mesh(self, kind: Xml.Element) -> Surface:
+        found = mesh_file(self.files, self.file, kind)
+        if found.name not in self._meshes:
+            self._meshes[found.name] = self.read_mesh(self.files, found)
+            self._count(len(self._meshes[found.name].faces) * self._uses[kind.get("filename")])
+            for image in self._meshes[found.name].images:
+                self._pictures.count(image, self.file.name)
+        return moved(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
+
+
+def _plain(solid: trimesh.Trimesh) -> Surface:
     return plain(solid.vertices, solid.faces)
 
 
@@ -131,6 +163,8 @@ def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
             if at in seen:
                 raise SourceError(name, "joints that form a tree", f"a circle through link {at!r}", "correct the URDF")
             seen.add(at)
+            if len(seen) > MAX_DEPTH:
+                raise TooLargeError(name, f"at most {MAX_DEPTH} joints between a link and the base", "more", "join links")
             at, step = joints[at]
             T = step @ T
         out[link] = T

@@ -22,10 +22,14 @@ def named(variable: str) -> None:
 
 def plain(url: str) -> None:
     """ValueError, which does not show it, for an address of more than a scheme, a host and a path; '' is fine."""
-    parts = urlsplit(url)
-    if url and not (parts.scheme in ("http", "https") and parts.hostname and not re.search(r"[@?#\s]", url)):
+    if url and not (_address(url) and not re.search(r"[@?#\s]", url)):
         raise ValueError("expected http(s)://HOST[:PORT]/PATH, got something else (not shown, it may hold a key); leave out "
                          "user, password and all from ? or # on")  # fmt: skip
+
+
+def is_here(url: str) -> bool:
+    """Whether the server of an address is on this machine."""
+    return urlsplit(url).hostname in THIS_MACHINE
 
 
 def harmless(params: Any) -> None:
@@ -48,8 +52,7 @@ def read(variable: str, url: str) -> str:
         raise ValueError(f"{where}: expected the key of {url}, got nothing; export it, or set key_variable to '' for no key")
     if not KEY.fullmatch(key):
         raise ValueError(f"{where}: expected a key of 8 or more letters, digits and ._~+/=:-, got something else (not shown)")
-    address = urlsplit(url)
-    if address.scheme != "https" and address.hostname not in THIS_MACHINE:
+    if urlsplit(url).scheme != "https" and not is_here(url):
         raise ValueError(f"{url}: the key of {variable} would travel in the open; use https, or set key_variable to '' for no key")
     return key
 
@@ -60,6 +63,15 @@ def absent(text: str, variable: str, url: str) -> str:
     if key and any(key in said for said in (text, ESCAPE.sub(_meant, text))):
         raise ValueError(f"{url}: the answer repeats the key of {variable}; nothing of it was kept, use another server")
     return text
+
+
+def _address(url: str) -> bool:
+    """Whether it has a scheme of the web, a host, and a port in range if any."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
 
 
 def _meant(escape: re.Match[str]) -> str:

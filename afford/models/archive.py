@@ -8,6 +8,7 @@ Why: docs/decisions/018-weights-are-read-not-run.md.
 
 from __future__ import annotations
 
+import pickle
 import pickletools
 import struct
 import zipfile
@@ -21,11 +22,23 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
+from afford.bounded import ZIP_ERRORS, read_member, reason
+
 DTYPES = {"FloatStorage": torch.float32, "HalfStorage": torch.float16, "BFloat16Storage": torch.bfloat16,
           "DoubleStorage": torch.float64, "LongStorage": torch.int64, "IntStorage": torch.int32, "ShortStorage": torch.int16,
           "CharStorage": torch.int8, "ByteStorage": torch.uint8, "BoolStorage": torch.bool}  # fmt: skip
 LOCAL_HEADER = struct.Struct("<26xHH")
 """of a file inside a zip: how long the name and the extra field are that follow it"""
+LONGEST = 300
+"""characters of a reason that a sentence gives"""
+MAX_PICKLE_BYTES = 1 << 25
+"""of the pickle in a checkpoint: it says 200 bytes a tensor, and what a trainer keeps beside them"""
+MAX_OPCODES = 1 << 22
+"""of that pickle: 30 a tensor"""
+MAX_NAME = 4096
+"""characters of a dotted name: beyond it mappings are nested without end"""
+TORCH_ERRORS = (*ZIP_ERRORS, SafetensorError, pickle.UnpicklingError, AttributeError, TypeError, AssertionError, MemoryError)
+"""what torch.load raises with weights_only for a file that is damaged or something else; it has no list of its own"""
 WHAT = "a checkpoint or TorchScript as torch 1.6 and later write them, or safetensors"
 
 
@@ -50,12 +63,38 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     """Name -> tensor; those under `state_dict` when there is one. Memory of a zip is mapped, not read. ValueError says why not."""
     try:
         found = load_file(path) if path.suffix == ".safetensors" else dict(named(_read_zip(path)))
-    except (OSError, SafetensorError, zipfile.BadZipFile, ForeignError, RuntimeError) as error:
-        got = str(error).strip().splitlines() or [type(error).__name__]
-        raise ValueError(f"{path}: expected {WHAT}; {got[0]}") from error
+    except (*ZIP_ERRORS, SafetensorError) as error:
+        raise ValueError(f"{path}: expected {WHAT}; {reason(error)[:LONGEST]}") from error
     if not found:
         raise ValueError(f"{path}: expected tensors by name, got none (a frozen TorchScript has lost them); save the state_dict")
     return found
+
+
+def load_plain(path: Path, what: str) -> dict[str, Any]:
+    """Mapping in a safetensors file, or in one that torch.load reads with weights_only, by name. A zip that unpacks to more than it
+    is, as torch writes none, is refused. ValueError, one sentence, says why not; `what` is what was expected."""
+    try:
+        if path.suffix == ".safetensors":
+            return dict(load_file(path))
+        _check_stored(path)
+        found = torch.load(path, map_location="cpu", weights_only=True)
+    except TORCH_ERRORS as error:
+        raise ValueError(f"{path}: expected {what}; {reason(error)[:LONGEST]}") from error
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise ValueError(f"{path}: expected {what}; got no mapping of names to tensors")
+    return dict(found)
+
+
+def _check_stored(path: Path) -> None:
+    """ForeignError when a zip has a member that is compressed, or a pickle of more than MAX_PICKLE_BYTES."""
+    if not zipfile.is_zipfile(path):
+        return
+    with zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            if info.compress_type != zipfile.ZIP_STORED or info.file_size != info.compress_size:
+                raise ForeignError(f"got {info.filename} compressed")
+            if info.filename.endswith(".pkl") and info.file_size > MAX_PICKLE_BYTES:
+                raise ForeignError(f"got {info.filename} of {info.file_size >> 20} MiB")
 
 
 def named(root: Any) -> Iterator[tuple[str, Tensor]]:
@@ -67,6 +106,8 @@ def named(root: Any) -> Iterator[tuple[str, Tensor]]:
         prefix, value = waiting.pop()
         if isinstance(value, Tensor):
             yield prefix[:-1], value
+        if len(prefix) > MAX_NAME:
+            raise ForeignError(f"got a name of more than {MAX_NAME} characters")
         inside = value.state if isinstance(value, Opaque) else value
         if isinstance(inside, dict) and id(inside) not in seen:
             seen.add(id(inside))
@@ -79,7 +120,7 @@ def _read_zip(path: Path) -> Any:
         if len(found) != 1:
             raise ForeignError(f"got a zip with {len(found)} files data.pkl")
         storages = Storages(path, archive, found[0].removesuffix(".pkl"))
-        return Machine(storages).run(archive.read(found[0]))
+        return Machine(storages).run(read_member(archive, archive.getinfo(found[0]), found[0], MAX_PICKLE_BYTES))
 
 
 class Storages:
@@ -87,8 +128,8 @@ class Storages:
 
     def __init__(self, path: Path, archive: zipfile.ZipFile, folder: str) -> None:
         self.path, self.archive, self.folder = path, archive, folder
-        root = folder.rpartition("/")[0]
-        if f"{root}/byteorder" in archive.namelist() and archive.read(f"{root}/byteorder") != b"little":
+        order = archive.NameToInfo.get(f"{folder.rpartition('/')[0]}/byteorder")
+        if order is not None and read_member(archive, order, order.filename, len(b"little")) != b"little":
             raise ForeignError("got numbers in big-endian order")
 
     def __call__(self, pid: Any) -> Tensor:
@@ -123,12 +164,14 @@ class Machine:
     def run(self, data: bytes) -> Any:
         """What the pickle describes; ForeignError at an opcode or call that no file of tensors has."""
         try:
-            for opcode, argument, _ in pickletools.genops(data):
+            for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
+                if count > MAX_OPCODES:
+                    raise ForeignError(f"the pickle inside has more than {MAX_OPCODES:,} opcodes")
                 if opcode.name == "STOP":
                     return self.stack.pop()
                 self._step(opcode.name, argument)
-        except (ValueError, LookupError, TypeError, struct.error) as error:
-            raise ForeignError(f"the pickle inside is damaged or of another kind ({error})") from error
+        except (ValueError, LookupError, TypeError, AttributeError, OverflowError, struct.error) as error:
+            raise ForeignError(f"the pickle inside is damaged or of another kind ({reason(error)})") from error
         raise ForeignError("the pickle inside has no end")
 
     def _step(self, name: str, argument: Any) -> None:
@@ -210,7 +253,7 @@ class Machine:
         target = self.stack[-1].items if isinstance(self.stack[-1], Opaque) else self.stack[-1]
         if not isinstance(target, dict):
             raise ForeignError("sets items of what has none")
-        target.update(zip(values[::2], values[1::2], strict=True))
+        target.update({key: value for key, value in zip(values[::2], values[1::2], strict=True) if isinstance(key, str)})
 
 
 PUSHES: dict[str, Any] = {

@@ -2,23 +2,30 @@
 
 The key goes into one header and into no value that leaves this file: of what a server says against us only its own message is
 shown, and never when it repeats the key or refuses it. No redirect is followed with it, and no exception of the library gets out.
+
+No proxy sees the key: a server on this machine is reached without one, whatever the environment says, and only over https, where a
+proxy passes on (CONNECT) what it cannot read, does a key leave this machine (`api_key.read`).
 """
 
 from __future__ import annotations
 
 import base64
+import io
 import json
+import socket
 import time
 from dataclasses import dataclass, fields
-from http.client import HTTPException
+from functools import partial
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from typing import Any, NamedTuple
 from urllib.error import HTTPError
-from urllib.request import HTTPRedirectHandler, Request, build_opener
+from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, ProxyHandler, Request, build_opener
 
+from afford.deadline import Until, left_s
 from afford.models import api_key
 
 LARGEST_REPLY = 1 << 22
-"""bytes that are read of a reply"""
+"""bytes; a longer reply is refused"""
 PASSING = (0, 408, 409, 429)
 """what may be over soon, beside 5xx: no reply, too slow, in conflict, too many requests"""
 LONGEST_PAUSE_S = 60.0
@@ -37,6 +44,7 @@ class Endpoint:
     key_variable: str
     """name of the environment variable that holds the key; '' where none is asked for"""
     timeout_s: float
+    """of one try as a whole: connection, request, headers and body"""
     retries: int
     """further tries after what may be over soon"""
     pause_s: float
@@ -67,11 +75,59 @@ class _NoRedirects(HTTPRedirectHandler):
         return None
 
 
+class _Reply(HTTPResponse):
+    """A response whose headers and body must be there at `ends`."""
+
+    def __init__(self, ends: float, sock: socket.socket, *args: Any, **more: Any) -> None:
+        super().__init__(sock, *args, **more)
+        self.fp = io.BufferedReader(Until(sock, self.fp.detach(), ends))
+
+
+class _Connection(HTTPConnection):
+    """A connection that lasts for its time-out, in which everything must be sent and received, a proxy's answer included."""
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **more)
+        assert self.timeout is not None
+        self._ends = time.monotonic() + self.timeout
+        self.response_class = partial(_Reply, self._ends)  # type: ignore[assignment]  # a class or what makes one
+
+    def connect(self) -> None:
+        """Each address of the host gets an equal share of the time."""
+        addresses = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)
+        self.timeout = left_s(self._ends) / len(addresses)
+        super().connect()
+        self.sock.settimeout(left_s(self._ends))
+
+    def send(self, data: Any) -> None:
+        """All of the data."""
+        if self.sock is None:
+            self.connect()
+        self.sock.settimeout(left_s(self._ends))
+        super().send(data)
+
+
+class _SecureConnection(HTTPSConnection, _Connection):
+    """The same over TLS."""
+
+
+class _Http(HTTPHandler):
+    def http_open(self, request: Request) -> HTTPResponse:
+        return self.do_open(_Connection, request)
+
+
+class _Https(HTTPSHandler):
+    def https_open(self, request: Request) -> HTTPResponse:
+        return self.do_open(_SecureConnection, request)
+
+
 def ask(server: Endpoint, text: str, jpeg: bytes) -> str:
     """What the model says; ValueError in one sentence when there is no answer."""
     reply = _asked(server, json.dumps(_body(server, text, jpeg)).encode())
     if reply.status != 200:
         raise ValueError(f"{server.url}: {_refusal(server, reply)}")
+    if len(reply.body) > LARGEST_REPLY:
+        raise ValueError(f"{server.url}: expected a reply of at most {LARGEST_REPLY >> 20} MiB, got more; check url")
     try:
         said = json.loads(reply.body)["choices"][0]["message"]["content"]
     except (ValueError, LookupError, TypeError, RecursionError):
@@ -113,17 +169,17 @@ def _request(server: Endpoint, body: bytes) -> Request:
 
 def _tried(request: Request, timeout_s: float) -> Reply:
     """One try. Exceptions of the library end here: they may hold what the server said."""
+    proxies = [ProxyHandler({})] if api_key.is_here(request.full_url) else []
     try:
         try:
-            with build_opener(_NoRedirects).open(request, timeout=timeout_s) as reply:
-                return Reply(reply.status, reply.read(LARGEST_REPLY))
+            with build_opener(_NoRedirects, _Http, _Https, *proxies).open(request, timeout=timeout_s) as reply:
+                return Reply(reply.status, reply.read(LARGEST_REPLY + 1))
         except HTTPError as error:
             with error:
                 return Reply(error.code, error.read(LARGEST_REPLY), _seconds(error.headers.get("Retry-After", "")))
-    except TimeoutError:
-        return Reply(0, trouble=f"no answer within {timeout_s:g} s")
     except OSError as error:
-        return Reply(0, trouble=str(getattr(error, "reason", error)))
+        reason = getattr(error, "reason", error)
+        return Reply(0, trouble=f"no answer within {timeout_s:g} s" if isinstance(reason, TimeoutError) else str(reason))
     except HTTPException as error:
         return Reply(0, trouble=f"what came is not HTTP ({type(error).__name__})")
 

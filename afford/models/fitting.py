@@ -9,6 +9,8 @@ from torch import Tensor, nn
 
 NAMED = 8
 """tensors that the sentence names before it only counts"""
+LONGEST = 360
+"""characters that their names and shapes may take"""
 
 
 def fit(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hint: str) -> None:
@@ -22,8 +24,11 @@ def fit(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hint: str) 
     given = {**counters, **tensors}
     wrong = [line for name in sorted(own.keys() | given.keys()) if (line := _wrong(name, own.get(name), given.get(name)))]
     if wrong:
-        more = f", and {len(wrong) - NAMED} more" if len(wrong) > NAMED else ""
-        raise ValueError(f"{where}: {len(wrong)} of {len(own)} tensors do not fit: {', '.join(wrong[:NAMED])}{more}; {hint}")
+        named = wrong[:NAMED]
+        while len(named) > 1 and sum(map(len, named)) > LONGEST:
+            named.pop()
+        more = f", and {len(wrong) - len(named)} more" if len(wrong) > len(named) else ""
+        raise ValueError(f"{where}: {len(wrong)} of {len(own)} tensors do not fit: {', '.join(named)}{more}; {hint}")
     model.load_state_dict({name: tensor.to(own[name].dtype, copy=True) for name, tensor in given.items()}, assign=True)
 
 

@@ -1,4 +1,7 @@
-"""The files behind the name of a model: a local folder or file, or a hub id, which is downloaded once."""
+"""The files behind the name of a model: a local folder or file, or a hub id, which is downloaded once.
+
+A hub id is OWNER/NAME, the newest files of it, or OWNER/NAME@REVISION: those of a branch, a tag or a commit.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ READ = (".json", ".safetensors", ".txt", ".model", ".jinja")
 ALSO = (".pt", ".pth", ".ckpt", ".bin")
 """and of a local folder"""
 LABEL = "weights"
-HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?")
+HUB_ID = re.compile(r"(?P<id>[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?)(@(?P<revision>[A-Za-z0-9][\w./-]*))?")
 
 
 def files(name: str, digest: Callable[[Path], str]) -> FileTree:
@@ -35,16 +38,24 @@ def find(name: str) -> Path:
     if place.exists():
         return place.absolute()
     if not HUB_ID.fullmatch(name):
-        raise ValueError(f"model {name!r}: expected a local folder or file, or a hub id (OWNER/NAME), got nothing there; "
-                         "check the path")
+        raise ValueError(f"model {name!r}: expected a local folder or file, or a hub id (OWNER/NAME or OWNER/NAME@REVISION), got "
+                         "nothing there; check the path")
     from huggingface_hub import snapshot_download
 
+    repository, revision = pinned(name)
     try:
-        return Path(snapshot_download(name, allow_patterns=[f"*{ending}" for ending in READ]))
+        return Path(snapshot_download(repository, revision=revision, allow_patterns=[f"*{ending}" for ending in READ]))
     except (OSError, ValueError) as error:
+        chosen = f"{repository} --revision {revision}" if revision else repository
         raise ValueError(f"model {name!r}: expected a local folder, or a hub id that is in the cache of downloads or can be "
                          f"reached, got neither ({type(error).__name__}); download it where there is a network "
-                         f"(hf download {name} --local-dir DIR) and name that folder") from error
+                         f"(hf download {chosen} --local-dir DIR) and name that folder") from error
+
+
+def pinned(name: str) -> tuple[str, str | None]:
+    """The repository of a hub id, and the revision after its `@`, None for the newest."""
+    repository, _, revision = name.partition("@")
+    return repository, revision or None
 
 
 def _ref(path: Path, name: str, digest: Callable[[Path], str]) -> FileRef:

@@ -7,11 +7,12 @@ one beside the index finger that starts 4 cm from the wrist is the thumb). The o
 
 from __future__ import annotations
 
-import zipfile
+import re
 from pathlib import PurePosixPath
 
 import numpy as np
 
+from afford.bounded import load_npz
 from afford.motion.build import build
 from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
@@ -38,22 +39,20 @@ def read(files: FileTree) -> tuple[HandMotion, ...]:
 
 
 def _grasps(file: FileRef) -> list[HandMotion]:
-    try:
-        with np.load(file.path, allow_pickle=False) as archive:
-            tables = {name.partition("/")[0]: archive[name] for name in archive.files if name.partition("/")[2] == FIELD}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise SourceError(file.name, "an .npz of plain arrays", str(error), "save it with numpy.savez, without objects") from error
+    found = load_npz(file.path, file.name, lambda name: name.partition("/")[2] == FIELD)
+    tables = {name.partition("/")[0]: table for name, table in found.items()}
     if not tables:
         raise SourceError(file.name, f"arrays <object id>/{FIELD}", "none", "use the keypoints reader for other files")
-    unknown = [key for key in tables if not key.isdecimal() or int(key) not in NAMES]
+    unknown = [key for key in tables if not re.fullmatch("[0-9]{1,9}", key) or int(key) not in NAMES]
     if unknown:
         raise SourceError(file.name, "object ids 1 to 21", repr(unknown[0]), "correct the names of the arrays")
     return [grasp for key in sorted(tables, key=int) for grasp in _of_object(file.name, int(key), tables[key])]
 
 
 def _of_object(where: str, number: int, table: np.ndarray) -> list[HandMotion]:
-    if table.ndim != 2 or table.shape[1] != 63:
-        raise SourceError(f"{where}, {number}/{FIELD}", "numbers (grasps, 63)", f"{table.shape}", "21 joints x 3 in a row")
+    if table.ndim != 2 or table.shape[1] != 63 or table.dtype.kind not in "fiu":
+        got = f"{table.dtype} {table.shape}"
+        raise SourceError(f"{where}, {number}/{FIELD}", "numbers (grasps, 63)", got, "21 joints x 3 in a row")
     hold, there = np.full(1, PHASES.index("hold"), np.uint8), np.array([[0.0, 0, 0, 0, 0, 0, 1]])
     return [build(f"{number:02d}_{NAMES[number]}_{k:03d}", "dexycb", "right", RATE_HZ, row.reshape(1, 21, 3)[:, OURS],
                   where=f"{where}, {number}/{FIELD}, row {k}", phase=hold, object_name=NAMES[number], object_pose=there)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-import zipfile
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 
+from afford.bounded import load_npz
 from afford.motion.build import DOCS, build
 from afford.readers import strict_json
 from afford.readers.errors import SourceError
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.motion import KEYPOINTS, PHASES, HandMotion
 
@@ -40,9 +41,10 @@ def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
         raise SourceError(f"{file.name}, unit", " or ".join(UNITS), repr(unit), DOCS)
     keypoints = _numbers(file, record, "keypoints")
     pose, palm = (_numbers(file, record, field) if field in record else None for field in ("object_pose", "palm"))
-    for numbers in (pose[..., :3] if pose is not None else None, palm[..., :3, 3] if palm is not None and palm.ndim == 3 else None):
-        if numbers is not None:
-            numbers *= UNITS[unit]
+    if pose is not None and pose.ndim == 2:
+        pose[:, :3] *= UNITS[unit]
+    if palm is not None and palm.shape[1:] == (4, 4):
+        palm[:, :3, 3] *= UNITS[unit]
     rate = _numbers(file, record, "fps")
     if rate.size != 1:
         raise SourceError(f"{file.name}, fps", "one number", f"{rate.size}", DOCS)
@@ -64,12 +66,13 @@ def _numbers(file: FileRef, record: Mapping[str, Any], field: str) -> np.ndarray
         raise SourceError(f"{file.name}, {field}", "numbers", "nothing", DOCS)
     try:
         return np.array(record[field], np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SourceError(f"{file.name}, {field}", "numbers in rows of one length", str(error), DOCS) from error
 
 
 def _phase(file: FileRef, record: Mapping[str, Any]) -> np.ndarray:
-    words = [str(word) for word in np.atleast_1d(np.asarray(record["phase"]))]
+    given = record["phase"]
+    words = [str(word) for word in (given if isinstance(given, list) else np.atleast_1d(given))]
     wrong = next((word for word in words if word not in PHASES), None)
     if wrong is not None:
         raise SourceError(f"{file.name}, phase", f"words of {', '.join(PHASES)}", repr(wrong), DOCS)
@@ -77,11 +80,7 @@ def _phase(file: FileRef, record: Mapping[str, Any]) -> np.ndarray:
 
 
 def _npz(file: FileRef) -> dict[str, Any]:
-    try:
-        with np.load(file.path, allow_pickle=False) as archive:
-            return {field: archive[field] for field in archive.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise SourceError(file.name, "an .npz of plain arrays", str(error), "save it with numpy.savez, without objects") from error
+    return dict(load_npz(file.path, file.name))
 
 
 def _json(file: FileRef) -> dict[str, Any]:
@@ -94,9 +93,9 @@ def _json(file: FileRef) -> dict[str, Any]:
 def _csv(file: FileRef) -> dict[str, Any]:
     """One row a frame; columns <point>_<x, y or z>, and hand, fps, unit, phase, object_name on every row."""
     try:
-        rows = list(csv.DictReader(io.StringIO(file.path.read_text(encoding="utf-8-sig"))))
-    except UnicodeDecodeError as error:
-        raise SourceError(file.name, "text in UTF-8", f"byte {error.start} that is not", "save the file as UTF-8") from error
+        rows = list(csv.DictReader(io.StringIO(read_text(file.path, file.name), newline=None)))
+    except csv.Error as error:
+        raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
     missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]
     if missing:
         raise SourceError(file.name, f"a column {missing[0]}, and a row", "none", DOCS)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.bounded import load_npz
 from afford.readers.errors import SourceError
 from schemas.files import FileRef
 
@@ -37,16 +38,18 @@ class Mano:
 
 def read(file: FileRef, side: str) -> Mano:
     """The model in an .npz; SourceError when an array is missing or of another shape."""
-    try:
-        with np.load(file.path, allow_pickle=False) as archive:
-            found = {name: archive[name] for name in SHAPES if name in archive.files}
-    except (ValueError, OSError) as error:
-        raise SourceError(file.name, "an .npz of plain arrays", str(error), "save it with numpy.savez, without objects") from error
-    wrong = next((name for name, shape in SHAPES.items() if name not in found or found[name].shape != shape), None)
-    if wrong is not None:
-        got = str(found[wrong].shape) if wrong in found else "none"
-        raise SourceError(f"{file.name}, {wrong}", f"numbers {SHAPES[wrong]}", got, "save all arrays of MANO v1.2")
+    found = load_npz(file.path, file.name, SHAPES.__contains__)
+    for name, shape in SHAPES.items():
+        array = found.get(name)
+        if array is None or array.shape != shape:
+            got = "none" if array is None else str(array.shape)
+            raise SourceError(f"{file.name}, {name}", f"numbers {shape}", got, "save all arrays of MANO v1.2")
+        if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise SourceError(f"{file.name}, {name}", "finite numbers", f"others ({array.dtype})", "save all arrays of MANO v1.2")
     parents = found.pop("kintree_table")[0].astype(np.int64)
+    if ((parents[1:] < 0) | (parents[1:] >= np.arange(1, len(parents)))).any():
+        raise SourceError(f"{file.name}, kintree_table", "parents before their children", str(parents.tolist()),
+                          "save all arrays of MANO v1.2")
     return Mano(side, **{name: numbers.astype(np.float64) for name, numbers in found.items()}, parents=parents)
 
 

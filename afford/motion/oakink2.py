@@ -8,13 +8,13 @@ description; tested on files in its format; never run on the real set.
 from __future__ import annotations
 
 import ast
-import zipfile
 from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.bounded import TooLargeError, load_npz, reason
 from afford.motion import mano
 from afford.motion.build import build
 from afford.readers import strict_json
@@ -25,6 +25,11 @@ from schemas.motion import HandMotion
 RATE_HZ = 120.0
 SIDES = ("left", "right")
 """order of the two intervals in a program's key"""
+SHORT = {"left": "lh", "right": "rh"}
+FIELDS = {"pose": (16, 4), "tsl": (3,), "betas": (10,)}
+OBJECT = "object/"
+MOST_TIMES = 8
+"""primitives of a hand that a frame may be part of, on average"""
 IMPORT = "make it with python -m afford.motion.oakink2_import"
 
 
@@ -39,31 +44,63 @@ def read(files: FileTree) -> tuple[HandMotion, ...]:
 
 def _sequence(files: FileTree, file: FileRef, models: dict[str, mano.Mano]) -> list[HandMotion]:
     program_file = _file(files, file.name.removesuffix(".npz") + ".json", IMPORT)
-    program = strict_json.parse(program_file.path.read_bytes(), program_file.name)
-    try:
-        with np.load(file.path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise SourceError(file.name, "an .npz of plain arrays", str(error), IMPORT) from error
-    out = []
-    for key, entry in program.items():
-        for side, interval in zip(SIDES, _intervals(program_file.name, key), strict=True):
-            if interval is not None:
-                out.append(_clip(file, arrays, models[side], interval, entry))
-    return out
+    arrays = _checked(load_npz(file.path, file.name, _is_known), file.name)
+    wanted = [(side, interval, entry) for key, entry in _program(program_file).items()
+              for side, interval in zip(SIDES, _intervals(program_file.name, key), strict=True) if interval]
+    if sum(end - start for _, (start, end), _ in wanted) > MOST_TIMES * len(SIDES) * len(arrays["frames"]):
+        limit = f"frames in at most {MOST_TIMES} primitives of a hand"
+        raise TooLargeError(program_file.name, limit, "more", "get the file again")
+    return [_clip(file, arrays, models[side], interval, entry) for side, interval, entry in wanted]
+
+
+def _program(file: FileRef) -> dict[str, dict[str, Any]]:
+    """Interval -> what is done in it."""
+    found = strict_json.parse(file.path.read_bytes(), file.name)
+    good = isinstance(found, dict) and all(
+        isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
+        for entry in found.values())  # fmt: skip
+    if not good:
+        raise SourceError(file.name, "an object of primitives with lists of names", "something else", "get the file again")
+    return dict(found)
+
+
+def _names(value: Any) -> bool:
+    return value is None or (isinstance(value, list) and all(isinstance(name, str) for name in value))
+
+
+def _is_known(name: str) -> bool:
+    return name == "frames" or name.startswith(("left/", "right/", OBJECT))
+
+
+def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """The arrays of a sequence; SourceError for one that is missing or of another shape."""
+    frames = arrays.get("frames", np.zeros(0))
+    if frames.ndim != 1 or not len(frames) or frames.dtype.kind not in "iu":
+        raise SourceError(f"{where}, frames", "whole numbers (n,)", f"{frames.dtype} {frames.shape}", IMPORT)
+    shapes = {f"{side}/{field}": shape for side in SIDES for field, shape in FIELDS.items()}
+    shapes |= {name: (4, 4) for name in arrays if name.startswith(OBJECT)}
+    for name, shape in shapes.items():
+        array = arrays.get(name)
+        if array is None or array.shape != (len(frames), *shape) or array.dtype.kind not in "fiu":
+            got = "none" if array is None else f"{array.dtype} {array.shape}"
+            raise SourceError(f"{where}, {name}", f"numbers {(len(frames), *shape)}", got, IMPORT)
+    return arrays
 
 
 def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: mano.Mano, interval: tuple[int, int], entry: Any) -> HandMotion:
     start, end = interval
     part = (arrays["frames"] >= start) & (arrays["frames"] < end)
-    short = "lh" if model.side == "left" else "rh"
+    short = SHORT[model.side]
     where = f"{file.name}, {short} {start}-{end}"
     if part.sum() != end - start:
         raise SourceError(where, f"{end - start} frames of motion capture", f"{part.sum()}", "get the sequence again")
     pose, tsl, betas = (arrays[f"{model.side}/{field}"][part] for field in ("pose", "tsl", "betas"))
-    points = mano.keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
-    held = [name for name in entry.get(f"obj_list_{short}") or [] if f"object/{name}" in arrays]
-    track = _poses(arrays[f"object/{held[0]}"][part]) if held else None
+    held = [name for name in entry.get(f"obj_list_{short}") or [] if OBJECT + name in arrays]
+    try:
+        points = mano.keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
+        track = _poses(arrays[OBJECT + held[0]][part]) if held else None
+    except ValueError as error:  # of SciPy, for a rotation that is none
+        raise SourceError(where, "rotations", reason(error), "get the sequence again") from error
     name = f"{file.name.removesuffix('.npz')}_{short}_{start:05d}_{entry.get(f'primitive_{short}') or 'hold'}"
     return build(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "", object_pose=track)
 
@@ -77,7 +114,7 @@ def _intervals(where: str, key: str) -> tuple[tuple[int, int] | None, tuple[int,
     """The two intervals of a key such as '((10, 90), None)'."""
     try:
         left, right = (None if one is None else (int(one[0]), int(one[1])) for one in ast.literal_eval(key))
-    except (ValueError, SyntaxError, TypeError, IndexError) as error:
+    except (ValueError, SyntaxError, TypeError, LookupError, OverflowError, RecursionError, MemoryError) as error:
         raise SourceError(where, "keys (left interval or None, right interval or None)", repr(key), "get the file again") from error
     return left, right
 

@@ -8,6 +8,7 @@ with an allow list (plain_pickle.py). Written after the data set's toolkit and d
 
 from __future__ import annotations
 
+import resource
 import shutil
 import subprocess
 import sys
@@ -20,9 +21,12 @@ from afford.motion.plain_pickle import NotPlainError, load
 from afford.readers.errors import SourceError
 
 PROJECT = Path(__file__).resolve().parents[2]
+FIX = "get the file from the data set's own page"
 SIDES = {"right": "rh", "left": "lh"}
 SHAPES = {"pose_coeffs": (16, 4), "tsl": (3,), "betas": (10,)}
 LIMIT_S = 600
+LIMIT_BYTES = 8 << 30
+"""of memory for one pickle: the annotations of a sequence take some hundred MB"""
 
 
 def convert_all(root: Path, out: Path) -> list[str]:
@@ -43,11 +47,13 @@ def convert_all(root: Path, out: Path) -> list[str]:
 def convert(path: Path, out: Path) -> None:
     """One pickle, in a process of its own; SourceError says why not."""
     command = [sys.executable, "-m", "afford.motion.oakink2_import", "--one", str(path.resolve()), str(out.resolve())]
-    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=LIMIT_S)
-    if done.returncode != 0:
+    try:
+        done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, errors="replace", timeout=LIMIT_S)
         got = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        raise SourceError(path.name, "an annotation of OakInk2 made of numbers, text and arrays", got,
-                          "get the file from the data set's own page")
+    except subprocess.TimeoutExpired as error:
+        raise SourceError(path.name, f"an annotation that is read in {LIMIT_S} s", "a longer one", FIX) from error
+    if done.returncode != 0:
+        raise SourceError(path.name, "an annotation of OakInk2 made of numbers, text and arrays", got, FIX)
 
 
 def arrays(anno: Any) -> dict[str, np.ndarray]:
@@ -79,12 +85,13 @@ def main(arguments: list[str]) -> int:
 
 
 def _one(path: Path, out: Path) -> int:
+    resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
     try:
         found = arrays(load(path))
     except NotPlainError as error:
         sys.stderr.write(f"{error}, which was not run\n")
         return 1
-    except (KeyError, TypeError, IndexError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:
         sys.stderr.write(f"no {error} where the description has it\n")
         return 1
     np.savez(out, **found)  # type: ignore[arg-type]  # names of arrays, none is allow_pickle

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import struct
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,6 +17,9 @@ import numpy as np
 MAKERS = {("numpy", "ndarray"), ("numpy", "dtype"), ("collections", "OrderedDict"), ("torch._utils", "_rebuild_tensor_v2"),
           *((f"numpy.{core}.{part}", name) for core in ("core", "_core")
             for part, name in (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer")))}  # fmt: skip
+DAMAGED = (pickle.UnpicklingError, ValueError, TypeError, LookupError, AttributeError, EOFError, ArithmeticError, ImportError,
+           RuntimeError, MemoryError, struct.error)  # fmt: skip
+"""what Python's unpickler raises for a file that is damaged: any of these"""
 PLAIN = (str, int, float, bool, type(None))
 
 
@@ -25,8 +29,13 @@ class NotPlainError(ValueError):
 
 def load(path: Path) -> Any:
     """The dictionaries, lists, numbers, texts and numpy arrays of a pickle; tensors become arrays. NotPlainError for all else."""
-    with path.open("rb") as file:
-        return plain(Unpickler(file).load())
+    try:
+        with path.open("rb") as file:
+            return plain(Unpickler(file).load())
+    except NotPlainError:
+        raise
+    except DAMAGED as error:
+        raise NotPlainError(f"a damaged pickle ({type(error).__name__}: {error})") from error
 
 
 def plain(value: Any) -> Any:

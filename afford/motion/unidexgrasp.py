@@ -7,10 +7,12 @@ unseen_categories.yaml. Written after the description of the data set; never run
 from __future__ import annotations
 
 import re
+from collections import Counter
 
 import numpy as np
 
 from afford.readers.errors import SourceError
+from afford.readers.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.object_list import SPLITS, GraspObjects
 
@@ -34,10 +36,11 @@ def category(code: str) -> str:
 
 def _split(file: FileRef, split: str) -> list[Row]:
     out: list[Row] = []
-    for number, line in enumerate(file.path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(file.path, file.name).splitlines(), 1):
         if line.strip() and not line.startswith("#"):
             out += [(code, category(code), split, scale) for code, scale in _line(f"{file.name}, line {number}", line.strip())]
-    twice = next((row for row in out if out.count(row) > 1), None) if len({*out}) < len(out) else None
+    counts = Counter(out)
+    twice = next((row for row in out if counts[row] > 1), None)
     if twice is not None or not out:
         got = f"{twice[0]} at {twice[3]} twice" if twice else "nothing"
         raise SourceError(file.name, "objects, each size once", got, "correct the list")

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.boxes import box
 from afford.predict.ask import Answer
-from afford.predict.stored import Stored
+from afford.predict.stored import Stored, unknown_words
 from schemas.affordance import TAXONOMY
 from schemas.hands import SIDES
 from schemas.prediction import Prediction
@@ -24,6 +24,7 @@ def record(answer: Answer, model: Stored) -> dict[str, Any]:
     return {
         "source": picture.source, **video, "width_px": width, "height_px": height,
         "task": prediction.task,
+        "unknown_words": unknown_words(model, prediction.task),
         "taxonomy": taxonomy(prediction),
         "hands_asked": question.hands,
         "hands": chosen(prediction),

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from blake3 import blake3
 
-from afford.models.twohands import files
+from afford.models.twohands import files, known
 from afford.models.twohands.files import CONFIG, FORMAT, INSIDE, WEIGHTS
+from afford.models.twohands.known import KnownWords
 from afford.readers.errors import SourceError
 
 
@@ -22,16 +23,23 @@ class Stored:
     name: str
     digest: str
     """blake3 of the config and the weights"""
+    words: KnownWords | None = None
+    """what its training contained, where it says so"""
 
 
 def find(folder: Path) -> Stored:
-    """The model in a folder. SourceError when there is none."""
+    """The model in a folder. SourceError when there is none, ValueError when its words cannot be read."""
     place = files.place(folder)
     for name in (CONFIG, WEIGHTS):
         if not (place / name).is_file():
             raise SourceError(str(folder), f"a trained model ({CONFIG} and {WEIGHTS})", f"no {name}", "run `make train` first")
     named = place.resolve()
-    return Stored(place, named.parent.name if named.name == INSIDE else named.name, _digest(place))
+    return Stored(place, named.parent.name if named.name == INSIDE else named.name, _digest(place), known.read(place))
+
+
+def unknown_words(model: Stored, task: str) -> list[str] | None:
+    """Words of a task that the training of a model did not contain; None where the model does not say what it contained."""
+    return None if model.words is None else model.words.unknown(task)
 
 
 def last(models: Path, form: str = FORMAT) -> Path | None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
 from collections.abc import Sequence
 
+from afford.bounded import ZIP_ERRORS, read_member, reason
 from afford.readers import coco, visor
 from afford.readers.corrections import check_used, read_corrections
 from afford.readers.discover import DENSE, EXTRAS, SPARSE
 from afford.readers.errors import SourceError
 from afford.readers.grid import check_grid
+from afford.readers.hand_names import check_names
 from afford.readers.hands import key_frame
 from afford.readers.mapping import read_mapping
 from afford.readers.rows import Note, Sheet
 from afford.readers.strict_json import parse
+from afford.video.number import epic_rate
 from schemas.clip import KeyFrame
 from schemas.files import FileRef, FileTree
+
+MOST_BYTES = 1 << 31
+"""of the JSON of one video: interpolations of the longest videos have some hundred MiB"""
 
 
 def has_masks(files: FileTree) -> bool:
@@ -27,18 +32,26 @@ def has_masks(files: FileTree) -> bool:
 def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> list[KeyFrame]:
     """Key frames by frame; a ready-made one gives way to the annotator's own. `frames` are the names of the media. SourceError
     when a file is malformed or none has masks. `notes` says what was corrected or left out."""
-    corrections, mapped = read_corrections(files), read_mapping(files, frames)
-    sheets: dict[int, tuple[Sheet, bool]] = {}
-    for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
-        dense = file.name.startswith(DENSE)
-        found = _placed(_sheets(file, dense, mapped), file.name, notes)
-        check_grid(found, file.name, notes)
-        sheets.update({sheet.frame: (sheet, dense) for sheet in found})
+    corrections, sheets = read_corrections(files), read_sheets(files, notes, frames)
     check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
     keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]
     if not any(keys):
         raise SourceError(files.name, "at least one image with masks", "none", "annotate some frames")
     return [key for key in keys if key]
+
+
+def read_sheets(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> dict[int, tuple[Sheet, bool]]:
+    """Frame -> the annotations of its image as they are written, and whether they are ready-made; the annotator's own win."""
+    mapped = read_mapping(files, frames)
+    sheets: dict[int, tuple[Sheet, bool]] = {}
+    for file in sorted(_mask_files(files), key=lambda file: not file.name.startswith(DENSE)):
+        dense = file.name.startswith(DENSE)
+        found = _placed(_sheets(file, dense, mapped), file.name, notes)
+        check_grid(found, file.name, notes)
+        if epic_rate(files.name) is None:  # masks that VISOR publishes are as they are
+            check_names(found, file.name, notes)
+        sheets.update({sheet.frame: (sheet, dense) for sheet in found})
+    return sheets
 
 
 def _mask_files(files: FileTree) -> list[FileRef]:
@@ -68,14 +81,15 @@ def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
 
 def _bytes(file: FileRef) -> bytes:
     """The JSON text of a file, or of the one JSON file in a zip."""
-    data = file.path.read_bytes()
     if not file.name.endswith(".zip"):
-        return data
+        return file.path.read_bytes()
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            inside = [name for name in archive.namelist() if name.endswith(".json")]
+        with zipfile.ZipFile(file.path) as archive:
+            inside = [item for item in archive.infolist() if item.filename.endswith(".json")]
             if len(inside) == 1:
-                return archive.read(inside[0])
-    except zipfile.BadZipFile as error:
-        raise SourceError(file.name, "a zip file", str(error), "get the file again") from error
+                return read_member(archive, inside[0], file.name, MOST_BYTES)
+    except SourceError:
+        raise
+    except ZIP_ERRORS as error:
+        raise SourceError(file.name, "a zip file", reason(error), "get the file again") from error
     raise SourceError(file.name, "one JSON file in the zip", f"{len(inside)}", "unpack it by hand")

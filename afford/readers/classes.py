@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from afford.readers.errors import SourceError
-from afford.readers.tables import read_table, words
+from afford.readers.tables import read_table, whole, words
 
 COLUMNS = ("id", "key", "instances")
 UNKNOWN = -1
@@ -32,9 +32,18 @@ def read_classes(data: bytes, name: str) -> Classes:
     keys: dict[int, str] = {}
     listed: dict[str, int] = {}
     for where, row in read_table(data, name, COLUMNS):
-        if not row["id"].isdigit():
-            raise SourceError(f"{where}, column 'id'", "a whole number", repr(row["id"]), "correct the row")
-        keys[int(row["id"])] = row["key"]
+        number = _number(row["id"], where)
+        keys[number] = row["key"]
         for word in words(row["instances"], f"{where}, column 'instances'"):
-            listed.setdefault(word, int(row["id"]))
+            listed.setdefault(word, number)
     return Classes(keys, listed | {key: number for number, key in keys.items()})
+
+
+def _number(text: str, where: str) -> int:
+    try:
+        number = whole(text)
+    except ValueError:
+        number = UNKNOWN
+    if number < 0:
+        raise SourceError(f"{where}, column 'id'", "a whole number", repr(text), "correct the row")
+    return number

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
+from afford.readers.effort import box_px, check_drawn, outline_px
 from afford.readers.errors import SourceError
+from afford.readers.grid import refuse_normalised
 from afford.readers.polygons import FAR_PX, trace
-from afford.readers.rows import Row, Sheet, grid_size, worn_on
-from afford.readers.run_lengths import decode
+from afford.readers.rows import Row, Sheet, grid_size, once, worn_on
+from afford.readers.run_lengths import boxed, run_lengths
 from afford.readers.strict_json import entry
 from afford.readers.visor import frame_number
+from afford.video.number import LAST_FRAME
 from schemas.clip import Polygon
 
 
@@ -27,14 +30,18 @@ def sheets(document: Any, name: str) -> list[Sheet]:
              for c in entry(document, "categories", list, name)}
     images = entry(document, "images", list, name)
     raws: dict[Any, list[Any]] = {entry(image, "id", int, f"{name}, images"): [] for image in images}
+    if len(raws) < len(images):
+        raise SourceError(f"{name}, images", "ids that differ", f"{len(images)} images of {len(raws)} ids", "give each its own id")
     for raw in entry(document, "annotations", list, name):
         where = f"{name}, annotation {entry(raw, 'id', int, f'{name}, annotations')}"
         if entry(raw, "image_id", int, where) not in raws:
             raise SourceError(f"{where}, field 'image_id'", "the id of an image", str(raw["image_id"]), "correct it")
         raws[raw["image_id"]].append(raw)
+    _check_pixels(document, name)
+    check_drawn((_drawn_px(raw, image, name) for image in images for raw in raws[image["id"]]), name)
     offset = 1 - _first_frame(document.get("info"))
     found = [_sheet(image, raws[image["id"]], names, name, offset) for image in images]
-    return sorted((sheet for sheet in found if sheet.rows), key=lambda sheet: sheet.frame)
+    return once(sheet for sheet in found if sheet.rows)
 
 
 def _first_frame(info: Any) -> int:
@@ -45,7 +52,7 @@ def _sheet(image: Any, raws: list[Any], names: Mapping[int, str], name: str, off
     where = f"{name}, image {image['id']}"
     file_name = str(image.get("file_name", ""))
     number = entry(image, "frame", int, where) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
-    if number + offset < 1:
+    if not 1 <= number + offset <= LAST_FRAME:
         raise SourceError(where, "frame numbers from 1 on", str(number), 'if they start at 0, add "info": {"first_frame": 0}')
     width_px, height_px = grid_size(image, where)
     rows = tuple(_row(raw, names, f"{name}, annotation {raw.get('id')}", (height_px, width_px)) for raw in raws)
@@ -65,35 +72,64 @@ def _row(raw: Any, names: Mapping[int, str], where: str, size_hw: tuple[int, int
         polygons=_outlines(raw.get("segmentation"), where, size_hw))
 
 
+def _drawn_px(raw: Any, image: Any, name: str) -> int:
+    """What drawing an annotation takes: the pixels of the box around its mask, and the length of its outlines."""
+    segmentation, label = raw.get("segmentation"), f"{name}, annotation {raw['id']}, field 'segmentation'"
+    width_px, height_px = grid_size(image, f"{name}, image {image['id']}")
+    if not segmentation:
+        return 0
+    if not isinstance(segmentation, list):
+        return _strip_px(_runs(segmentation, label, (height_px, width_px)), height_px)
+    corners = [polygon.reshape(-1, 2) for polygon in _flat(segmentation, label)]
+    lengths = sum(outline_px(polygon, label) for polygon in corners)
+    return lengths + (box_px(np.concatenate(corners), width_px, height_px) if corners else 0)
+
+
+def _check_pixels(document: Any, name: str) -> None:
+    polygons = [polygon for raw in document["annotations"] if isinstance(raw.get("segmentation"), list)
+                for polygon in _flat(raw["segmentation"], f"{name}, annotation {raw['id']}, field 'segmentation'")]
+    refuse_normalised(polygons, f"{name}, field 'segmentation'")
+
+
+def _strip_px(runs: np.ndarray, height_px: int) -> int:
+    """Pixels of the columns from the first to the last that a mask touches."""
+    first, last = int(runs[0]), int(runs.sum()) - (int(runs[-1]) if len(runs) % 2 else 0) - 1
+    return max(last // height_px - first // height_px + 1, 0) * height_px
+
+
 def _outlines(segmentation: Any, where: str, size_hw: tuple[int, int]) -> tuple[Polygon, ...]:
     """Outlines that give the mask as COCO draws it: the union of its polygons, or its run lengths."""
     label = f"{where}, field 'segmentation'"
     if not segmentation:
         return ()
     if isinstance(segmentation, list):
-        return trace(_draw(_flat(segmentation, label), size_hw))
+        polygons = [polygon.tolist() for polygon in _flat(segmentation, label)]
+        if not polygons:
+            return ()
+        united = coco_mask.merge(coco_mask.frPyObjects(polygons, *size_hw))
+        found = boxed(run_lengths(united["counts"].decode("ascii"), *size_hw), size_hw[0])
+    else:
+        found = boxed(_runs(segmentation, label, size_hw), size_hw[0])
+    return trace(found.mask, (found.x, found.y))
+
+
+def _runs(segmentation: Any, label: str, size_hw: tuple[int, int]) -> np.ndarray:
+    """(n,) int64 run lengths; SourceError when they do not fill the image."""
     size = entry(segmentation, "size", list, label)
     if tuple(size) != size_hw:
         raise SourceError(f"{label}, 'size'", f"the image's (h, w) {size_hw}", f"{size}", "correct it or the image's size")
     try:
-        return trace(decode(segmentation.get("counts"), *size_hw))
+        return run_lengths(segmentation.get("counts"), *size_hw)
     except ValueError as error:
         raise SourceError(label, "run lengths that fill the image", str(error), "export the masks again") from error
 
 
-def _flat(segmentation: list[Any], label: str) -> list[list[float]]:
-    """Polygons as flat lists of x, y; corners far outside are pulled in."""
+def _flat(segmentation: list[Any], label: str) -> list[np.ndarray]:
+    """Polygons as flat arrays of x, y; corners far outside are pulled in."""
     try:
         flat = [np.asarray(polygon, np.float64) for polygon in segmentation if polygon]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         flat = [np.zeros(0)]
     if any(p.ndim != 1 or len(p) < 6 or len(p) % 2 or not np.isfinite(p).all() for p in flat):
         raise SourceError(label, "polygons as flat lists [x, y, x, y, x, y, ...]", repr(segmentation)[:60], "correct it")
-    return [np.clip(polygon, -FAR_PX, FAR_PX).tolist() for polygon in flat]
-
-
-def _draw(polygons: list[list[float]], size_hw: tuple[int, int]) -> np.ndarray:
-    """Their union, (h, w) bool."""
-    if not polygons:
-        return np.zeros(size_hw, bool)
-    return np.asarray(coco_mask.decode(coco_mask.merge(coco_mask.frPyObjects(polygons, *size_hw))), bool)
+    return [np.clip(polygon, -FAR_PX, FAR_PX) for polygon in flat]

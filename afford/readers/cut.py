@@ -39,15 +39,16 @@ def cut(keys: Sequence[int], media: Media, cutting: Cutting) -> list[Part]:
     Margins stop halfway to the next key frame and never cross a cut.
     """
     parts: list[Part] = []
-    for group in _groups(keys, media, cutting):
+    groups = _groups(keys, media, cutting)
+    for i, group in enumerate(groups):
         pieces = _pieces(group, media, cutting.max_frames)
-        before = max((key for key in keys if key < group[0]), default=None)
-        after = min((key for key in keys if key > group[-1]), default=None)
+        before = groups[i - 1][-1] if i else None
+        after = groups[i + 1][0] if i + 1 < len(groups) else None
         low = group[0] - _margin(group[0], before, cutting)
         high = group[-1] + _margin(group[-1], after, cutting)
-        inside = media.numbers[(media.numbers >= low) & (media.numbers <= high)]
-        starts = [int(inside[0]), *(a for a, _ in pieces[1:])]
-        stops = [*(b for _, b in pieces[:-1]), int(inside[-1])]
+        first, behind = np.searchsorted(media.numbers, low), np.searchsorted(media.numbers, high, "right")
+        starts = [int(media.numbers[first]), *(a for a, _ in pieces[1:])]
+        stops = [*(b for _, b in pieces[:-1]), int(media.numbers[behind - 1])]
         parts.extend(Part(a, b) for a, b in zip(starts, stops, strict=True))
     return parts
 

@@ -21,7 +21,7 @@ def states(root: Path, wanted: Iterable[Published]) -> Iterator[tuple[Published,
     """Each file with its state; it may lie anywhere below `root`, frames also unpacked. No file is read but for its ends."""
     found: dict[str, list[Entry]] = {}
     for entry in entries(root) if root.is_dir() else ():
-        if not set(NO_PICTURES) & set(entry.name.split("/")[:-1]):
+        if not entry.odd and not set(NO_PICTURES) & set(entry.name.split("/")[:-1]):
             found.setdefault(entry.name.rpartition("/")[2].lower(), []).append(entry)
             found.setdefault(entry.folder.lower(), [])
     for file in wanted:

@@ -6,6 +6,7 @@ A folder of many images is listed as one, and not looked into: 11.5 million fram
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -25,14 +26,17 @@ FEW = 500
 
 @dataclass(frozen=True)
 class Entry:
-    """One file below the root, or a link that leaves the root (to a file or to a folder)."""
+    """One file below the root, or what must not be opened: a link that leaves the root (to a file or to a folder), or no file."""
 
     name: str
     """root-relative, with forward slashes"""
     path: Path
     leaves: bool
+    """it must not be opened"""
     many: bool = False
     """a folder of more than `FEW` images"""
+    odd: str = ""
+    """what it is where it is neither file nor folder: reading it might never end"""
 
     @property
     def stem(self) -> str:
@@ -80,7 +84,7 @@ def entries(root: Path) -> tuple[Entry, ...]:
 def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
     with os.scandir(folder) as found:
         some = list(islice(found, FEW + 1))
-        if prefix and len(some) > FEW and all(_is_image(item.name) for item in some):
+        if prefix and len(some) > FEW and all(_is_image(item.name) and item.is_file() for item in some):
             yield Entry(prefix.removesuffix("/"), folder, leaves=False, many=True)
             return
         items = [item for item in (*some, *found) if not item.name.startswith(".")]
@@ -90,9 +94,21 @@ def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
         if target != path and not target.is_relative_to(real):
             yield Entry(prefix + item.name, path, leaves=True)
         elif not os.path.isdir(path):
-            yield Entry(prefix + item.name, path, leaves=False)
+            odd = "" if item.is_file(follow_symlinks=False) else _odd(path)
+            yield Entry(prefix + item.name, path, leaves=bool(odd), odd=odd)
         elif target == path or not path.is_relative_to(target):
             yield from _walk(real, path, f"{prefix}{item.name}/")
+
+
+def _odd(path: Path) -> str:
+    """What a path leads to that is no regular file; '' for a file, and for a link to nothing, which cannot be opened anyway."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return ""
+    if stat.S_ISREG(mode):
+        return ""
+    return "a named pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
 
 
 def _is_image(name: str) -> bool:
@@ -100,7 +116,9 @@ def _is_image(name: str) -> bool:
 
 
 def refuse_link(entry: Entry) -> None:
-    """SourceError for what lies outside the source folder."""
+    """SourceError for what lies outside the source folder, or is no file."""
+    if entry.odd:
+        raise SourceError(entry.name, "a file", entry.odd, "put the file itself there, or remove it from the folder")
     if entry.leaves:
         raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
                           "copy the file into the folder, or use the folder it lies in as the source")

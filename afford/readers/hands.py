@@ -7,22 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
+from afford.readers.hand_names import side_of
 from afford.readers.polygons import union
 from afford.readers.rows import Note, Row, Sheet, visible
 from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, KeyFrame
 from schemas.hands import HAND_CLASS, SIDES, Hand
 
-MISSPELT = {"rigth hand": "right hand", "rigth glove": "right glove"}
-"""names that annotators are known to have misspelt (13 VISOR images)"""
 OTHER_WORDS = {"none": "hand-not-in-contact"}
 Corrections = Mapping[str, Mapping[str, str]]
 """image name -> hand name -> annotation id of the object it really touches"""
 
 
 def plain(name: str) -> str:
-    """A name as VISOR would write it, if it is a hand or a glove: lower case, single spaces, known misspellings righted."""
-    words = " ".join(name.lower().replace("_", " ").replace("-", " ").split())
-    return MISSPELT.get(words, words)
+    """A name as VISOR would write it, if it is a hand or a glove: 'left hand' for every spelling of one, else lower case and single
+    spaces."""
+    side = side_of(name)
+    return f"{side} hand" if side else " ".join(name.lower().replace("_", " ").replace("-", " ").split())
 
 
 def key_frame(sheet: Sheet, dense: bool, corrections: Corrections, notes: list[Note]) -> KeyFrame | None:

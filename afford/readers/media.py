@@ -13,8 +13,8 @@ from afford.readers.errors import SourceError
 from afford.readers.folder import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
 from afford.readers.visor import frame_number
 from afford.video import pack
-from afford.video.number import epic_rate, shown
-from afford.video.probe import Probe, probe
+from afford.video.number import epic_rate
+from afford.video.probe import Probe, frames_at, probe
 from schemas.files import FileRef, FileTree
 
 
@@ -35,6 +35,8 @@ class Media:
     """the file ends before the container says so"""
     spans: tuple[pack.Span, ...] = ()
     """(offset, size) of every image, bytes, where a tar holds them"""
+    size_wh: tuple[int, int] | None = None
+    """width and height of the video's frames as stored, px; None for images"""
 
     def frame_at(self, seconds: float) -> int:
         """Number of the frame that is shown at a time; the first or last one outside the video."""
@@ -61,19 +63,16 @@ def find_media(files: FileTree, rates: Mapping[str, float], still_fps: float) ->
 
 def _of_video(video: FileRef, rate: float | None) -> Media:
     info = _probe(video)
-    count = len(shown(info.times_s, rate))
+    count = len(frames_at(info, rate, video.name))
     numbers = np.arange(1, count + 1, dtype=np.int64)
     times_s = (numbers - 1) / rate if rate else info.times_s
-    return Media("video", (video.name,), numbers, times_s, rate or info.fps, rate is not None, info.truncated)
+    return Media("video", (video.name,), numbers, times_s, rate or info.fps, rate is not None, info.truncated, size_wh=info.size_wh)
 
 
 def _probe(video: FileRef) -> Probe:
     if video.size == 0:
         raise SourceError(video.name, "a video", "an empty file (0 bytes)", "get the file again")
-    try:
-        return probe(video.path)
-    except ValueError as error:
-        raise SourceError(video.name, "a video that can be read", str(error), "is the file cut short? get it again") from error
+    return probe(video.path)
 
 
 def _of_pack(whole: FileRef, fps: float) -> Media:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from afford.readers.classes import Classes
 from afford.readers.errors import SourceError
-from afford.readers.tables import read_table, words
+from afford.readers.tables import read_table, whole, words
 from schemas.clip import Narration
 
 COLUMNS = (
@@ -42,7 +42,7 @@ def refuse_reversed(start: int, stop: int, where: str) -> None:
 
 def _number(row: dict[str, str], column: str, where: str) -> int:
     try:
-        return int(row[column])
+        return whole(row[column])
     except ValueError as error:
         label = f"{where}, column {column!r}"
         raise SourceError(label, "a whole number", repr(row[column]), "correct or remove the row") from error

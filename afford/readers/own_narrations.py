@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from afford.readers.classes import Classes
 from afford.readers.errors import SourceError
 from afford.readers.narrations import refuse_reversed
-from afford.readers.tables import header, read_table
+from afford.readers.tables import header, read_table, whole
 from afford.readers.words import verb_and_nouns
 from schemas.clip import Narration
 
@@ -32,27 +33,29 @@ def read_own_narrations(data: bytes, name: str, frame_at: FrameAt, verbs: Classe
 
 def _column(data: bytes, name: str, end: str) -> str:
     choices = (*FRAME_COLUMNS[end], *TIME_COLUMNS[end])
-    found = next((column for column in choices if column in header(data)), None)
+    there = header(data, name)
+    found = next((column for column in choices if column in there), None)
     if found is None:
-        raise SourceError(name, f"a column {' or '.join(choices)}", f"columns {', '.join(header(data))}", "add it")
+        raise SourceError(name, f"a column {' or '.join(choices)}", f"columns {', '.join(there)}", "add it")
     return found
 
 
 def _frame(row: dict[str, str], column: str, where: str, frame_at: FrameAt) -> int:
     text = row[column].strip()
     try:
-        return int(text) if column.endswith("_frame") else frame_at(seconds(text))
+        return whole(text) if column.endswith("_frame") else frame_at(seconds(text))
     except ValueError as error:
         expected = "a whole number" if column.endswith("_frame") else "seconds, mm:ss or hh:mm:ss"
         raise SourceError(f"{where}, column {column!r}", expected, repr(text), "correct or remove the row") from error
 
 
 def seconds(text: str) -> float:
-    """12.5, 1:02.5 and 00:01:02.50 as seconds; ValueError otherwise."""
+    """12.5, 1:02.5 and 00:01:02.50 as seconds; ValueError otherwise, also for a time that is not finite."""
     parts = [float(part) for part in text.split(":")]
-    if len(parts) > 3 or min(parts) < 0:
+    total = sum(part * 60**power for power, part in enumerate(reversed(parts)))
+    if len(parts) > 3 or min(parts) < 0 or not math.isfinite(total):
         raise ValueError(text)
-    return sum(part * 60**power for power, part in enumerate(reversed(parts)))
+    return total
 
 
 def _narration(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 
@@ -31,14 +32,26 @@ def read_clips(files: FileTree, cutting: Cutting, still_fps: float) -> tuple[Cli
 
     still_fps: rate of a folder of frame images whose own rate nothing states, 1/s.
     """
+    return clips_of(files, media_of_video(files, still_fps), cutting)
+
+
+def media_of_video(files: FileTree, still_fps: float) -> Media:
+    """The frames of the video that exist; SourceError when there are none, or when the source states that more should be there."""
     media = find_media(files, frame_rates(files), still_fps)
     check_end(files, media)
+    return media
+
+
+def clips_of(files: FileTree, media: Media, cutting: Cutting) -> tuple[Clip, ...]:
+    """Clips of a video whose frames are known. SourceError when a file about it cannot be used."""
     notes: list[Note] = []
     keys, narrations, given = (_annotated if has_masks(files) else _bare)(files, media, notes)
     parts = cut(given, media, cutting)
-    notes.extend(_unmatched(narrations, parts))
+    touched = [_touching(narrations, part) for part in parts]
+    notes.extend(_unmatched(narrations, touched))
+    about = _about(notes, parts)
     return tuple(
-        _clip(files, part, f"_s{i:02d}" if len(parts) > 1 else "", media, keys, narrations, _about(notes, part, parts))
+        _clip(files, part, f"_s{i:02d}" if len(parts) > 1 else "", media, keys, touched[i - 1], about[i - 1])
         for i, part in enumerate(parts, start=1))
 
 
@@ -72,29 +85,39 @@ def _present(keys: Sequence[KeyFrame], media: Media, notes: list[Note]) -> list[
     return kept
 
 
-def _unmatched(narrations: Sequence[Narration], parts: Sequence[Part]) -> list[Note]:
+def _unmatched(narrations: Sequence[Narration], touched: Sequence[Sequence[Narration]]) -> list[Note]:
     """One remark on the narrations that touch no clip."""
-    missed = [n.narration_id for n in narrations if not any(_touches(n, part) for part in parts)]
+    matched = {n.narration_id for some in touched for n in some}
+    missed = [n.narration_id for n in narrations if n.narration_id not in matched]
     if not missed:
         return []
     named = ", ".join(missed[:3]) + (", ..." if len(missed) > 3 else "")
     return [(0, f"{len(missed)} of {len(narrations)} narrations speak of no annotated part of the video: {named}")]
 
 
-def _touches(narration: Narration, part: Part) -> bool:
-    return narration.start_frame <= part.last and narration.stop_frame >= part.first
+def _touching(narrations: Sequence[Narration], part: Part) -> list[Narration]:
+    return [n for n in narrations if n.start_frame <= part.last and n.stop_frame >= part.first]
 
 
-def _about(notes: Sequence[Note], part: Part, parts: Sequence[Part]) -> tuple[str, ...]:
-    """The remarks about a part: those on its frames, on frames nearest to it, and on the whole video."""
-    def nearest(frame: int) -> Part:
-        return min(parts, key=lambda p: max(p.first - frame, frame - p.last, 0))
+def _about(notes: Sequence[Note], parts: Sequence[Part]) -> list[tuple[str, ...]]:
+    """The remarks about each part: those on its frames, on frames nearest to it, and on the whole video."""
+    lasts = [part.last for part in parts]
 
-    return tuple(dict.fromkeys(text for frame, text in notes if frame == 0 or nearest(frame) == part))
+    def nearest(frame: int) -> int:
+        after = bisect_left(lasts, frame)
+        if after == len(parts) or (after and parts[after].first - frame >= frame - lasts[after - 1]):
+            return after - 1
+        return after
+
+    found: list[dict[str, None]] = [{} for _ in parts]
+    for frame, text in notes:
+        for about in found if frame == 0 else [found[nearest(frame)]]:
+            about[text] = None
+    return [tuple(about) for about in found]
 
 
 def _clip(
-    files: FileTree, part: Part, suffix: str, media: Media, keys: Sequence[KeyFrame], narrations: Sequence[Narration],
+    files: FileTree, part: Part, suffix: str, media: Media, keys: Sequence[KeyFrame], touching: Sequence[Narration],
     warnings: tuple[str, ...],
 ) -> Clip:
     names, spans = media.names, media.spans
@@ -104,8 +127,12 @@ def _clip(
     return Clip(
         clip_id=files.name + suffix, video_id=files.name, participant_id=_participant(files), split=_split(files), media=names,
         media_kind=media.kind, fps=media.fps, resample=media.resample, first_frame=part.first, last_frame=part.last,
-        key_frames=tuple(key for key in keys if part.first <= key.frame <= part.last),
-        narrations=tuple(n for n in narrations if _touches(n, part)), warnings=warnings, spans=spans)
+        key_frames=tuple(keys[bisect_left(keys, part.first, key=_frame) : bisect_right(keys, part.last, key=_frame)]),
+        narrations=tuple(touching), warnings=warnings, spans=spans)
+
+
+def _frame(key: KeyFrame) -> int:
+    return key.frame
 
 
 def _participant(files: FileTree) -> str:

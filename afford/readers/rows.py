@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from afford.bounded import MAX_PIXELS
+from afford.readers.effort import outline_px
 from afford.readers.errors import SourceError
 from afford.readers.polygons import FAR_PX
 from afford.readers.strict_json import entry
@@ -46,12 +48,22 @@ class Sheet:
     rows: tuple[Row, ...]
 
 
+def once(sheets: Iterable[Sheet]) -> list[Sheet]:
+    """Sheets by frame; SourceError when a frame is there twice."""
+    seen: dict[int, Sheet] = {}
+    for sheet in sheets:
+        if seen.setdefault(sheet.frame, sheet) is not sheet:
+            raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
+    return [seen[frame] for frame in sorted(seen)]
+
+
 def grid_size(image: Any, where: str) -> tuple[int, int]:
     """(width, height) that an image entry states; SourceError when they are no sensible size."""
     size = entry(image, "width", int, where), entry(image, "height", int, where)
-    if not 0 < min(size) <= max(size) <= FAR_PX:
+    if not 0 < min(size) <= max(size) <= FAR_PX or size[0] * size[1] > MAX_PIXELS:
         label = f"{where}, fields 'width' and 'height'"
-        raise SourceError(label, f"1 to {FAR_PX} px", f"{size[0]} and {size[1]}", "correct them")
+        raise SourceError(label, f"1 to {FAR_PX} px each and {MAX_PIXELS / 1e6:g} megapixels at most", f"{size[0]} and {size[1]}",
+                          "correct them")
     return size
 
 
@@ -74,12 +86,13 @@ def _corners(segment: Any, where: str) -> np.ndarray:
     """(n, 2) float32 corners that truncate to the same integers as the numbers in the file."""
     try:
         exact = np.asarray(segment, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exact = np.zeros(0)
     if exact.ndim != 2 or exact.shape[1] != 2 or not np.isfinite(exact).all():
         raise SourceError(f"{where}, field 'segments'", "polygons as lists of [x, y] numbers", repr(segment)[:60],
                           "correct the annotation")
     exact = np.clip(exact, -FAR_PX, FAR_PX)
+    outline_px(exact, f"{where}, field 'segments'")
     single = exact.astype(np.float32)
     return np.where(single.astype(np.int32) == exact.astype(np.int32), single, np.trunc(exact)).astype(np.float32)
 

@@ -2,36 +2,79 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 FIRST = 48
 """character that stands for 0"""
+MOST_CHARACTERS = 12
+"""of one number, 5 bits each; an image has fewer pixels by far"""
+
+
+class Boxed(NamedTuple):
+    """A mask without the empty rows and columns around it."""
+
+    mask: np.ndarray
+    """(h, w) bool"""
+    x: int
+    y: int
+    """its upper left corner in the image, px"""
 
 
 def decode(counts: Any, height_px: int, width_px: int) -> np.ndarray:
     """(height_px, width_px) bool: runs of 0 and 1 in turn, down the columns. ValueError when they do not fill the mask."""
-    runs = _uncompress(counts) if isinstance(counts, str) else counts
-    if not isinstance(runs, list) or not all(type(run) is int and run >= 0 for run in runs):
-        raise ValueError("counts that are neither text nor whole numbers of 0 or more")
-    if sum(runs) != height_px * width_px:
-        raise ValueError(f"counts that sum up to {sum(runs)} instead of {height_px * width_px}")
+    runs = run_lengths(counts, height_px, width_px)
+    return _filled(runs, height_px, width_px)
+
+
+def run_lengths(counts: Any, height_px: int, width_px: int) -> np.ndarray:
+    """(n,) int64 lengths of runs of 0 and 1 in turn. ValueError when `counts` are none, or do not fill the mask."""
+    if isinstance(counts, str):
+        runs = _uncompressed(counts)
+    elif isinstance(counts, list) and all(type(run) is int and 0 <= run <= height_px * width_px for run in counts):
+        runs = np.array(counts, np.int64)
+    else:
+        raise ValueError("counts that are neither text nor whole numbers from 0 to the pixels of the image")
+    if ((runs < 0) | (runs > height_px * width_px)).any() or int(runs.sum()) != height_px * width_px:
+        raise ValueError(f"counts that do not sum up to {height_px * width_px}")
+    return runs
+
+
+def boxed(runs: np.ndarray, height_px: int) -> Boxed:
+    """The mask of run lengths in an image of `height_px` rows, cut to what is inside; work and memory are those of the box."""
+    stops = np.cumsum(runs)[1::2]
+    starts = stops - runs[1::2]
+    starts, stops = starts[stops > starts], stops[stops > starts]
+    if not len(starts):
+        return Boxed(np.zeros((0, 0), bool), 0, 0)
+    left, right = int(starts[0]) // height_px, int(stops[-1] - 1) // height_px
+    whole = bool((starts // height_px != (stops - 1) // height_px).any())
+    top = 0 if whole else int((starts % height_px).min())
+    rows = (height_px - 1 if whole else int(((stops - 1) % height_px).max())) - top + 1
+    columns = right - left + 1
+    inside = (starts // height_px - left) * rows + starts % height_px - top
+    edges = np.stack([inside, inside + stops - starts], axis=1).ravel()
+    return Boxed(_filled(np.diff(edges, prepend=0, append=rows * columns), rows, columns), left, top)
+
+
+def _filled(runs: np.ndarray, height_px: int, width_px: int) -> np.ndarray:
     return np.repeat(np.arange(len(runs)) % 2 > 0, runs).reshape(width_px, height_px).T
 
 
-def _uncompress(text: str) -> list[int]:
+def _uncompressed(text: str) -> np.ndarray:
     """Numbers of 5 bits a character, lowest first; from the fourth on each is the difference to the one before the last."""
-    runs: list[int] = []
-    value = shift = 0
-    for character in text:
-        bits = ord(character) - FIRST
-        if not 0 <= bits < 64:
-            raise ValueError(f"character {character!r} in compressed counts")
-        value |= (bits & 31) << shift
-        shift += 5
-        if not bits & 32:
-            value -= (1 << shift) if bits & 16 else 0
-            runs.append(value + (runs[-2] if len(runs) > 2 else 0))
-            value = shift = 0
-    return runs
+    bits = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), "<u4").astype(np.int64) - FIRST
+    if ((bits < 0) | (bits >= 64)).any():
+        raise ValueError("counts with a character that stands for no number")
+    ends = np.flatnonzero(bits & 32 == 0)
+    lengths = np.diff(ends, prepend=-1)
+    if not len(ends) or int(lengths.max()) > MOST_CHARACTERS:
+        raise ValueError("counts without an end, or with a number beyond all images")
+    starts = ends - lengths + 1
+    places = np.arange(int(ends[-1]) + 1) - np.repeat(starts, lengths)
+    numbers = np.add.reduceat((bits[:len(places)] & 31) << (5 * places), starts)
+    numbers[bits[ends] & 16 > 0] -= (1 << (5 * lengths))[bits[ends] & 16 > 0]
+    numbers[1::2] = np.cumsum(numbers[1::2])
+    numbers[2::2] = np.cumsum(numbers[2::2])
+    return numbers

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from afford.readers.classes import UNKNOWN, Classes, read_classes
@@ -16,6 +17,8 @@ from schemas.files import FileRef, FileTree
 STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
 """must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""
 INFO = "EPIC_100_video_info.csv"
+FASTEST = 1e6
+"""frames per second of the fastest cameras"""
 SILENT = "without narrations it gives no samples"
 UNTOLD = ("hold", "object")
 """verb and noun where nothing was ever said"""
@@ -33,9 +36,12 @@ def frame_rates(files: FileTree) -> dict[str, float]:
 
 def _rate(text: str, where: str) -> float:
     try:
-        return float(text)
-    except ValueError as error:
-        raise SourceError(f"{where}, column 'fps'", "a number", repr(text), "correct the row") from error
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0 < rate <= FASTEST:
+        raise SourceError(f"{where}, column 'fps'", f"a rate above 0 and up to {FASTEST:g}", repr(text), "correct the row")
+    return rate
 
 
 def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = SILENT) -> list[Narration]:
@@ -45,7 +51,7 @@ def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[N
     found: dict[str, Narration] = {}
     for file in _tables(files):
         data = file.path.read_bytes()
-        if file.name in STANDARD or set(COLUMNS) <= set(header(data)):
+        if file.name in STANDARD or set(COLUMNS) <= set(header(data, file.name)):
             rows = read_narrations(data, file.name, files.name, verbs, nouns)
         elif file.name.startswith("EPIC_100_"):
             continue

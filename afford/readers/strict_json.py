@@ -9,7 +9,7 @@ from afford.readers.errors import SourceError
 
 
 def parse(data: bytes, name: str) -> Any:
-    """The document in `data`; SourceError names the file and the line when it is not strict JSON in UTF-8."""
+    """The document in `data`. SourceError names the file and the line when it is not strict JSON in UTF-8."""
 
     def refuse(word: str) -> NoReturn:
         raise SourceError(name, "finite numbers", word, "JSON has no NaN or Infinity; correct or remove the annotation")
@@ -20,6 +20,10 @@ def parse(data: bytes, name: str) -> Any:
         raise SourceError(name, "text in UTF-8", f"byte {error.start} that is not", "save the file as UTF-8") from error
     except json.JSONDecodeError as error:
         raise SourceError(f"{name}, line {error.lineno}", "JSON", error.msg, "was the file cut short? get it again") from error
+    except RecursionError as error:
+        raise SourceError(name, "JSON", "lists in lists beyond any use", "get the file again") from error
+    except ValueError as error:  # what is left: Python reads no whole number of more than 4300 digits
+        raise SourceError(name, "numbers of a usual length", "one of thousands of digits", "correct it") from error
 
 
 def entry(record: Any, key: str, kind: type, where: str) -> Any:

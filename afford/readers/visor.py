@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from afford.readers.effort import check_drawn
 from afford.readers.errors import SourceError
+from afford.readers.grid import refuse_normalised
 from afford.readers.mapping import released
-from afford.readers.rows import Row, Sheet, grid_size, outlines, worn_on
+from afford.readers.rows import Row, Sheet, grid_size, once, outlines, worn_on
 from afford.readers.strict_json import entry
 from afford.video.number import number_in
 
@@ -27,11 +29,14 @@ def sheets(document: Any, name: str, grid_wh: tuple[int, int], mapped: Mapped) -
     """
     points = entry(document, "video_annotations", list, name)
     found = [_sheet(point, f"{name}, image {number}", grid_wh, mapped) for number, point in enumerate(points, start=1)]
-    seen: dict[int, Sheet] = {}
-    for sheet in found:
-        if sheet.frame != NOWHERE and seen.setdefault(sheet.frame, sheet) is not sheet:
-            raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
-    return sorted(found, key=lambda sheet: sheet.frame)
+    refuse_normalised([p.points for sheet in found for row in sheet.rows for p in row.polygons], f"{name}, field 'segments'")
+    check_drawn((_drawn_px(sheet) for sheet in found), name)
+    return [sheet for sheet in found if sheet.frame == NOWHERE] + once(sheet for sheet in found if sheet.frame != NOWHERE)
+
+
+def _drawn_px(sheet: Sheet) -> int:
+    """What drawing an image takes: only gloves are drawn, to be joined with their hand, on the whole grid."""
+    return sheet.width_px * sheet.height_px * sum(bool(row.worn) for row in sheet.rows)
 
 
 def frame_number(image: str, where: str) -> int:

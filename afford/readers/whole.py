@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from afford.readers.errors import SourceError
 from afford.readers.media import Media
 from afford.readers.speech import INFO
@@ -31,8 +33,15 @@ def _length_s(files: FileTree) -> float | None:
     info = files.find(INFO)
     for where, row in read_table(info.path.read_bytes(), INFO, ("video_id", "fps")) if info else ():
         if row["video_id"] == files.name and row.get("duration"):
-            try:
-                return float(row["duration"])
-            except ValueError as error:
-                raise SourceError(f"{where}, column 'duration'", "seconds", repr(row["duration"]), "correct the row") from error
+            return _seconds(row["duration"], where)
     return None
+
+
+def _seconds(text: str, where: str) -> float:
+    try:
+        length_s = float(text)
+    except ValueError:
+        length_s = math.nan
+    if not math.isfinite(length_s):
+        raise SourceError(f"{where}, column 'duration'", "seconds", repr(text), "correct the row")
+    return length_s

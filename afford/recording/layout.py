@@ -35,7 +35,8 @@ def layout(found: Summary) -> dict[str, Any]:
     pictures, beside = _pictures(topics) | _space(topics), _plot(topics) | _panels(topics) | _words(topics)
     if not pictures and not beside:
         raise ValueError(f"{found.path}: expected pictures, curves or words to lay out, got {', '.join(topics) or 'no topic'}")
-    parts = [_grid(list(pictures))] * bool(pictures) + [_stack(list(beside), "column")] * bool(beside)
+    parts = [_grid(list(pictures))] if pictures else []
+    parts += [_stack(list(beside), "column")] if beside else []
     tree = _split(parts[0], parts[1], "row", PICTURES_SHARE) if len(parts) == 2 else parts[0]
     return {"configById": pictures | beside, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1}, "layout": tree}
 

@@ -46,10 +46,10 @@ def save(path: Path, out: Path) -> None:
     stream.disconnect()
 
 
-def show(path: Path) -> None:
-    """Open the viewer and send it the recording."""
+def show(path: Path, program: str) -> None:
+    """Open the viewer, by the path of its program, and send it the recording."""
     stream, (layout, log) = _stream(path), _made_for(path)
-    stream.spawn(default_blueprint=layout())
+    rr.spawn(executable_path=program, default_blueprint=layout(), recording=stream)
     log(path, stream)
     stream.disconnect()
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from afford.encode import jpeg
+from afford.lettering import label
 from afford.palette import LEFT, RIGHT, Palette, colours_of
 from afford.report.score import Aligned
 from schemas.affordance import Affordances
@@ -13,6 +14,8 @@ from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
 
 JPEG_QUALITY = 88
+AT_PX, LETTERS_PX = (6, 4), 13
+"""where the label of a row stands, and how tall its letters are"""
 TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
 
 
@@ -36,9 +39,9 @@ def clip_row(
         paint(inpainted.rgb[t], complete.masks[:, t], colours_of(complete.entities)),
         paint(inpainted.rgb[t], affordances.masks[:, t], (LEFT, RIGHT)),
     ]
-    label = f"{aligned.truth.clip_id} #{frames.frame[t]}"
+    name = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
-    _write(row, label + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""))
+    label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
     return jpeg(row, JPEG_QUALITY)
 
 
@@ -73,9 +76,3 @@ def decode_jpeg(data: np.ndarray) -> np.ndarray:
 def _fit(rgb: np.ndarray, width_px: int) -> np.ndarray:
     height_px = round(rgb.shape[0] * width_px / rgb.shape[1])
     return cv2.resize(rgb, (width_px, height_px), interpolation=cv2.INTER_AREA)
-
-
-def _write(rgb: np.ndarray, text: str) -> None:
-    """White text with a dark edge in the upper left corner, in place."""
-    for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-        cv2.putText(rgb, text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, thickness, cv2.LINE_AA)

@@ -35,7 +35,7 @@ sequence goes in; the action comes out."""
         batches = ClipBatches(parts["train"], whole.config, whole.changes, order, whole.batch, actions, whole.seed)
         return Actions(model, batches, spread(parts["val"], whole.val_samples), whole.plan.device)
 
-    def save(self, model: nn.Module, folder: Path) -> None:
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """encoder.safetensors, which `model_train` (backend sor3d) starts from."""
         assert isinstance(model, pretrain.ActionLSTM)
         pretrain.save(model.encoder, folder)

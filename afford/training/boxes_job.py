@@ -36,7 +36,7 @@ boxes of things, and inside each box a mask of affordances. One picture goes in.
         judged = [fitted(sequences.read(path, "none"), whole.config.size_px) for path in spread(parts["val"], whole.val_samples)]
         return Detecting(build(whole.config, whole.seed), batches, judged, whole.plan.device)
 
-    def save(self, model: nn.Module, folder: Path) -> None:
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """config.json, model.safetensors."""
         assert isinstance(model, Boxes)
         files.save(model, folder, FORMAT)

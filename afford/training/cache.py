@@ -15,6 +15,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from blake3 import blake3
 
 from afford.dataset.load import Item
 from afford.training.sources import NO_MOTION, NUMBERS, WORDS
@@ -25,9 +26,9 @@ PIXELS, PACKED, INDEX = "pixels.bin", "masks.bin", "index.json"
 def write(items: Iterable[Item], folder: Path, largest_px: tuple[int, int]) -> None:
     """Decode everything once. Images larger than `largest_px` (height, width) are made smaller, at the same aspect.
 
-    A cache that is complete is left as it is: it survives with the folder that a killed training goes on in.
+    A cache that is complete and undamaged is left as it is: it survives with the folder that a killed training goes on in.
     """
-    if (folder / INDEX).exists():
+    if _is_whole(folder):
         return
     folder.mkdir(parents=True, exist_ok=True)
     index = []
@@ -38,9 +39,25 @@ def write(items: Iterable[Item], folder: Path, largest_px: tuple[int, int]) -> N
             index.append({"at": [pixels.tell(), packed.tell()], "size": small.image.shape[:2], **words})
             pixels.write(small.image.tobytes())
             packed.write(np.packbits(small.masks).tobytes())
-    partial = folder / f"{INDEX}.partial"
-    partial.write_text(json.dumps(index))
+    partial, rows = folder / f"{INDEX}.partial", json.dumps(index)
+    partial.write_text(json.dumps({"check": _checksum(folder, rows), "rows": rows}))
     os.replace(partial, folder / INDEX)
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether a cache is there whose bytes fit their checksum."""
+    try:
+        index = json.loads((folder / INDEX).read_text())
+        return bool(index["check"] == _checksum(folder, index["rows"]))
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _checksum(folder: Path, rows: str) -> str:
+    digest = blake3(rows.encode())
+    for name in (PIXELS, PACKED):
+        digest.update_mmap(folder / name)
+    return digest.hexdigest()
 
 
 def shrink(item: Item, largest_px: tuple[int, int]) -> Item:
@@ -58,7 +75,7 @@ class Cache(Sequence[Item]):
     """The samples again; safe to read from threads."""
 
     def __init__(self, folder: Path) -> None:
-        self.rows: list[dict[str, Any]] = json.loads((folder / INDEX).read_text())
+        self.rows: list[dict[str, Any]] = json.loads(json.loads((folder / INDEX).read_text())["rows"])
         self._pixels, self._packed = (_map(folder / name) for name in (PIXELS, PACKED))
 
     def __len__(self) -> int:

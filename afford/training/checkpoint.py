@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from blake3 import blake3
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
@@ -17,21 +18,34 @@ WORDS = "words"
 
 
 def save(path: Path, tensors: Mapping[str, Tensor], words: Mapping[str, Any]) -> None:
-    """Write tensors and JSON-able words; a kill leaves the file of before."""
+    """Write tensors and JSON-able words, with a checksum of both; a kill leaves the file of before."""
     partial = path.with_name(f"{path.name}.partial")
-    save_file({name: tensor.detach().contiguous().cpu() for name, tensor in tensors.items()}, partial,
-              {WORDS: json.dumps(words)})
+    kept, text = {name: tensor.detach().contiguous().cpu() for name, tensor in tensors.items()}, json.dumps(words)
+    save_file(kept, partial, {WORDS: json.dumps([_checksum(kept, text), text])})  # one entry: their order is not fixed
     os.replace(partial, path)
 
 
 def load(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """What `save` wrote. ValueError for a file that is damaged."""
+    """Read what `save` wrote. ValueError for a file that is damaged, which is moved aside."""
     try:
         with safe_open(path, framework="pt") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, json.loads(file.metadata()[WORDS])  # noqa: SIM118
-    except (SafetensorError, KeyError, TypeError) as error:
-        raise ValueError(f"{path.name}: expected a checkpoint of a training, got a damaged file ({error}); delete it to train "
-                         "from the beginning") from error
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            check, text = json.loads(file.metadata()[WORDS])
+        if check != _checksum(tensors, text):
+            raise KeyError("its bytes do not fit their checksum")
+        return tensors, dict(json.loads(text))
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        aside = path.replace(path.with_name(f"{path.name}.damaged"))
+        raise ValueError(f"{path.name}: expected a checkpoint of a training, got a damaged file ({error}), which is now "
+                         f"{aside.name}; run again to train from the beginning") from error
+
+
+def _checksum(tensors: Mapping[str, Tensor], words: str) -> str:
+    digest = blake3(words.encode())
+    for name in sorted(tensors):
+        digest.update(f"{name} {tensors[name].dtype} {tuple(tensors[name].shape)}".encode())
+        digest.update(tensors[name].reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()
 
 
 def weights(model: nn.Module) -> dict[str, Tensor]:

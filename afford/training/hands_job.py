@@ -13,7 +13,7 @@ from typing import Any
 from torch import nn
 
 from afford.dataset.load import Item
-from afford.models.twohands import files
+from afford.models.twohands import files, known
 from afford.models.twohands.build import build
 from afford.models.twohands.config import ModelConfig
 from afford.models.twohands.losses import LossParams
@@ -83,9 +83,10 @@ class HandsJob:
         if "val.threshold" in found:
             _own(model).config = replace(self.config, threshold=found["val.threshold"])
 
-    def save(self, model: nn.Module, folder: Path) -> None:
-        """config.json, model.safetensors and what comes with backbones."""
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
+        """config.json, model.safetensors, what comes with backbones, and words.json: the vocabulary of the part that teaches."""
         files.save(_own(model), folder)
+        known.write(known.of((row["narration"], row["verb"], row["noun"]) for row in cache.Cache(scratch / "train").rows), folder)
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """The card, Markdown."""

@@ -40,8 +40,8 @@ class Job(Protocol):
     def finish(self, model: nn.Module, state: State) -> None:
         """Write into the model's config what validation found at the best step."""
 
-    def save(self, model: nn.Module, folder: Path) -> None:
-        """The model as files."""
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
+        """The model as files; `scratch` is where `prepare` made things ready."""
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """The card of the trained model, Markdown."""

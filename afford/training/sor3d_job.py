@@ -89,7 +89,7 @@ class Sor3dJob:
     def finish(self, model: nn.Module, state: State) -> None:
         """Validation decides nothing but which weights are kept."""
 
-    def save(self, model: nn.Module, folder: Path) -> None:
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """config.json, model.safetensors."""
         files.save(_own(model), folder)
 

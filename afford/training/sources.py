@@ -13,11 +13,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from afford.dataset.columns import MASKS
 from afford.dataset.export_2hands import first_row, read_video
 from afford.dataset.load import Item
+from afford.dataset.parquet import opened, refused
 
 Files = Mapping[str, Path]
 """the files of a data set: name below its folder, with forward slashes -> where it is"""
@@ -77,8 +77,10 @@ def items(files: Files, split: str) -> Iterator[Item]:
 def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
     """The columns that are wanted, some rows at a time. ValueError names those that are missing."""
     if name.suffix == ".parquet":
-        with pq.ParquetFile(path) as file:
-            yield from file.iter_batches(64, columns=_wanted(name, file.schema_arrow), use_threads=False)
+        with opened(path, str(name)) as file:
+            wanted = _wanted(name, file.schema_arrow)
+            with refused(path, str(name)):
+                yield from file.iter_batches(64, columns=wanted, use_threads=False)
         return
     with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:
         wanted = _wanted(name, stream.schema)

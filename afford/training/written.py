@@ -32,7 +32,7 @@ class Source(NamedTuple):
 def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted, curves: TrainingLog) -> Path:
     """The folder of files; everything in it is a function of the data set, the job and the weights."""
     root = empty_folder(scratch / "out")
-    job.save(fitted.model, root / MODEL)
+    job.save(fitted.model, root / MODEL, scratch)
     for folder in ("tensorboard", "previews"):
         if (scratch / folder).exists():
             shutil.copytree(scratch / folder, root / folder)

@@ -8,8 +8,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from afford.video.number import shown
-from afford.video.probe import Probe, packets, probe
+from afford.video.probe import Probe, frames_at, opened, packets, probe
 from afford.video.size import shrink
 
 Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -19,10 +18,10 @@ Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
 def decode_video(path: Path, first: int, last: int, resample_fps: float | None, box_wh: tuple[int, int]) -> Decoded:
     """Frames `first` to `last` (data-set numbers) as far as they can be decoded; damaged and missing ones are left out.
 
-    Times are those of the file, or those of the constant rate when it is resampled. ValueError when the file cannot be read.
+    Times are those of the file, or those of the constant rate when it is resampled. SourceError when the file cannot be read.
     """
     info = probe(path)
-    source = shown(info.times_s, resample_fps)
+    source = frames_at(info, resample_fps, path.name)
     numbers = np.arange(first, min(last, len(source)) + 1, dtype=np.int64)
     indices = source[numbers - 1]
     images = _images(path, info, info.pts[indices], box_wh)
@@ -35,19 +34,16 @@ def decode_video(path: Path, first: int, last: int, resample_fps: float | None, 
 def every_nth(path: Path, every: int) -> Iterator[tuple[int, float, np.ndarray]]:
     """(number from 1, media time in s, (h, w, 3) uint8 RGB at the file's own size) of frames 1, 1 + every, ..., one at a time.
 
-    Damaged frames are left out. ValueError when the file cannot be read.
+    Damaged frames are left out. SourceError when the file cannot be read.
     """
     info = probe(path)
     wanted = {int(info.pts[n]): n for n in range(0, len(info.pts), every)}
-    try:
-        with av.open(str(path)) as container:
-            for frame in _frames(container, None):
-                time = frame.pts if frame.pts is not None else frame.dts
-                n = wanted.get(time) if time is not None else None
-                if n is not None and not frame.is_corrupt:
-                    yield n + 1, float(info.times_s[n]), _upright(frame)
-    except av.error.FFmpegError as error:
-        raise ValueError(error.strerror or "unreadable data") from error
+    with opened(path) as (container, stream):
+        for frame in _frames(container, stream, None):
+            time = frame.pts if frame.pts is not None else frame.dts
+            n = wanted.get(time) if time is not None else None
+            if n is not None and not frame.is_corrupt:
+                yield n + 1, float(info.times_s[n]), _upright(frame)
 
 
 def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
@@ -58,17 +54,14 @@ def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -
     """
     wanted = set(pts.tolist())
     before = info.pts[info.is_key & (info.pts <= pts[:1])] if wanted else pts
-    try:
-        images = _decode(path, int(before[-1]), wanted, box_wh) if len(before) else {}
-        return images if len(images) == len(wanted) else images | _decode(path, None, wanted, box_wh)
-    except av.error.FFmpegError as error:
-        raise ValueError(error.strerror or "unreadable data") from error
+    images = _decode(path, int(before[-1]), wanted, box_wh) if len(before) else {}
+    return images if len(images) == len(wanted) else images | _decode(path, None, wanted, box_wh)
 
 
 def _decode(path: Path, start: int | None, wanted: set[int], box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
     last, images = max(wanted), {}
-    with av.open(str(path)) as container:
-        for frame in _frames(container, start):
+    with opened(path) as (container, stream):
+        for frame in _frames(container, stream, start):
             time = frame.pts if frame.pts is not None else frame.dts
             if time is not None and time in wanted and not frame.is_corrupt:
                 images[time] = shrink(_upright(frame), box_wh)
@@ -77,10 +70,8 @@ def _decode(path: Path, start: int | None, wanted: set[int], box_wh: tuple[int, 
     return images
 
 
-def _frames(container: av.container.InputContainer, start: int | None) -> Iterator[av.VideoFrame]:
+def _frames(container: av.container.InputContainer, stream: av.VideoStream, start: int | None) -> Iterator[av.VideoFrame]:
     """Frames in the order in which they are shown, from the key frame at `start` on; broken packets are passed over."""
-    stream = container.streams.video[0]
-    stream.codec_context.thread_count = 1
     if start is not None:
         container.seek(start, stream=stream)
     for packet in packets(container, stream):

@@ -8,6 +8,10 @@ from pathlib import PurePosixPath
 import numpy as np
 
 EPIC_ID = re.compile(r"P(0[1-9]|[12][0-9]|3[0-7])_([0-9]{2}|1[0-9]{2})")
+LAST_FRAME = 10**12
+"""a number beyond it is none of a frame, but a time or an id"""
+MOST_SLOTS = 2**26
+"""frames of a video at a constant rate: 13 days at 60 a second; times that are damaged claim more"""
 
 
 def epic_rate(video_id: str) -> float | None:
@@ -20,19 +24,26 @@ def epic_rate(video_id: str) -> float | None:
 
 
 def number_in(name: str) -> int | None:
-    """The last run of digits of an image's name: rgb_frames/P03_101_frame_0000000157.jpg shows frame 157."""
+    """The last run of digits of an image's name: rgb_frames/P03_101_frame_0000000157.jpg shows frame 157. None without one, and
+    for a number beyond `LAST_FRAME`."""
     digits = re.findall(r"[0-9]+", PurePosixPath(name).stem)
-    return int(digits[-1]) if digits else None
+    last = digits[-1].lstrip("0") if digits else None
+    if last is None or len(last) > len(str(LAST_FRAME)):
+        return None
+    number = int(last or 0)
+    return number if number <= LAST_FRAME else None
 
 
 def shown(times_s: np.ndarray, fps: float | None) -> np.ndarray:
     """Which frame of the file each data-set frame shows: (n,) int64, entry k for frame number k + 1.
 
     Without `fps` frame n is the n-th of the file. With it the file is resampled as ffmpeg does at a constant rate: each
-    picture takes the slot nearest to its time, and empty slots repeat the picture before.
+    picture takes the slot nearest to its time, and empty slots repeat the picture before. ValueError for more than `MOST_SLOTS`.
     """
     if fps is None:
         return np.arange(len(times_s))
+    if not times_s[-1] * fps < MOST_SLOTS:
+        raise ValueError(f"times up to {times_s[-1]:.0f} s, which are those of no video")
     slots = np.floor(times_s * fps + 0.5).astype(np.int64)
     step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1 / fps
     count = max(int(np.floor((times_s[-1] + step_s) * fps + 0.5)), int(slots[-1]) + 1)

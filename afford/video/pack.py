@@ -13,11 +13,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from afford.bounded import ZIP_ERRORS, TooLargeError, read_member, reason
+from afford.readers.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 PACK_SUFFIXES = (".tar", ".zip")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 BLOCK_BYTES = 512
+MOST_BYTES = 1 << 28
+"""of one image: 16 bits and three channels of 44 megapixels without any compression"""
 PADDING_BYTES = 1 << 20
 """zeros that may follow the end of a tar; tar itself pads to 10 KiB"""
 Span = tuple[int, int]
@@ -51,10 +55,11 @@ def pack_of(files: FileTree, frame: str) -> FileRef | None:
 
 
 def read(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
-    """The bytes of frames of a pack, by name, or by their place where it is a tar. ValueError names what cannot be read."""
+    """The bytes of frames of a pack, by name, or by their place where it is a tar. SourceError names what cannot be read, or states
+    more than `MOST_BYTES`."""
     names = [frame.removeprefix(f"{pack.name}/") for frame in frames]
     if pack.path.is_dir():
-        yield from ((pack.path / name).read_bytes() for name in names)
+        yield from (plain(pack.path / name, name) for name in names)
     elif pack.path.suffix.lower() == ".zip":
         yield from _from_zip(pack, names)
     else:
@@ -79,8 +84,8 @@ def _in_zip(path: Path) -> Iterator[tuple[str, Span]]:
             for item in archive.infolist():
                 if _is_image(item.filename):
                     yield item.filename.removeprefix("./"), (item.header_offset, item.file_size)
-    except zipfile.BadZipFile as error:
-        raise ValueError(f"a zip that was cut short ({error})") from error
+    except ZIP_ERRORS as error:
+        raise ValueError(f"a zip that was cut short ({reason(error)})") from error
 
 
 def _in_tar(path: Path) -> Iterator[tuple[str, Span]]:
@@ -114,16 +119,33 @@ def _from_zip(pack: FileRef, names: Sequence[str]) -> Iterator[bytes]:
         with zipfile.ZipFile(pack.path) as archive:
             places = {item.filename.removeprefix("./"): item for item in archive.infolist()}
             for name in names:
-                yield archive.read(places[name])
-    except (zipfile.BadZipFile, KeyError) as error:
-        raise ValueError(f"{pack.name}: expected a zip with {names[0]}, got: {error}; get the file again") from error
+                yield read_member(archive, places[name], f"{pack.name}/{name}", MOST_BYTES)
+    except SourceError:
+        raise
+    except ZIP_ERRORS as error:
+        raise SourceError(pack.name, f"a zip with {names[0]}", reason(error), "get the file again") from error
 
 
 def _from_tar(pack: FileRef, names: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
     with pack.path.open("rb") as stream:
         for name, (offset, size) in zip(names, spans, strict=True):
+            _check(size, f"{pack.name}/{name}")
             stream.seek(offset)
             data = stream.read(size)
             if len(data) < size:
-                raise ValueError(f"{pack.name}: expected {size} bytes of {name}, got {len(data)}; get the file again")
+                raise SourceError(pack.name, f"{size} bytes of {name}", f"{len(data)}", "get the file again")
             yield data
+
+
+def plain(path: Path, name: str) -> bytes:
+    """The bytes of an image that is a file of its own; SourceError when it is larger than `MOST_BYTES` or cannot be read."""
+    try:
+        _check(path.stat().st_size, name)
+        return path.read_bytes()
+    except OSError as error:
+        raise SourceError(name, "an image that can be read", reason(error), "get the file again") from error
+
+
+def _check(size: int, name: str) -> None:
+    if size > MOST_BYTES:
+        raise TooLargeError(name, f"an image of at most {MOST_BYTES >> 20} MiB", f"{size >> 20} MiB", "make it smaller")

@@ -7,9 +7,10 @@ import json
 import shutil
 from pathlib import Path
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+import torch
+from safetensors.torch import save_file
 
+from afford.models.described import fill, read_config
 from afford.models.hands.model import Hands, HandsConfig
 from schemas.files import FileTree
 
@@ -35,15 +36,10 @@ def write(scratch: Path, model: Hands, card: str) -> Path:
 def read(where: Path | FileTree) -> Hands:
     """The network that `write` wrote, out of a folder or a store; ValueError says which file does not fit."""
     config, weights = (_file(where, name) for name in (CONFIG, WEIGHTS))
-    fields = json.loads(config.read_text(encoding="utf-8"))
-    if fields.pop("format", None) != FORMAT:
-        raise ValueError(f"{config}: expected \"format\": \"{FORMAT}\"; train a finder with hands_train")
-    model = Hands(HandsConfig(**{**fields, "widths": tuple(fields["widths"])}))
-    try:
-        model.load_state_dict(load_file(weights))
-    except (SafetensorError, RuntimeError) as error:
-        raise ValueError(f"{weights}: expected the weights that {CONFIG} describes; {error}") from error
-    return model
+    sizes = read_config(config, HandsConfig, FORMAT, str(config), "train a finder with hands_train")
+    with torch.device("meta"):
+        model = Hands(sizes)
+    return fill(model, weights, str(weights))
 
 
 def _file(where: Path | FileTree, name: str) -> Path:

@@ -7,9 +7,10 @@ import json
 import shutil
 from pathlib import Path
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+import torch
+from safetensors.torch import save_file
 
+from afford.models.described import fill, read_config
 from afford.models.parts.model import Parts, PartsConfig
 from schemas.files import FileTree
 
@@ -33,15 +34,11 @@ def write(scratch: Path, model: Parts, card: str) -> Path:
 def read(files: FileTree) -> Parts:
     """The scorer that `write` wrote; ValueError says which file does not fit."""
     config, weights = (_file(files, name) for name in (CONFIG, WEIGHTS))
-    fields = json.loads(config.read_text(encoding="utf-8"))
-    if fields.pop("format", None) != FORMAT:
-        raise ValueError(f"{CONFIG} of {files.name}: expected \"format\": \"{FORMAT}\"; train a scorer with scorer_train")
-    model = Parts(PartsConfig(**{**fields, "widths": tuple(fields["widths"])}))
-    try:
-        model.load_state_dict(load_file(weights))
-    except (SafetensorError, RuntimeError) as error:
-        raise ValueError(f"{WEIGHTS} of {files.name}: expected the weights that {CONFIG} describes; {error}") from error
-    return model
+    where = f"{CONFIG} of {files.name}"
+    sizes = read_config(config, PartsConfig, FORMAT, where, "train a scorer with scorer_train")
+    with torch.device("meta"):
+        model = Parts(sizes)
+    return fill(model, weights, f"{WEIGHTS} of {files.name}")
 
 
 def _file(files: FileTree, name: str) -> Path:

@@ -55,7 +55,7 @@ def read_config(folder: Path, form: str = FORMAT) -> Sor3dConfig:
     path = folder / CONFIG
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected the config of a trained sor3d model; {error}") from error
     if not isinstance(fields, dict) or fields.pop("format", None) != form:
         raise ValueError(f"{path}: expected \"format\": \"{form}\"; give the folder of such a model")

@@ -14,6 +14,7 @@ from afford.models.sor3d import files
 from afford.models.sor3d.both_ways import both_ways
 from afford.models.sor3d.found import Found
 from afford.models.sor3d.inputs import Seen, frames
+from afford.models.threads import one_thread
 from afford.training.sequence_batches import fitted
 from schemas.interaction import InteractionClip
 from schemas.scene_flow import SceneFlow
@@ -48,8 +49,9 @@ class Predictor:
 
     @torch.inference_mode()
     def batch(self, many: Listed[Seen]) -> list[Found]:
-        """Sequences of one length, at once."""
-        said = self.ask(frames(many, self.config).to(self.device))
+        """Sequences of one length, at once; on a CPU on one thread (see ../threads.py)."""
+        with one_thread(self.device):
+            said = self.ask(frames(many, self.config).to(self.device))
         probability, action = said.logits.softmax(1).float().cpu().numpy(), said.action.softmax(1).float().cpu().numpy()
         shares = [np.zeros((0, 0), np.float32)] * len(many)
         if said.attention is not None:

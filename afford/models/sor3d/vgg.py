@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import pickle
 from pathlib import Path
+from typing import Any
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file
 from torch import Tensor, nn
 
+from afford.models.archive import load_plain
 from afford.models.sor3d.encoder import Encoder
 
 LAYERS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24)
@@ -19,7 +18,7 @@ LAYERS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24)
 def fill(encoder: Encoder, checkpoint: Path) -> None:
     """Put the weights of a VGG16 (.pth of tensors, or .safetensors) into an encoder. A fourth channel (depth) gets the mean of the
     first three. ValueError for a tensor that is missing or of another shape."""
-    found = _read(checkpoint)
+    found = load_plain(checkpoint, "the weights of a VGG16 as tensors by name")
     convolutions = [module for module in encoder.modules() if isinstance(module, nn.Conv2d)]
     with torch.no_grad():
         for conv, number in zip(convolutions, LAYERS, strict=True):
@@ -28,17 +27,9 @@ def fill(encoder: Encoder, checkpoint: Path) -> None:
                 target.copy_(_fitting(found, f"features.{number}.{name}", target, checkpoint))
 
 
-def _read(checkpoint: Path) -> dict[str, Tensor]:
-    try:
-        found: dict[str, Tensor] = (load_file(checkpoint) if checkpoint.suffix == ".safetensors"
-                                    else torch.load(checkpoint, map_location="cpu", weights_only=True))  # fmt: skip
-    except (OSError, SafetensorError, RuntimeError, pickle.UnpicklingError) as error:
-        raise ValueError(f"{checkpoint}: expected the weights of a VGG16 as tensors by name; {error}") from error
-    return found
-
-
-def _fitting(found: dict[str, Tensor], name: str, target: Tensor, checkpoint: Path) -> Tensor:
-    tensor = found.get(name)
+def _fitting(found: dict[str, Any], name: str, target: Tensor, checkpoint: Path) -> Tensor:
+    given = found.get(name)
+    tensor = given if isinstance(given, Tensor) else None
     if tensor is not None and target.dim() == 4 and target.shape[1] == 4 and tensor.shape[1] == 3:
         tensor = torch.cat([tensor, tensor.mean(1, keepdim=True)], 1)
     if tensor is None or tensor.shape != target.shape:

@@ -60,7 +60,7 @@ def read_config(folder: Path) -> ModelConfig:
     path = folder / CONFIG
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected the config of a trained two-hand model; {error}") from error
     if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
         raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\"; write the folder with files.save")

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from afford.models.threads import one_thread
 from afford.models.twohands.batch import Batch
 from afford.models.twohands.closer import joined, window
 from afford.models.twohands.files import load
@@ -45,14 +46,16 @@ class Predictor:
 
     def predict_batch(self, images: Sequence[np.ndarray], tasks: Sequence[str], hands: str = "auto",
                       looks: int = 2) -> list[Prediction]:  # fmt: skip
-        """The same for several images, each of its own size, in one pass through the model for each look."""
+        """The same for several images, each of its own size, in one pass through the model for each look. On a CPU the model runs
+        on one thread, and torch's number of threads is afterwards as it was (see ../threads.py)."""
         if len(images) != len(tasks):
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
             _check(image)
-        told = self._look(images, tasks)
-        if looks > 1:
-            told = self._again(images, tasks, told)
+        with one_thread(self.device):
+            told = self._look(images, tasks)
+            if looks > 1:
+                told = self._again(images, tasks, told)
         return [self._one(task, one, hands) for task, one in zip(tasks, told, strict=True)]
 
     def _look(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[Told]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from pickle import UnpicklingError
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file
 from torch import Tensor
 
+from afford.bounded import reason
+from afford.models.archive import load_plain
 from afford.models.fitting import fit
 from afford.models.twohands.model import TwoHands
 from schemas.hands import SIDES
@@ -121,8 +120,8 @@ def read_weights(path: Path) -> dict[str, Tensor]:
 def _shards(index: Path) -> list[Path]:
     try:
         names = set(json.loads(index.read_text(encoding="utf-8"))["weight_map"].values())
-    except (ValueError, KeyError, AttributeError) as error:
-        raise ValueError(f"{index}: expected {{\"weight_map\": {{tensor: file}}}}; {error!r}") from error
+    except (OSError, ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
+        raise ValueError(f"{index}: expected {{\"weight_map\": {{tensor: file}}}}; {reason(error)}") from error
     outside = sorted(str(name) for name in names if Path(str(name)).name != name)
     if outside:
         raise ValueError(f"{index}: expected names of files beside it, got {', '.join(outside)}")
@@ -130,10 +129,7 @@ def _shards(index: Path) -> list[Path]:
 
 
 def _read_file(path: Path) -> dict[str, Tensor]:
-    try:
-        found = load_file(path) if path.suffix == ".safetensors" else torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, SafetensorError, UnpicklingError, RuntimeError, EOFError) as error:
-        raise ValueError(f"{path}: expected a file of tensors; {str(error).splitlines()[0]}") from error
-    if not isinstance(found, dict) or not all(isinstance(tensor, Tensor) for tensor in found.values()):
+    found = load_plain(path, "a file of tensors")
+    if not all(isinstance(tensor, Tensor) for tensor in found.values()):
         raise ValueError(f"{path}: expected a flat mapping of names to tensors")
     return found

@@ -39,7 +39,7 @@ def read_config(path: Path) -> VidmConfig:
     """The config that a model was saved with; ValueError names the file and the field."""
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected the config of a saved VIDM; {error}") from error
     if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
         raise ValueError(f'{path}: expected "format": "{FORMAT}"; write the folder with afford.models.vidm.files.save')

@@ -1,0 +1,80 @@
+"""Parquet shards read with care: stated sizes are bounded, checksums of pages verified, and any damage is one error."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from afford.bounded import TooLargeError, reason
+from afford.dataset.files import FOOTER, MANIFEST, footer_digest
+from afford.readers.errors import SourceError
+
+MOST_BYTES = 1 << 30
+"""uncompressed, of one row group: 100 pictures of 10 MB"""
+MOST_ROWS = 1 << 17
+"""of one row group"""
+DAMAGE = (pa.ArrowException, cv2.error, zlib.error, struct.error, OSError, ValueError, TypeError, LookupError, AttributeError,
+          MemoryError, OverflowError)  # fmt: skip
+"""what Arrow, OpenCV and the unpacking of columns raise for a file that is damaged, or another one"""
+
+
+@contextmanager
+def refused(path: Path, name: str = "") -> Iterator[None]:
+    """Any damage of a shard that comes up inside, as one SourceError that names the file, as `name` where it has another one."""
+    try:
+        yield
+    except SourceError:
+        raise
+    except DAMAGE as error:
+        raise SourceError(name or f"{path.parent.name}/{path.name}", "a whole shard of a data set", reason(error),
+                          "compare it with manifest.json; get the file, or make the data set, again") from error
+
+
+def opened(path: Path, name: str = "") -> pq.ParquetFile:
+    """A shard whose pages are verified when they are read. SourceError when it is no Parquet file, or its footer is another than
+    manifest.json says, where there is one."""
+    with refused(path, name):
+        stated = _stated_footer(path)
+        if stated and stated != footer_digest(path):
+            raise ValueError("a footer that is not the one in manifest.json")
+        return pq.ParquetFile(path, page_checksum_verification=True)
+
+
+def _stated_footer(path: Path) -> str:
+    """Digest of the footer of a shard in the manifest of its data set; '' where nothing states it."""
+    root = path.parent.parent
+    if not (root / MANIFEST).is_file():
+        return ""
+    entry = json.loads((root / MANIFEST).read_bytes())
+    for key in ("files", path.relative_to(root).as_posix(), FOOTER):  # a manifest of another form states none
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    return str(entry or "")
+
+
+def read_group(path: Path, group: int, columns: Sequence[str]) -> pa.Table:
+    """Some columns of one row group; SourceError when the file is damaged or lacks a column, TooLargeError beyond `MOST_BYTES` or
+    `MOST_ROWS`, before anything is decompressed."""
+    with opened(path) as file, refused(path):
+        _check_size(file, path, group)
+        missing = [name for name in columns if name not in file.schema_arrow.names]
+        if missing:
+            raise SourceError(f"{path.parent.name}/{path.name}", f"columns {', '.join(columns)}", f"no {', '.join(missing)}",
+                              "give the folder of a data set that `dataset_pack` wrote")
+        return file.read_row_group(group, columns=list(columns), use_threads=False)
+
+
+def _check_size(file: pq.ParquetFile, path: Path, group: int) -> None:
+    """The sizes of single columns stay unread: Arrow ends the process where their statistics are damaged."""
+    stated = file.metadata.row_group(group)
+    size = stated.total_byte_size
+    if size > MOST_BYTES or stated.num_rows > MOST_ROWS:
+        raise TooLargeError(f"{path.parent.name}/{path.name}", f"row groups of at most {MOST_BYTES >> 20} MiB and {MOST_ROWS} rows",
+                            f"{size >> 20} MiB and {stated.num_rows} rows", "write it in smaller row groups")

@@ -1,0 +1,180 @@
+"""The verb `check`: what would become of a source, before anything is run. Nothing is written, and no model is used."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from afford.meshes.files import URDF
+from afford.meshes.references import is_mesh
+from afford.readers.cut import Cutting
+from afford.readers.discover import discover
+from afford.readers.errors import SourceError
+from afford.readers.examine import Examined, examine
+from afford.readers.folder import VIDEO_SUFFIXES, entries
+from commands.errors import UsageError, unknown
+from commands.settings import settings
+from maps.settings import Settings
+
+SHOWN = 6
+"""clips, categories and narrations of a video that are listed; of more, the number (--json has all)"""
+Refusals = list[tuple[str, str]]
+"""(video or object, why), one sentence each"""
+
+
+@dataclass
+class Checked:
+    """A source as `run` would take it."""
+
+    source: str
+    kind: str
+    """epic, own, bare or meshes; '' for a folder that is no source"""
+    videos: list[Examined] = field(default_factory=list)
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    """annotated videos without media"""
+    refused: Refusals = field(default_factory=list)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all of it can be used."""
+        return not self.refused
+
+
+def check(root: Path, clips: Sequence[str], sets: Sequence[str], as_json: bool) -> int:
+    """Show a source; 0 when all of it can be used, 1 when something is refused. UsageError when `root` is no folder."""
+    if not root.is_dir():
+        raise UsageError(f"{root}: expected a folder, got {'a file' if root.exists() else 'nothing there'}; give a source, see "
+                         "docs/own-video.md")  # fmt: skip
+    found = _checked(root, clips, settings(sets, None))
+    if as_json:
+        sys.stdout.write(json.dumps(_tree(found), sort_keys=True) + "\n")
+    else:
+        console = Console()
+        for line in _lines(found):
+            console.print(line, highlight=False, soft_wrap=True)
+    return int(not found.ok)
+
+
+def _checked(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
+    try:
+        return _meshes(root) if _holds_meshes(root) else _videos(root, clips, chosen)
+    except (SourceError, OSError) as error:
+        return Checked(str(root), "", refused=[(root.resolve().name, str(error).removeprefix(f"{root}: "))])
+
+
+def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
+    source, read = discover(root, _unread, clips), chosen.source_read
+    cutting = Cutting(read.max_gap_s, read.max_still_gap_s, read.max_frames, read.margin_frames)
+    videos = [examine(files, cutting, read.still_fps) for files in source.videos]
+    _check_clips(clips, videos)
+    refused = [(one.video_id, one.reason) for one in source.refused]
+    refused += [(one.video, one.refusal) for one in videos if one.refusal]
+    return Checked(str(root), source.kind, videos, missing=list(source.missing), refused=refused)
+
+
+def _check_clips(clips: Sequence[str], videos: Sequence[Examined]) -> None:
+    names = [name for video in videos for name in (video.video, *(clip.clip_id for clip in video.clips))]
+    for clip in clips:
+        if clip not in names:
+            raise unknown("clip", clip, names)
+
+
+def _unread(path: Path) -> str:
+    """In place of a digest: what is only looked at needs none."""
+    return ""
+
+
+def _holds_meshes(root: Path) -> bool:
+    found = entries(root)
+    return any(is_mesh(e.name) or e.suffix == URDF for e in found) and not any(e.suffix in VIDEO_SUFFIXES for e in found)
+
+
+def _meshes(root: Path) -> Checked:
+    from afford.meshes.discover import discover as find
+    from afford.meshes.read import read
+
+    source, checked = find(root, _unread), Checked(str(root), "meshes")
+    checked.refused += [(one.name, one.reason) for one in source.refused]
+    for files in source.objects:
+        try:
+            surface = read(files)
+        except (SourceError, OSError) as error:
+            checked.refused.append((files.name, str(error)))
+            continue
+        sides = (surface.vertices.max(axis=0) - surface.vertices.min(axis=0)).tolist()
+        checked.meshes.append({"object": files.name, "files": [file.name for file in files.files], "size": sides,
+                               "vertices": len(surface.vertices), "triangles": len(surface.faces)})  # fmt: skip
+    return checked
+
+
+# -- what is shown -----------------------------------------------------------------------------------------------------
+
+
+def _lines(found: Checked) -> Iterator[str]:
+    kinds = {"epic": "an EPIC-KITCHENS / VISOR root", "own": "a video with masks", "bare": "video without masks",
+             "meshes": "meshes", "": "no source"}  # fmt: skip
+    yield f"[bold]{escape(found.source)}[/]: {kinds[found.kind]}"
+    for video in found.videos:
+        yield from _of_video(video)
+    for mesh in found.meshes:
+        size = " x ".join(f"{side:.4g}" for side in mesh["size"])
+        yield f"[bold]{escape(mesh['object'])}[/] {mesh['vertices']} vertices, {mesh['triangles']} triangles, {size} in its unit"
+    if found.missing:
+        yield f"no video for {len(found.missing)} annotated video(s): {escape(_some(found.missing))}"
+    for name, why in found.refused:
+        yield f"[red]refused[/] {escape(f'{name}: {why}')}"
+    usable = sum(not video.refusal for video in found.videos) + len(found.meshes)
+    warnings = sum(len(video.warnings) for video in found.videos)
+    yield f"{usable} usable, {len(found.refused)} refused, {warnings} warning(s)"
+
+
+def _of_video(video: Examined) -> Iterator[str]:
+    size = f"{video.size_wh[0]}x{video.size_wh[1]}, " if video.size_wh[0] else ""
+    yield escape(f"{video.video}: {video.media or 'unreadable'}, {size}{video.frames} frames at {video.fps:g} a second")
+    clips = [f"{clip.clip_id} ({clip.first_frame} to {clip.last_frame}, {len(clip.key_frames)} key frames)" for clip in video.clips]
+    if clips:
+        yield escape(f"  clips       {len(clips)}: {_some(clips)}")
+    if video.categories:
+        grids = " and ".join(f"{width}x{height}" for width, height in video.grids)
+        named = _some([_category(one) for one in video.categories])
+        yield escape(f"  masks       {named}" + (f"; drawn on {grids}" if grids else ""))
+    elif video.clips:
+        yield "  masks       none: hands are looked for (hand_detect)"
+    for hand, counts in sorted(video.contacts.items()):
+        yield escape(f"  {hand:<11} {', '.join(f'{kind} in {count}' for kind, count in counts.most_common())}")
+    if video.clips:
+        told = [f"{n.text!r} ({n.start_frame} to {n.stop_frame}): {n.verb}, {n.noun}" for n in video.narrations]
+        yield escape(f"  narrations  {len(told)}" + (f": {_some(told)}" if told else ""))
+    yield from (f"  [yellow]warning[/]     {escape(text)}" for text in video.warnings)
+
+
+def _category(one: Any) -> str:
+    return f"{one.name} {one.masks}" + ("" if one.name == one.role else f" ({one.role})")
+
+
+def _some(words: Sequence[str]) -> str:
+    return "; ".join(words[:SHOWN]) + (f"; and {len(words) - SHOWN} more" if len(words) > SHOWN else "")
+
+
+def _tree(found: Checked) -> dict[str, Any]:
+    return {"source": found.source, "kind": found.kind, "ok": found.ok, "missing": found.missing, "meshes": found.meshes,
+            "refused": [{"name": name, "reason": why} for name, why in found.refused],
+            "videos": [_branch(video) for video in found.videos]}  # fmt: skip
+
+
+def _branch(video: Examined) -> dict[str, Any]:
+    clips = [{"clip": clip.clip_id, "first_frame": clip.first_frame, "last_frame": clip.last_frame,
+              "key_frames": [key.frame for key in clip.key_frames]} for clip in video.clips]  # fmt: skip
+    return {"video": video.video, "media": video.media, "frames": video.frames, "fps": video.fps, "size": list(video.size_wh),
+            "grids": [list(grid) for grid in video.grids], "clips": clips, "warnings": list(video.warnings),
+            "categories": [asdict(one) for one in video.categories], "refusal": video.refusal,
+            "contacts": {hand: dict(counts) for hand, counts in video.contacts.items()},
+            "narrations": [asdict(n) for n in video.narrations]}  # fmt: skip
