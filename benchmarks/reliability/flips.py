@@ -1,0 +1,34 @@
+"""1c: one damaged file in a store, of every kind. See tests/test_store_flips.py, which states the same law."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+from benchmarks.reliability.rows import Plan, Row
+from tests.flipped_stores import DAMAGES, KINDS, STORED, built, healed
+
+
+def rows(plan: Plan) -> list[Row]:
+    """One bit flipped, the modification time kept; then everything else that can happen to a file."""
+    flips = [_row(plan, f"one bit flipped, mtime kept: {kind}{said}", kind, ["flip"] * plan.times(20, 2), cache, first)
+             for kind in KINDS for said, cache, first in _ways(kind)]
+    others = [how for how in DAMAGES if how != "flip"] * plan.times(3, 1)
+    return flips + [_row(plan, f"file cut, removed or replaced by JSON that does not fit: {kind}", kind, others, True, False)
+                    for kind in KINDS]  # fmt: skip
+
+
+def _ways(kind: str) -> Iterator[tuple[str, bool, bool]]:
+    """(in words, .cache stays, verify before the run)."""
+    yield ", .cache present" if kind in STORED else "", True, False
+    if kind in STORED:
+        yield ", .cache gone", False, False
+    yield ", verify before the run", True, True
+
+
+def _row(plan: Plan, what: str, kind: str, hows: list[str], cache: bool, first: bool) -> Row:
+    row = Row(what)
+    for n, how in enumerate(hows):
+        project = built(plan.place(f"{what.replace('/', '-')} {n}"), kind)
+        row.count(healed(project, kind, how, random.Random(f"{plan.seed} {what} {n}"), cache=cache, verify_first=first))
+    return row
