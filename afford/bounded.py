@@ -89,8 +89,8 @@ def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, in
 
 
 def check_chunks(data: bytes, name: str) -> None:
-    """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what a
-    chunk states before it looks whether the file has as much.)"""
+    """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what
+    a chunk states before it looks whether the file has as much.)"""
     if not data.startswith(PNG_SIGNATURE):
         return
     at = len(PNG_SIGNATURE)

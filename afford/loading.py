@@ -14,6 +14,7 @@ from typing import Any
 
 from blake3 import blake3
 
+DYNAMIC = ()  # what is watched are packages of others: no module of ours is loaded through the import machinery here
 DIGEST_BYTES = 32
 COMPILED = (".nbi", ".nbc")
 """numba's files: an index of a function's signatures, and the machine code of one"""

@@ -6,6 +6,7 @@ fingerprint and the check that the code has not been edited since.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from runner.canonical import digest
 from runner.files import RACY_NS, Stamp, read_cache, stamp, write_cache
-from runner.source import Module, parse_module
+from runner.source import Module, SourceError, parse_module
 
 FIRST: dict[str, list[str]] = {}
 LAST: dict[str, list[str]] = {}
@@ -29,11 +30,16 @@ def outdated(paths: Iterable[str]) -> str | None:
     return next((path for path in edited if path in loaded), None)
 
 
+class Snapshot:
+    """Stands for one state of the code; what was found out about it holds for this state alone."""
+
+
 class Modules:
     """Project modules by dotted name. `schemas` are packages whose doc lines do not count; `cache` may be None."""
 
     def __init__(self, root: Path, cache: Path | None = None, schemas: tuple[str, ...] = ("schemas",)) -> None:
         self.root, self._cache, self._schemas = root, cache, schemas
+        self.snapshot = Snapshot()
         self._modules: dict[str, Module | None] = {}
         self._stamps: dict[str, Stamp] = {}
         self._saved: dict[str, list] = {}
@@ -49,9 +55,16 @@ class Modules:
         return self._schemas
 
     def renew(self) -> None:
-        """Forget what was read in this process, so that code edited since is read again."""
+        """Forget what was read in this process where any of it was edited since, or a module has come that was not there."""
+        if self._is_current():
+            return
         self._modules.clear()
         self._stamps.clear()
+        self.snapshot = Snapshot()
+
+    def _is_current(self) -> bool:
+        same = all(os.path.exists(path) and stamp(path) == known for path, known in self._stamps.items())
+        return same and all(self._find(name) is None for name, module in list(self._modules.items()) if module is None)
 
     def stamp(self, path: str) -> Stamp:
         """Stamp of a file when it was read here, for the first time since `renew`."""
@@ -72,10 +85,17 @@ class Modules:
             self._fresh = False
 
     def _find(self, name: str) -> Module | None:
+        holder = self.get(name.rpartition(".")[0]) if "." in name else None
+        if holder is not None and not holder.is_package:
+            return None
         base = self.root.joinpath(*name.split("."))
-        for path, package in ((base.with_name(base.name + ".py"), False), (base / "__init__.py", True)):
-            if path.is_file():
-                return self._read(name, path, package)
+        module, package = base.with_name(base.name + ".py"), base / "__init__.py"
+        if module.is_file():
+            if package.is_file():
+                raise SourceError(f"{module}:1: {package} has the same name, and Python imports that one; rename one of them")
+            return self._read(name, module, False)
+        if package.is_file():
+            return self._read(name, package, True)
         return Module(name, str(base)) if base.is_dir() and self._holds_code(name, base) else None
 
     def _holds_code(self, name: str, folder: Path) -> bool:
@@ -105,5 +125,6 @@ class Modules:
 
 def _version(schemas: tuple[str, ...]) -> str:
     """What the remembered form depends on: our own parser, and Python's."""
-    own = [stamp(Path(__file__).with_name(name)) for name in ("source.py", "names.py", "modules.py", "canonical.py")]
+    own = [stamp(Path(__file__).with_name(name)) for name in (
+        "source.py", "names.py", "scopes.py", "touches.py", "foreign.py", "modules.py", "canonical.py")]
     return digest("afford-parser", [own, list(sys.version_info[:3]), list(schemas)])

@@ -1,26 +1,40 @@
-"""Which names of the outside does a statement use? Python's scopes, applied to a syntax tree."""
+"""Which names of the outside does a statement use, and which objects of the outside does it change? Python's scopes, applied
+to a syntax tree.
+
+References are 'name.attribute...', '@module:name...' of an import inside a function, '=module:name' of a string that names code
+(an entry point), and '.attribute' of any object, for the few attributes that no fingerprint can follow (`UNSEEN`).
+"""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable
+import re
 from dataclasses import dataclass, field
 
-FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
-COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+from runner.scopes import FUNCTIONS, Scope, arguments_of, defaults_of, scope_of
+from runner.touches import ARGUMENT, CALLED, READS, roots
+
+ENTRY_POINT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+UNSEEN = frozenset(("__doc__", "__subclasses__", "__globals__", "__code__", "exec_module", "load_module", "f_globals", "f_locals"))
+SETTERS = ("setattr", "delattr", "__setattr__", "__delattr__", "__setitem__", "__delitem__")
 
 
-class StarImportError(ValueError):
-    """`from x import *` hides what is used."""
+class SourceError(ValueError):
+    """Code that cannot be followed statically; the message names file, line and what to do."""
 
 
 @dataclass
 class Uses:
-    """References of a statement, see runner.source.Module."""
+    """References of a statement, see `runner.source.Module`; each with the line where it is first used."""
 
-    refs: set[str] = field(default_factory=set)
-    hints: set[str] = field(default_factory=set)
-    getattrs: set[str] = field(default_factory=set)
+    refs: dict[str, int] = field(default_factory=dict)
+    hints: dict[str, int] = field(default_factory=dict)
+    getattrs: dict[str, int] = field(default_factory=dict)
+    loads: set[str] = field(default_factory=set)
+    sets: dict[str, int] = field(default_factory=dict)
+    does: set[str] = field(default_factory=set)
+    now: set[str] = field(default_factory=set)
+    gives: set[str] = field(default_factory=set)
 
 
 def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
@@ -30,102 +44,207 @@ def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
     return visitor.uses
 
 
-def imports_of(statement: ast.stmt, home: str, where: str) -> list[tuple[str, str, bool]]:
-    """(bound name, 'module' or 'module:attribute', for type checkers only) of the imports that run with the module."""
-    found: list[tuple[str, str, bool]] = []
+def imports_of(statement: ast.stmt, home: str, where: str) -> list[tuple[str, str, list[str], bool]]:
+    """(bound name, 'module' or 'module:attribute', modules it loads, for type checkers only) of imports that run with a module."""
+    found: list[tuple[str, str, list[str], bool]] = []
     if isinstance(statement, (ast.Import, ast.ImportFrom)):
-        found += [(bound, target, False) for bound, target in _import(statement, home, where)]
+        loads = loads_of(statement, home)
+        found += [(bound, target, loads, False) for bound, target in bindings_of(statement, home, where)]
     elif not isinstance(statement, (*FUNCTIONS, ast.ClassDef)):
-        typing_only = isinstance(statement, ast.If) and "TYPE_CHECKING" in ast.unparse(statement.test)
+        typing_only = isinstance(statement, ast.If) and ast.unparse(statement.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+        unseen = {id(child) for child in statement.body} if typing_only else set()  # type: ignore[attr-defined]
         for child in ast.iter_child_nodes(statement):
             if isinstance(child, (ast.stmt, ast.ExceptHandler)):
-                found += [(b, t, typing_only or only) for b, t, only in imports_of(child, home, where)]  # type: ignore[arg-type]
+                found += [(b, t, loads, only or id(child) in unseen)
+                          for b, t, loads, only in imports_of(child, home, where)]  # type: ignore[arg-type]  # a handler has a body
     return found
 
 
-def _import(node: ast.Import | ast.ImportFrom, home: str, where: str) -> list[tuple[str, str]]:
+def bindings_of(node: ast.Import | ast.ImportFrom, home: str, where: str) -> list[tuple[str, str]]:
+    """(bound name, 'module' or 'module:attribute') of one import."""
     if isinstance(node, ast.Import):
         return [(a.asname, a.name) if a.asname else (a.name.partition(".")[0], a.name.partition(".")[0]) for a in node.names]
-    base = node.module or ""
-    if node.level:
-        parts = home.split(".")
-        base = ".".join([*parts[: len(parts) - node.level + 1], *([base] if base else [])])
+    base = _base(node, home)
     if any(alias.name == "*" for alias in node.names):
-        raise StarImportError(f"{where}: 'from {base} import *' hides what is used; name what you need")
+        raise SourceError(f"{where}: 'from {base} import *' hides what is used; name what you need")
     return [(alias.asname or alias.name, f"{base}:{alias.name}") for alias in node.names]
 
 
-class _Scope(dict[str, str | None]):
-    """Local names: None, or what an import inside the function binds them to."""
+def loads_of(node: ast.Import | ast.ImportFrom, home: str) -> list[str]:
+    """Modules that one import runs: the full dotted names, and what may be a module inside a package."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    base = _base(node, home)
+    return [base, *(f"{base}.{alias.name}" for alias in node.names)]
 
-    def __init__(self, names: Iterable[str], is_class: bool = False) -> None:
-        super().__init__(dict.fromkeys(names))
-        self.is_class = is_class
+
+def _base(node: ast.ImportFrom, home: str) -> str:
+    if not node.level:
+        return node.module or ""
+    parts = home.split(".")
+    return ".".join([*parts[: len(parts) - node.level + 1], *([node.module] if node.module else [])])
 
 
 class _Visitor(ast.NodeVisitor):
     def __init__(self, home: str, where: str) -> None:
         self.home, self.where, self.uses = home, where, Uses()
-        self.scopes: list[_Scope] = []
+        self.scopes: list[Scope] = []
+        self.inside = 0
         self.target = self.uses.refs
 
-    def use(self, name: str, chain: list[str]) -> None:
+    def find(self, name: str) -> Scope | None:
+        """The scope of a local name; None for a name of the module or of Python."""
         for depth, scope in enumerate(reversed(self.scopes)):
             if name in scope and not (scope.is_class and depth):
-                if scope[name] is not None:
-                    self.target.add(".".join([f"@{scope[name]}", *chain]))
-                return
-        self.target.add(".".join([name, *chain]))
+                return scope
+        return None
+
+    def use(self, name: str, chain: list[str], line: int, *, read: bool = True) -> None:
+        scope = self.find(name)
+        outer = scope is None or (scope.is_class and read)  # in the body of a class, a name not bound yet is that of the module
+        local = [] if scope is None else [f"@{target}" for target in scope[name]]
+        for start in [name, *local] if outer else local:
+            ref = ".".join([start, *chain])
+            self.target.setdefault(ref, line)
+            if not self.inside:
+                self.uses.now.add(ref)
+
+    def change(self, node: ast.expr, suffix: str = "") -> None:
+        """An object is changed: 'ref', or its method is called: 'ref.method()'. Kept apart: at import, and inside functions."""
+        for root in roots(node, self.find):
+            if not self.inside:
+                self.uses.sets.setdefault(root + suffix, node.lineno)
+            elif root == ARGUMENT and suffix == "()":
+                self.uses.does.add(CALLED)
+            elif not (root.startswith(ARGUMENT) or root.endswith("!")):
+                self.uses.does.add(root + suffix)
+            elif suffix[1:-2] not in READS:
+                self.uses.does.add(ARGUMENT if root.startswith(ARGUMENT) else root)
+
+    def visit_Return(self, node: ast.Return | ast.Yield | ast.YieldFrom) -> None:
+        """A function gives what it returns to whoever calls it, to be changed there."""
+        if node.value is not None:
+            self.uses.gives.update(roots(node.value, self.find))
+            self.visit(node.value)
+
+    visit_Yield = visit_YieldFrom = visit_Return  # noqa: N815 (ast.NodeVisitor's names)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        if isinstance(node.value, str) and ":" in node.value and ENTRY_POINT.fullmatch(node.value):
+            self.uses.refs.setdefault(f"={node.value}", node.lineno)
 
     def visit_Name(self, node: ast.Name) -> None:
-        self.use(node.id, [])
+        self.use(f".{node.id}" if node.id in UNSEEN else node.id, [], node.lineno, read=isinstance(node.ctx, ast.Load))
+        if self.inside and not isinstance(node.ctx, ast.Load) and self.find(node.id) is None:
+            self.uses.does.add(node.id)
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
+        if not isinstance(node.ctx, ast.Load):
+            self.change(node.value)
         chain: list[str] = []
         at: ast.expr = node
         while isinstance(at, ast.Attribute):
             chain.insert(0, at.attr)
             at = at.value
+        for name in UNSEEN.intersection(chain):
+            self.uses.refs.setdefault(f".{name}", node.lineno)
         if isinstance(at, ast.Name):
-            self.use(at.id, chain)
+            self.use(at.id, chain, node.lineno)
         else:
             self.visit(at)
 
-    def visit_Call(self, node: ast.Call) -> None:
-        plain = isinstance(node.func, ast.Name) and node.func.id == "getattr" and len(node.args) > 1
-        if not (plain and isinstance(node.args[0], ast.Name)):
+    def visit_Subscript(self, node: ast.Subscript) -> None:
+        if not isinstance(node.ctx, ast.Load):
+            self.change(node.value)
+        if not self._loaded(node.value, node.slice):
             self.generic_visit(node)
-            return
-        self._getattr(node.args[0].id, node.args[1])
-        for rest in node.args[1:]:
-            self.visit(rest)
 
-    def _getattr(self, name: str, attribute: ast.expr) -> None:
-        if isinstance(attribute, ast.Constant) and isinstance(attribute.value, str):
-            self.use(name, [attribute.value])
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        if isinstance(node.target, ast.Name):
+            self.change(node.target, ".__iadd__()")
+        self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> None:
+        self._call(node)
+        name = node.func.id if isinstance(node.func, ast.Name) else ""
+        if name in ("vars", "locals") and not node.args:
+            self.uses.refs.setdefault("locals", node.lineno)
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "get" and node.args \
+                and self._loaded(node.func.value, node.args[0]):
             return
+        if not (name == "getattr" and len(node.args) > 1 and self._getattr(node.args[0], node.args[1])):
+            self.generic_visit(node)
+        else:
+            for rest in node.args[1:]:
+                self.visit(rest)
+
+    def _call(self, node: ast.Call) -> None:
+        """What a call may change: the object whose method it is; the object that a setter is given; or what the function does."""
+        func = node.func
+        last = func.attr if isinstance(func, ast.Attribute) else func.id if isinstance(func, ast.Name) else ""
+        if last in SETTERS and node.args:
+            self.change(node.args[0])
+        if isinstance(func, ast.Attribute):
+            self.change(func.value, f".{func.attr}()")
+            if isinstance(func.value, ast.Name) and func.value.id in ("list", "dict", "set") and node.args and last != "fromkeys":
+                self.change(node.args[0])
+        elif not self.inside or ARGUMENT in roots(func, self.find):
+            self.change(func, "()")
+        if isinstance(func, ast.Lambda):
+            self.uses.sets.setdefault(CALLED, node.lineno)
+        for keyword in node.keywords:
+            if keyword.arg == "key" and not self.inside:
+                self.change(keyword.value, "()")
+
+    def _loaded(self, table: ast.expr, key: ast.expr) -> bool:
+        """`sys.modules["name"]`: one module by a literal name, which is harmless when the module is not ours."""
+        if not (isinstance(table, ast.Attribute) and table.attr == "modules" and isinstance(table.value, ast.Name)
+                and isinstance(key, ast.Constant) and isinstance(key.value, str)):
+            return False
+        self.use(table.value.id, ["modules", f"[{key.value.partition('.')[0]}]"], key.lineno)
+        return True
+
+    def _getattr(self, holder: ast.expr, attribute: ast.expr) -> bool:
+        literal = attribute.value if isinstance(attribute, ast.Constant) else None
+        if literal in UNSEEN:
+            self.uses.refs.setdefault(f".{literal}", attribute.lineno)
+        if not isinstance(holder, ast.Name):
+            return False
+        if isinstance(literal, str):
+            self.use(holder.id, [literal], attribute.lineno)
+            return True
         target, self.target = self.target, self.uses.getattrs
-        self.use(name, [])
+        self.use(holder.id, [], holder.lineno)
         self.target = target
+        return True
+
+    def visit_List(self, node: ast.List | ast.Tuple) -> None:
+        """In a command line, `-m` names a module."""
+        for option, name in zip(node.elts, node.elts[1:], strict=False):
+            if isinstance(option, ast.Constant) and option.value == "-m" and isinstance(name, ast.Constant):
+                self.uses.refs.setdefault(f"={name.value!s}:__main__", name.lineno)
+        self.generic_visit(node)
+
+    visit_Tuple = visit_List  # noqa: N815
 
     def visit_FunctionDef(self, node: ast.FunctionDef | ast.AsyncFunctionDef) -> None:
-        for outside in (*node.decorator_list, *_defaults(node.args)):
-            self.visit(outside)
-        for hint in (*(arg.annotation for arg in _args(node.args)), node.returns):
+        self._outside(node.decorator_list)
+        for default in defaults_of(node.args):
+            self.visit(default)
+        for hint in (*(arg.annotation for arg in arguments_of(node.args)), node.returns):
             self._hint(hint)
-        self._inside(node.body, [arg.arg for arg in _args(node.args)])
+        self._inside(node.body, arguments_of(node.args))
 
-    visit_AsyncFunctionDef = visit_FunctionDef  # noqa: N815 (ast.NodeVisitor's names)
+    visit_AsyncFunctionDef = visit_FunctionDef  # noqa: N815
 
     def visit_Lambda(self, node: ast.Lambda) -> None:
-        for default in _defaults(node.args):
+        for default in defaults_of(node.args):
             self.visit(default)
-        self._inside([node.body], [arg.arg for arg in _args(node.args)])
+        self._inside([node.body], arguments_of(node.args))
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        for outside in (*node.decorator_list, *node.bases, *node.keywords):
-            self.visit(outside)
-        self._inside(node.body, [], is_class=True)
+        self._outside([*node.decorator_list, *node.bases, *(keyword.value for keyword in node.keywords)])
+        self._within(node.body, scope_of(node.body, [], self._bindings, is_class=True))
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         self._hint(node.annotation)
@@ -134,15 +253,16 @@ class _Visitor(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_Import(self, node: ast.Import | ast.ImportFrom) -> None:
-        for bound, target in _import(node, self.home, self.where):
-            if self.scopes:
-                self.scopes[-1][bound] = target
+        self.uses.loads.update(loads_of(node, self.home))
 
     visit_ImportFrom = visit_Import  # noqa: N815
 
     def _comprehension(self, node: ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp) -> None:
         self.visit(node.generators[0].iter)
-        self.scopes.append(_Scope(name for generator in node.generators for name in _stored(generator.target)))
+        scope = Scope()
+        for generator in node.generators:
+            scope.bind(generator.target, generator.iter)
+        self.scopes.append(scope)
         for i, generator in enumerate(node.generators):
             for part in (*generator.ifs, *([generator.iter] if i else [])):
                 self.visit(part)
@@ -152,19 +272,27 @@ class _Visitor(ast.NodeVisitor):
 
     visit_ListComp = visit_SetComp = visit_GeneratorExp = visit_DictComp = _comprehension  # noqa: N815
 
-    def _inside(self, body: list[ast.stmt] | list[ast.expr], arguments: list[str], is_class: bool = False) -> None:
-        scope = _Scope(arguments, is_class)
-        outer: set[str] = set()
-        for statement in body:
-            _bind(statement, scope, outer)
-        for name in outer:
-            scope.pop(name, None)
+    def _outside(self, parts: list[ast.expr]) -> None:
+        """Decorators and bases are references; what they do is a matter of `Module.decorated`, and of a class's `bases`."""
+        sets, now = self.uses.sets, self.uses.now
+        self.uses.sets, self.uses.now = {}, set()
+        for part in parts:
+            self.visit(part)
+        self.uses.sets, self.uses.now = sets, now
+
+    def _inside(self, body: list[ast.stmt] | list[ast.expr], arguments: list[ast.arg]) -> None:
+        self.inside += 1
+        self._within(body, scope_of(body, arguments, self._bindings))
+        self.inside -= 1
+
+    def _within(self, body: list[ast.stmt] | list[ast.expr], scope: Scope) -> None:
         self.scopes.append(scope)
-        for node in _local_imports(body):
-            self.visit(node)
         for statement in body:
             self.visit(statement)
         self.scopes.pop()
+
+    def _bindings(self, node: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
+        return bindings_of(node, self.home, f"{self.where.rpartition(':')[0]}:{node.lineno}")
 
     def _hint(self, node: ast.expr | None) -> None:
         if node is None:
@@ -173,7 +301,7 @@ class _Visitor(ast.NodeVisitor):
         for part in ast.walk(node):
             if isinstance(part, ast.Constant) and isinstance(part.value, str):
                 self._quoted(part.value)
-        self.visit(node)
+        self._outside([node])
         self.target = target
 
     def _quoted(self, text: str) -> None:
@@ -181,48 +309,3 @@ class _Visitor(ast.NodeVisitor):
             self.visit(ast.parse(text, mode="eval").body)
         except SyntaxError:
             return  # a literal string in an annotation, not a type
-
-
-def _args(args: ast.arguments) -> list[ast.arg]:
-    return [*args.posonlyargs, *args.args, *args.kwonlyargs, *(arg for arg in (args.vararg, args.kwarg) if arg)]
-
-
-def _defaults(args: ast.arguments) -> list[ast.expr]:
-    return [*args.defaults, *(default for default in args.kw_defaults if default)]
-
-
-def _stored(node: ast.AST) -> list[str]:
-    return [part.id for part in ast.walk(node) if isinstance(part, ast.Name) and isinstance(part.ctx, (ast.Store, ast.Del))]
-
-
-def _local_imports(body: Iterable[ast.AST]) -> Iterable[ast.Import | ast.ImportFrom]:
-    """Imports of one scope, which hold for all of it wherever they stand."""
-    for node in body:
-        if isinstance(node, (ast.Import, ast.ImportFrom)):
-            yield node
-        elif not isinstance(node, (*FUNCTIONS, ast.ClassDef)):
-            yield from _local_imports(ast.iter_child_nodes(node))
-
-
-def _bind(node: ast.AST, scope: _Scope, outer: set[str]) -> None:
-    """Names that a statement binds in its own scope; `global` and `nonlocal` ones apart."""
-    if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-        scope[node.name] = None
-        return
-    if isinstance(node, (ast.Global, ast.Nonlocal)):
-        outer.update(node.names)
-    elif isinstance(node, ast.Name) and isinstance(node.ctx, (ast.Store, ast.Del)):
-        scope[node.id] = None
-    elif isinstance(node, (ast.ExceptHandler, ast.MatchAs, ast.MatchStar)) and node.name:
-        scope[node.name] = None
-    elif isinstance(node, ast.MatchMapping) and node.rest:
-        scope[node.rest] = None
-    elif isinstance(node, ast.Lambda):
-        return
-    elif isinstance(node, COMPREHENSIONS):
-        for part in ast.walk(node):
-            if isinstance(part, ast.NamedExpr):
-                scope[part.target.id] = None
-        return
-    for child in ast.iter_child_nodes(node):
-        _bind(child, scope, outer)

@@ -9,35 +9,51 @@ our own spelling of its syntax tree: comments, docstrings and formatting do not 
 from __future__ import annotations
 
 import ast
+import builtins
 import re
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest
-from runner.names import Uses, imports_of, uses_of
+from runner.foreign import COMPUTED, harmless
+from runner.names import SourceError, Uses, imports_of, loads_of, uses_of
+from runner.scopes import DEFINITIONS, arguments_of, scope_of
+from runner.touches import ARGUMENT, roots
+
+__all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "spell", "untyped", "where"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "MACHINE", "DATA_FILES", "DYNAMIC")
-
-
-class SourceError(ValueError):
-    """Code that cannot be followed statically; the message names file, line and what to do."""
+BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {
+    name.partition(".")[2] for name in COMPUTED}
+PASSIVE = ("__repr__", "__str__", "__eq__", "__hash__", "__len__", "__bool__")
+"""methods that do not run when an object is made, or that change nothing"""
+MAIN = "__main__"
+"""the name that `if __name__ == "__main__":` belongs to"""
 
 
 @dataclass
 class Module:
-    """What is known of a module. References are 'name.attribute...' or, inside functions, '@module:name...' of an import."""
+    """What is known of a module. References are as in `runner.names`."""
 
     name: str
     path: str
     statements: list[dict[str, Any]] = field(default_factory=list)
-    """digest, refs, hints (names used in annotations only), getattrs (objects of a computed getattr)"""
+    """each has digest, line and refs, and where there are any:
+    hints (names used in annotations only), getattrs (objects of a computed getattr), loads (modules imported inside functions);
+    kind ('class' or 'function'), bases, hook (a class that acts when a subclass is made), builds (one that acts when an object is
+    made), untyped (parameters of `run` whose type nobody states); sets and does (what is changed at import, and inside
+    functions), gives (what functions return), alias (objects that a name may stand for), now (references used at import where
+    anything is called)"""
     items: dict[str, list[int]] = field(default_factory=dict)
     """name -> its statements"""
-    imports: dict[str, str] = field(default_factory=dict)
-    """name -> 'module' or 'module:attribute'"""
+    imports: dict[str, list[str]] = field(default_factory=dict)
+    """name -> 'module' or 'module:attribute' of every import that binds it"""
+    typing: list[str] = field(default_factory=list)
+    """names that are imported for type checkers only"""
     loads: list[str] = field(default_factory=list)
     """modules that importing this one imports as well"""
     effects: list[int] = field(default_factory=list)
@@ -46,50 +62,179 @@ class Module:
     registries: dict[str, dict[str, str]] = field(default_factory=dict)
     literals: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def is_package(self) -> bool:
+        """Whether other modules may be inside."""
+        return not self.path.endswith(".py") or self.path.endswith("/__init__.py")
+
 
 def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -> Module:
     """Read a module. In a `schema` module the doc line (last positional argument) and the encoding of a field do not count."""
-    try:
-        tree = ast.parse(text)
-    except SyntaxError as error:
-        raise SourceError(f"{path}:{error.lineno}: {error.msg}") from error
     module = Module(name, path)
-    home = name if package else name.rpartition(".")[0]
-    for statement in tree.body:
+    for statement in _parsed(path, text).body:
         if not _is_text(statement):
-            _add(module, statement, home, schema)
+            _add(module, statement, _home(name, package), schema)
+    for found in module.statements:
+        found["refs"] = [ref for ref in found["refs"] if not _is_plain(module, ref)]
+        for key in ("sets", "does", "gives", "alias"):
+            found[key] = sorted(entry for entry in found[key] if not _harmless(module, entry))
+        calls = any(entry.endswith("()") for entry in found["sets"])
+        found["now"] = [ref for ref in found["refs"] if ref in found["now"]] if calls else []
+    module.statements = [{key: value for key, value in found.items() if value or key == "refs"} for found in module.statements]
     return module
 
 
+def line_of(module: Module, statement: dict[str, Any], ref: str) -> int:
+    """The line of a reference; read from the file, only when an error is to be said."""
+    at: int = statement["line"]
+    tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
+    home = _home(module.name, module.is_package)
+    for found in (node for node in tree.body if node.lineno == at):
+        uses = uses_of(found, home, f"{module.path}:{at}")
+        return {**uses.sets, **uses.getattrs, **uses.hints, **uses.refs}.get(ref, at)
+    return at
+
+
+def where(module: Module, name: str) -> str:
+    """'file:line' of the first statement of a name."""
+    return f"{module.path}:{module.statements[module.items[name][0]]['line']}"
+
+
+def import_of(module: Module, target: str) -> str:
+    """'file:line' of the import of a module; read from the file, only when an error is to be said."""
+    tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
+    home = _home(module.name, module.is_package)
+    lines = (node.lineno for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))
+             and target in loads_of(node, home))
+    return f"{module.path}:{next(lines, 1)}"
+
+
+def untyped(module: Module, name: str) -> list[str]:
+    """Parameters of a stage, but for `ctx`, that may be of any class."""
+    return [arg for index in module.items.get(name, ()) for arg in module.statements[index].get("untyped", ()) if arg != "ctx"]
+
+
+def _parsed(path: str, text: str) -> ast.Module:
+    try:
+        return ast.parse(text)
+    except SyntaxError as error:
+        raise SourceError(f"{path}:{error.lineno}: {error.msg}") from error
+
+
+def _home(name: str, package: bool) -> str:
+    return name if package else name.rpartition(".")[0]
+
+
 def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
-    imports = imports_of(statement, home, f"{module.path}:{statement.lineno}")
-    module.imports.update({bound: target for bound, target, _ in imports})
-    module.loads += [target.partition(":")[0] for _, target, typing_only in imports if not typing_only]
-    module.loads += [target.replace(":", ".") for _, target, typing_only in imports if ":" in target and not typing_only]
-    if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement):
+    at = f"{module.path}:{statement.lineno}"
+    imported = _imports(module, statement, home, at)
+    if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement, "TYPE_CHECKING", "typing.TYPE_CHECKING"):
         return
     bound = _bound_names(statement)
-    if bound is None and imports and not isinstance(statement, (ast.If, ast.Try)):
-        raise SourceError(f"{module.path}:{statement.lineno}: an import inside this statement cannot be followed; move it out")
-    uses = uses_of(statement, home, f"{module.path}:{statement.lineno}")
+    if bound is None and imported and not isinstance(statement, (ast.If, ast.Try)):
+        raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out")
+    uses = uses_of(statement, home, at)
     index = len(module.statements)
-    module.statements.append({"digest": digest("afford-code", spell(statement, schema)), "refs": sorted(uses.refs),
-                              "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs)})
-    for item in bound if bound is not None else _mentioned(statement):
+    module.statements.append({
+        "digest": digest("afford-code", spell(statement, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
+        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), **_class(statement),
+        **_function(statement), "sets": uses.sets, "does": uses.does, "gives": uses.gives, "alias": _alias(statement),
+        "now": uses.now})
+    main = _is_guard(statement, "__name__ == '__main__'")
+    for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
-    if bound is None:
+    if bound is None and not main:
         _effect(module, index, uses)
     elif isinstance(statement, DEFINITIONS):
-        parts = (node for decorator in statement.decorator_list for node in ast.walk(decorator))
-        names = [node.id for node in parts if isinstance(node, ast.Name)]
+        names = [node.id for part in _decorators(statement) for node in ast.walk(part) if isinstance(node, ast.Name)]
         module.decorated += [(index, names)] if names else []
-    elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and len(bound) == 1:
+    elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and bound and len(bound) == 1:
         _literal(module, bound[0], statement.value)
+
+
+def _imports(module: Module, statement: ast.stmt, home: str, at: str) -> list[str]:
+    """Note what a statement imports; the names that it binds so."""
+    found = imports_of(statement, home, at)
+    for bound, target, loads, typing_only in found:
+        targets = module.imports.setdefault(bound, [])
+        targets += [target] if target not in targets else []
+        if typing_only:
+            module.typing.append(bound)
+        else:
+            module.loads += [name for name in loads if name not in module.loads]
+    return [bound for bound, _, _, _ in found]
 
 
 def _effect(module: Module, index: int, uses: Uses) -> None:
     if any(ref.partition(".")[0] in module.imports or ref.startswith("@") for ref in uses.refs):
         module.effects.append(index)
+
+
+def _alias(statement: ast.stmt) -> set[str]:
+    """Objects that the names may stand for which a statement binds, apart from definitions."""
+    if isinstance(statement, DEFINITIONS):
+        return set()
+    stands = scope_of([statement], [], lambda _: ()).stands
+    return {root for values in stands.values() for value in values for root in roots(value, lambda _: None)}
+
+
+def _class(statement: ast.stmt) -> dict[str, Any]:
+    """Bases and metaclass of a class, and whether it acts when a subclass of it is made."""
+    if not isinstance(statement, ast.ClassDef):
+        return {}
+    bases = [ast.unparse(base) for base in (*statement.bases, *(keyword.value for keyword in statement.keywords))]
+    own = {node.name for node in statement.body if isinstance(node, ast.FunctionDef)}
+    factory = any(keyword.arg == "default_factory" for node in statement.body if isinstance(node, (ast.Assign, ast.AnnAssign))
+                  and isinstance(node.value, ast.Call) for keyword in node.value.keywords)
+    return {"kind": "class", "bases": bases, "hook": "__init_subclass__" in own or "type" in bases,
+            "builds": factory or any(name.startswith("__") and name not in PASSIVE for name in own)}
+
+
+def _function(statement: ast.stmt) -> dict[str, Any]:
+    """Parameters of a stage whose type is Any, or that have none though a method of theirs is called."""
+    if not isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
+        return {}
+    if statement.name != "run":
+        return {"kind": "function"}
+    arguments = arguments_of(statement.args)
+    bare = {arg.arg for arg in arguments if arg.annotation is None}
+    called = {node.func.value.id for node in (ast.walk(statement) if bare else ()) if isinstance(node, ast.Call)
+              and isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name)}
+    loose = [arg.arg for arg in arguments if arg.annotation and _is_any(arg.annotation)]
+    return {"kind": "function", "untyped": [*loose, *sorted(bare & called)]}
+
+
+def _is_any(hint: ast.expr) -> bool:
+    return any((isinstance(node, ast.Name) and node.id == "Any") or (isinstance(node, ast.Attribute) and node.attr == "Any")
+               or (isinstance(node, ast.Constant) and isinstance(node.value, str) and "Any" in re.findall(r"\w+", node.value))
+               for node in ast.walk(hint))
+
+
+def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
+    """Decorators of a definition, and of what is defined in the body of a class."""
+    if isinstance(statement, DEFINITIONS):
+        yield from statement.decorator_list
+    if isinstance(statement, ast.ClassDef):
+        for inner in statement.body:
+            yield from _decorators(inner)
+
+
+def _harmless(module: Module, entry: str) -> bool:
+    """Whether what a statement changes is nothing that others see: a value that a library's or Python's function made."""
+    if entry.startswith(ARGUMENT):
+        return False
+    if entry.startswith("@"):
+        return harmless(entry[1:].replace(":", "."))
+    plain = entry.partition(".")[0].rstrip("!()")
+    if plain in module.imports:
+        return all(harmless(target.replace(":", ".") + entry[len(plain):]) for target in module.imports[plain])
+    return plain not in module.items and plain in BUILTINS and plain not in ("map", "filter")
+
+
+def _is_plain(module: Module, ref: str) -> bool:
+    """Whether a reference is to a name of Python's that everybody may use."""
+    name = ref.partition(".")[0]
+    return name in BUILTINS and name not in module.items and name not in module.imports
 
 
 def _literal(module: Module, name: str, value: ast.expr) -> None:
@@ -140,10 +285,9 @@ def _is_text(statement: ast.AST) -> bool:
     return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
 
-def _is_guard(statement: ast.stmt) -> bool:
-    """`if TYPE_CHECKING:` and `if __name__ == "__main__":` run in no worker."""
-    return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in (
-        "TYPE_CHECKING", "typing.TYPE_CHECKING", "__name__ == '__main__'")
+def _is_guard(statement: ast.stmt, *tests: str) -> bool:
+    """`if TYPE_CHECKING:` runs nowhere, `if __name__ == "__main__":` only where the module is run as a program."""
+    return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in tests
 
 
 def spell(node: Any, schema: bool = False) -> Any:
@@ -152,14 +296,21 @@ def spell(node: Any, schema: bool = False) -> Any:
         if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
             node = _without_doc(node, node.value)
         out: list[Any] = [type(node).__name__]
-        for name in sorted(node._fields):
+        for name in _fields(node.__class__):
             value = getattr(node, name, None)
-            if name not in ("ctx", "kind", "type_comment", "type_ignores") and value is not None and value != []:
+            if value is not None and value != []:
                 out += [name, _constant(value) if isinstance(node, ast.Constant) else spell(value, schema)]
         return out
     if isinstance(node, list):
         return [spell(item, schema) for item in node if not _is_text(item)]
     return node
+
+
+@cache
+def _fields(kind: Hashable) -> list[str]:
+    """Fields of a kind of node that say what the code does."""
+    assert isinstance(kind, type) and issubclass(kind, ast.AST)
+    return sorted(set(kind._fields) - {"ctx", "kind", "type_comment", "type_ignores"})
 
 
 def _constant(value: Any) -> list[str]:

@@ -16,6 +16,8 @@ def parse(data: bytes, name: str) -> Any:
 
     try:
         return json.loads(data.decode("utf-8-sig"), parse_constant=refuse)
+    except SourceError:
+        raise
     except UnicodeDecodeError as error:
         raise SourceError(name, "text in UTF-8", f"byte {error.start} that is not", "save the file as UTF-8") from error
     except json.JSONDecodeError as error:

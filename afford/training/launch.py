@@ -11,6 +11,7 @@ from afford.training import rank
 from afford.training.job import Job
 from afford.training.task import Progress
 
+DATA_FILES = ()  # ROOT is where the processes start; nothing in it is read as data
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 

@@ -1,0 +1,111 @@
+"""Local names of one function, class or comprehension, as Python's scopes have them, and the values that may stand behind them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable, Iterator
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+Imports = Callable[[ast.Import | ast.ImportFrom], Iterable[tuple[str, str]]]
+
+
+class Scope(dict[str, list[str]]):
+    """Local names, each with what imports inside the scope bind it to: an empty list for a plain variable."""
+
+    def __init__(self, names: Iterable[str] = (), *, is_class: bool = False) -> None:
+        super().__init__((name, []) for name in names)
+        self.is_class = is_class
+        self.given: frozenset[str] = frozenset()
+        """parameters, except for `self` and `cls`"""
+        self.stands: dict[str, list[ast.expr]] = {}
+        """name -> the expressions that it is assigned, or whose elements it is"""
+
+    def bind(self, target: ast.expr, value: ast.expr) -> None:
+        """Every name in an assignment's target may stand for `value` or for a part of it."""
+        for name in stored(target):
+            self.setdefault(name, [])
+            self.stands.setdefault(name, []).append(value)
+
+
+def scope_of(body: Iterable[ast.AST], arguments: list[ast.arg], imports: Imports, *, is_class: bool = False) -> Scope:
+    """The scope of a body. Names that it declares `global` or `nonlocal` are not in it."""
+    scope = Scope((arg.arg for arg in arguments), is_class=is_class)
+    scope.given = frozenset(arg.arg for arg in arguments if arg.arg not in ("self", "cls"))
+    outer: set[str] = set()
+    _collect(body, scope, outer, imports)
+    for name in outer:
+        scope.pop(name, None)
+    return scope
+
+
+def stored(node: ast.AST) -> list[str]:
+    """Names that a target binds or deletes."""
+    if isinstance(node, ast.Name):
+        return [node.id]
+    return [part.id for part in ast.walk(node) if isinstance(part, ast.Name) and not isinstance(part.ctx, ast.Load)]
+
+
+def arguments_of(args: ast.arguments) -> list[ast.arg]:
+    """Every parameter of a function."""
+    return [*args.posonlyargs, *args.args, *args.kwonlyargs, *(arg for arg in (args.vararg, args.kwarg) if arg)]
+
+
+def defaults_of(args: ast.arguments) -> list[ast.expr]:
+    """Every default of a parameter."""
+    return [*args.defaults, *(default for default in args.kw_defaults if default)]
+
+
+def _collect(nodes: Iterable[ast.AST], scope: Scope, outer: set[str], imports: Imports) -> None:
+    for node in nodes:
+        if isinstance(node, ast.Name):
+            if not isinstance(node.ctx, ast.Load):
+                scope.setdefault(node.id, [])
+        elif isinstance(node, DEFINITIONS):
+            scope.setdefault(node.name, [])
+        elif isinstance(node, COMPREHENSIONS):
+            _named(node, scope)
+        elif not isinstance(node, (ast.Constant, ast.Lambda)):
+            _statement(node, scope, outer, imports)
+            _collect(_children(node), scope, outer, imports)
+
+
+def _statement(node: ast.AST, scope: Scope, outer: set[str], imports: Imports) -> None:
+    """What one node binds by itself, apart from the names in it."""
+    if isinstance(node, ast.Assign):
+        for target in node.targets:
+            scope.bind(target, node.value)
+    elif isinstance(node, (ast.For, ast.AsyncFor)):
+        scope.bind(node.target, node.iter)
+    elif isinstance(node, (ast.AnnAssign, ast.NamedExpr)):
+        if node.value is not None and isinstance(node.target, ast.Name):
+            scope.bind(node.target, node.value)
+    elif isinstance(node, ast.withitem):
+        if node.optional_vars is not None:
+            scope.bind(node.optional_vars, node.context_expr)
+    elif isinstance(node, (ast.Import, ast.ImportFrom)):
+        for name, origin in imports(node):
+            scope.setdefault(name, []).append(origin)
+    elif isinstance(node, (ast.Global, ast.Nonlocal)):
+        outer.update(node.names)
+    elif isinstance(node, (ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping)):
+        bound = node.rest if isinstance(node, ast.MatchMapping) else node.name
+        if bound:
+            scope.setdefault(bound, [])
+
+
+def _named(comprehension: ast.AST, scope: Scope) -> None:
+    """`:=` in a comprehension binds outside it."""
+    for part in ast.walk(comprehension):
+        if isinstance(part, ast.NamedExpr):
+            scope.bind(part.target, part.value)
+
+
+def _children(node: ast.AST) -> Iterator[ast.AST]:
+    for name in node._fields:
+        value = getattr(node, name, None)
+        if isinstance(value, ast.AST):
+            yield value
+        elif isinstance(value, list):
+            yield from (item for item in value if isinstance(item, ast.AST))
