@@ -42,7 +42,7 @@ def _killed(plan: Plan, clean: Tiny) -> Row:
     """One store, killed again and again."""
     row, rng, kept = Row("kill -9 of `run dataset` with its workers"), random.Random(f"{plan.seed} cli"), 0
     tiny = Tiny(plan.place("killed")).write(clean)
-    for _ in range(plan.times(12, 3)):
+    for _ in range(plan.times(12, 2)):
         process = tiny.start()
         time.sleep(rng.uniform(0.3, 3.0))
         toy.kill({process.pid, *toy.descendants(process.pid)})
@@ -135,7 +135,7 @@ def _kernels(plan: Plan, clean: Tiny) -> Row:
     rng = random.Random(f"{plan.seed} kernels")
     tiny, backup, expected = clean.copy(plan.folder / "kernels"), plan.folder / "numba", clean.published()
     shutil.copytree(tiny.store / ".cache" / "numba", backup)
-    for n in range(plan.times(40, 2)):
+    for n in range(plan.times(40, 1)):
         shutil.rmtree(tiny.store / ".cache" / "numba")
         shutil.copytree(backup, tiny.store / ".cache" / "numba")
         files = sorted(path for path in backup.rglob("*.nb?") if path.suffix == (".nbc", ".nbi")[n % 2])
