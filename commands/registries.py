@@ -52,7 +52,8 @@ def of_stage(stage: str) -> list[Backend]:
 def everywhere() -> list[Backend]:
     """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
     half of what a stage has chosen."""
-    paths = [*sorted((ROOT / "stages").glob("*.py")), *sorted((ROOT / "afford").rglob("*.py"))]
+    inside = [path for path in sorted((ROOT / "afford").rglob("*.py")) if not path.is_relative_to(ROOT / "afford" / "codecs")]
+    paths = [*sorted((ROOT / "stages").glob("*.py")), *inside]  # how a codec writes a field is no choice of a user
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths if '": "afford.' in path.read_text()]
     held = {name: _of(_modules(), name) for name in names}
     chosen = {_choice(found) for name, found in held.items() if name.startswith("stages.")}

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from afford.readers.grid import other_shape
+from afford.readers.hand_names import handless
 from runner import LostError, Runner, RunReport
 from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT
 
@@ -69,7 +70,9 @@ def _of_video(outputs: _Outputs, video: str) -> Iterator[Warned]:
     try:
         for name, digest in outputs.clips(video):
             clip = outputs.fields(digest)
-            yield from (Warned("source_read", video, text) for text in clip["warnings"])
+            masks = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"])]
+            none = handless((mask["side"], mask["name"]) for mask in masks)
+            yield from (Warned("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
                                  ("hand_detect", _of_hands(outputs.of("hand_detect", f"{video}/{name}"))),
                                  ("narration_labelling", _of_labels(outputs.of("narration_labelling", f"{video}/{name}")))):

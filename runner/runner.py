@@ -22,7 +22,7 @@ from runner.planner import Planner
 from runner.report import Failure, Observer, Reason, RunReport, Silent, TaskPlan
 from runner.schedule import Budget, Limit, Schedule
 from runner.signals import terminating
-from runner.store import Store, StoreError, prepare_store
+from runner.store import Store, StoreError, explain_os, prepare_store
 from runner.traces import Traces, failures
 from runner.walk import FAILED, NOTHING, Walk
 
@@ -156,6 +156,11 @@ class Runner:
             engine: Engine = Pool(self.place) if self._budget.jobs else Inline(self.place)
             try:
                 yield engine
+            except StoreError:
+                raise
+            except OSError as error:
+                raise StoreError(error.errno, f"{self.place.store} could not be read or written ({explain_os(error)}); nothing "
+                                              "that was finished is lost, mend this and run again") from error
             finally:
                 engine.close()
                 try:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from afford.readers.errors import SourceError
-from afford.readers.hand_names import is_vague, side_of
+from afford.readers.hand_names import handless, is_vague, side_of
 from schemas.clip import Clip
 from tests.test_readers_own import coco, compressed, read_own
 from tests.tiny_root import OTHER, clips, image, mask, write_root
@@ -63,11 +63,18 @@ def test_the_right_hand_of_a_tool_is_not_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("left hand mask", "'left hand mask' counts as an object"), ("left glove", "'left glove' counts as an object"),
-    ("main gauche", "no mask is called 'left hand' or 'right hand'")])
+    ("left hand mask", "'left hand mask' counts as an object"), ("left glove", "'left glove' counts as an object")])
 def test_a_name_that_nearly_is_a_hand_is_remarked_on(tmp_path: Path, name: str, said: str) -> None:
     """It may be an object, so it is kept as one, with a warning."""
     assert any(said in text for text in read_own(tmp_path, named(name)).warnings)
+
+
+def test_masks_without_a_hand_are_remarked_on(tmp_path: Path) -> None:
+    """Hands may have another name; the sentence lists the names."""
+    clip = read_own(tmp_path, named("main gauche"))
+    masks = [(mask.side, mask.name) for key in clip.key_frames for mask in key.annotations]
+    assert "names are" in handless(masks) and "'main gauche'" in handless(masks)
+    assert handless([]) == handless([*masks, ("left", "left hand")]) == ""
 
 
 def test_masks_that_visor_publishes_are_as_they_are(tmp_path: Path) -> None:

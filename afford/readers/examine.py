@@ -10,7 +10,7 @@ from afford.readers.annotations import has_masks, read_sheets
 from afford.readers.cut import Cutting
 from afford.readers.errors import SourceError
 from afford.readers.grid import Size, other_shape
-from afford.readers.hand_names import side_of
+from afford.readers.hand_names import handless, side_of
 from afford.readers.media import Media
 from afford.readers.read import clips_of, media_of_video
 from afford.video.frames import pictures
@@ -73,8 +73,9 @@ def _fill(found: Examined, files: FileTree, media: Media, cutting: Cutting) -> N
     found.grids = tuple(sorted({(key.width_px, key.height_px) for key in keys}))
     found.contacts = _contacts(keys)
     found.narrations = tuple({n.narration_id: n for clip in found.clips for n in clip.narrations}.values())
-    remark = other_shape([(key.width_px, key.height_px) for key in keys], found.size_wh)
-    warnings = [text for clip in found.clips for text in clip.warnings] + ([remark] if remark else [])
+    remarks = [other_shape([(key.width_px, key.height_px) for key in keys], found.size_wh),
+               handless((mask.side, mask.name) for key in keys for mask in key.annotations)]  # fmt: skip
+    warnings = [text for clip in found.clips for text in clip.warnings] + [remark for remark in remarks if remark]
     found.warnings = tuple(dict.fromkeys(warnings))
 
 

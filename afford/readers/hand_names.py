@@ -43,7 +43,7 @@ def is_vague(name: str) -> bool:
 
 def check_names(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
     """SourceError when masks of the file called `name` may be hands of either side; a remark on names that nearly are those of a
-    hand, on gloves of no hand, and on a file without hands."""
+    hand, and on gloves of no hand."""
     rows = [row for sheet in sheets for row in sheet.rows]
     vague = sorted({row.name for row in rows if is_vague(row.name)})
     if vague:
@@ -53,10 +53,16 @@ def check_names(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
     if nearly:
         notes.append((0, f"{name}: {_listed(nearly)} counts as an object; a hand is called 'left hand' or 'right hand', and a "
                          "glove has 'on_which_hand'"))
-    if rows and not any(side_of(row.name) or row.worn for row in rows):
-        names = [found for found, _ in Counter(row.name for row in rows).most_common()]
-        notes.append((0, f"{name}: no mask is called 'left hand' or 'right hand', so there is no contact and no sample; names are "
-                         f"{_listed(names)}"))
+
+
+def handless(masks: Iterable[tuple[str, str]]) -> str:
+    """Remark on the (side, name) of the masks of a clip, none of which is a hand; '' where one is, or there are no masks."""
+    found = list(masks)
+    if not found or any(side for side, _ in found):
+        return ""
+    names = [name for name, _ in Counter(name for _, name in found).most_common()]
+    return ("no mask is called 'left hand' or 'right hand', so there is no contact and no sample; names are "
+            f"{_listed(names)}")
 
 
 def _nearly(row: Row) -> bool:

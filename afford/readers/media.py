@@ -72,7 +72,7 @@ def _of_video(video: FileRef, rate: float | None) -> Media:
 def _probe(video: FileRef) -> Probe:
     if video.size == 0:
         raise SourceError(video.name, "a video", "an empty file (0 bytes)", "get the file again")
-    return probe(video.path)
+    return probe(video.path, video.name)
 
 
 def _of_pack(whole: FileRef, fps: float) -> Media:

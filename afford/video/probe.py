@@ -45,23 +45,23 @@ class Probe:
         return (self.pts - self.pts[0]) * self.time_base_s
 
 
-def probe(path: Path) -> Probe:
+def probe(path: Path, name: str = "") -> Probe:
     """Read the packets of the first video stream. SourceError when there is none, or when no packet can be read."""
-    with opened(path) as (container, stream):
-        return _probe(container, stream, path.name)
+    with opened(path, name) as (container, stream):
+        return _probe(container, stream, name or path.name)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
+def opened(path: Path, name: str = "") -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
     """A video file and its first video stream, on one thread. Nothing but this file is read. SourceError, also from the body, when
     it is no container of `CONTAINERS`, has no video, or one that cannot be decoded, or one of more than MAX_PIXELS."""
     try:
         with av.open(str(path.absolute()), options=OPTIONS) as container:
-            yield container, _stream(container, path.name)
+            yield container, _stream(container, name or path.name)
     except av.error.ArgumentError as error:  # of a container that is not on the list
-        raise _unreadable(path.name, "a list of other files, or an unusual kind of file") from error
+        raise _unreadable(name or path.name, "a list of other files, or an unusual kind of file") from error
     except (av.error.FFmpegError, UnicodeDecodeError) as error:
-        raise _unreadable(path.name, str(getattr(error, "strerror", None) or "unreadable data")) from error
+        raise _unreadable(name or path.name, str(getattr(error, "strerror", None) or "unreadable data")) from error
 
 
 def _stream(container: av.container.InputContainer, name: str) -> av.VideoStream:
@@ -79,8 +79,7 @@ def _stream(container: av.container.InputContainer, name: str) -> av.VideoStream
 
 
 def _unreadable(name: str, got: str) -> SourceError:
-    expected = "a video that can be read (MP4, MKV, MOV, AVI, WebM, MPEG)"
-    return SourceError(name, expected, got, "is the file cut short? get it again")
+    return SourceError(name, "a video that can be read", got, "is the file cut short? get it again, or save it as MP4 or MKV")
 
 
 def frames_at(info: Probe, fps: float | None, name: str) -> np.ndarray:
