@@ -88,7 +88,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="a few of each row")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default=",".join(PARTS), help="parts, with commas between")
-    parser.add_argument("--fuzz", type=int, help="mutations of every reader; default: 1000, with --quick 20")
+    parser.add_argument("--fuzz", type=int, help="mutations of every reader; default: 1000, with --quick 10")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent, help="folder of reliability.md and reliability.json")
     chosen = parser.parse_args()
     unknown = set(chosen.only.split(",")) - set(PARTS)
@@ -102,11 +102,12 @@ def main() -> int:
     chosen, failed = parsed(), 0
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # runs meet Python's cache of compiled modules, as those of users do
+    chosen.out.mkdir(parents=True, exist_ok=True)
     kept = chosen.out / f"{PAGE}.json"
     for part in chosen.only.split(","):
         folder = Path(tempfile.mkdtemp(prefix="reliability-"))
         try:
-            plan = Plan(folder, chosen.seed, chosen.quick, chosen.fuzz or (20 if chosen.quick else 1000))
+            plan = Plan(folder, chosen.seed, chosen.quick, chosen.fuzz or (10 if chosen.quick else 1000))
             rows = measured(part, plan)
         finally:
             shutil.rmtree(folder, ignore_errors=True)

@@ -29,6 +29,8 @@ KINDS = ("blob", "manifest", "composite", "trace", "code", "failure", *(f".cache
 """kinds of file in a store"""
 STORED = ("blob", "manifest", "composite", "trace")
 """kinds whose damage `verify` reports"""
+FORMER = ("trace", "blob")
+"""kinds of which results of former code hold some that nothing uses any more"""
 NEVER_MADE = ("trace", "remove")
 """a task without a trace is one that was never finished"""
 DAMAGES = ("flip", "cut", "remove", "{}", "[]", "null", "field")
@@ -150,6 +152,11 @@ class FlippedStore:
         """Shards that the store lists as failed."""
         return sorted(row["shard"] for row in self.runner().failures())
 
+    def keys(self) -> set[str]:
+        """Keys of all tasks as the code is now."""
+        runner = self.runner()
+        return {plan.key for plan in runner.plan(self.graph(runner), "all")}
+
     # -- damage ----------------------------------------------------------------------------------------------------------
 
     def files(self, kind: str) -> list[Path]:
@@ -267,6 +274,31 @@ def healed(project: FlippedStore, kind: str, how: str, rng: random.Random, *, ca
     except (NoEndError, RuntimeError) as error:
         wrong.append(last_line(error))
     return [f"{said}: {what}" for what in wrong]
+
+
+def settled(project: FlippedStore, kind: str, how: str, rng: random.Random) -> list[str]:
+    """Damage a file of former code that nothing uses any more, verify and run, undo the edit and run. Returns what is wrong then."""
+    said, wrong = "", list[str]()
+    try:
+        project.edit("??")
+        apart(project.run)
+        said = damage(rng.choice(_former(project, kind)), how, rng)
+        apart(project.verify)
+        for mark in ("??", "!"):
+            project.edit(mark)
+            wrong += [] if apart(project.run)["texts"] == project.expected(mark) else [f"{mark}: wrong outputs"]
+            wrong += [] if apart(project.verify) else [f"{mark}: verify after the run is not ok"]
+    except (NoEndError, RuntimeError) as error:
+        wrong.append(last_line(error))
+    return [f"{said}: {what}" for what in wrong]
+
+
+def _former(project: FlippedStore, kind: str) -> list[Path]:
+    """Traces of no task of now, or blobs with a text of former code."""
+    if kind == "blob":
+        return [path for path in project.files(kind) if b"!" in path.read_bytes()]
+    keys = apart(project.keys)
+    return [path for path in project.files(kind) if path.parent.name + path.stem not in keys]
 
 
 def built(folder: Path, kind: str) -> FlippedStore:

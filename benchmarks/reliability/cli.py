@@ -9,12 +9,17 @@ import signal
 import time
 
 from benchmarks.reliability import toy
-from benchmarks.reliability.commands import Tiny
+from benchmarks.reliability.commands import END_S, Tiny
+from benchmarks.reliability.disk import cannot_mount, mounted, remount
 from benchmarks.reliability.rotten import Damaging, paths
-from benchmarks.reliability.rows import Plan, Row
+from benchmarks.reliability.rows import Plan, Row, skipped
 from benchmarks.reliability.signals import WAYS, send
 from tests.flipped_stores import NoEndError, apart, damage, last_line
 
+FREE_KIB = (3000, 1000, 2000, 4000, 5000, 6000, 7000, 8000)
+"""of disks that are too small for a run, but the last ones"""
+ROOM = 200 * 1024
+"""KiB of a disk that is large enough"""
 KERNELS = ("--force", "mask_densify", "--force", "hand_inpaint")
 """stages that run compiled kernels"""
 SHORT = ("SIGINT once", "SIGTERM")
@@ -30,14 +35,14 @@ def rows(plan: Plan) -> list[Row]:
     if wrong:
         return [Row("run dataset on a tiny source", tried=1, failures=wrong)]
     stopped = [_stopped(plan, clean, what) for what in WAYS if not plan.quick or what in SHORT]
-    return [_killed(plan, clean), *stopped, _rotten(plan, clean), _kernels(plan, clean)]
+    return [_killed(plan, clean), *stopped, _full(plan, clean), _rotten(plan, clean), _kernels(plan, clean)]
 
 
 def _killed(plan: Plan, clean: Tiny) -> Row:
     """One store, killed again and again."""
     row, rng, kept = Row("kill -9 of `run dataset` with its workers"), random.Random(f"{plan.seed} cli"), 0
     tiny = Tiny(plan.place("killed")).write(clean)
-    for _ in range(plan.times(12, 3)):
+    for _ in range(plan.times(12, 2)):
         process = tiny.start()
         time.sleep(rng.uniform(0.3, 3.0))
         toy.kill({process.pid, *toy.descendants(process.pid)})
@@ -69,6 +74,28 @@ def _stopped(plan: Plan, clean: Tiny, what: str) -> Row:
     saved = [path.name for path in (tiny.store / "scratch").glob("save-*")]
     wrong += [f"scratch folders are left: {', '.join(saved)}"] if WAYS[what] == (signal.SIGTERM,) and saved else []
     row.count(wrong + tiny.run() + ([] if tiny.published() == clean.published() else ["published files differ"]))
+    return row
+
+
+def _full(plan: Plan, clean: Tiny) -> Row:
+    """With space for the compiled kernels and a little more."""
+    row = Row("full disk: `run dataset` ends with one sentence; with more space it goes on")
+    if reason := cannot_mount(plan.place("probe")):
+        return skipped(row.what, reason)
+    for n, kib in enumerate(FREE_KIB[: plan.times(len(FREE_KIB), 1)]):
+        tiny = Tiny(plan.place(f"full-{kib}"))
+        with mounted(tiny.store, f"size={ROOM}k"):
+            tiny.write(clean)
+            used = ROOM - shutil.disk_usage(tiny.store).free // 1024
+            remount(tiny.store, f"size={used + kib}k")
+            process = tiny.start(jobs=2 * (n % 2))
+            _, said = process.communicate(timeout=END_S)
+            wrong = [] if process.returncode in (0, 1) else [f"exit {process.returncode}"]
+            wrong += [f"a traceback: {said.splitlines()[-1]}"] if "Traceback" in said else []
+            wrong += [] if process.returncode == 0 or "space" in said else [f"unclear: {said[-200:]}"]
+            remount(tiny.store, f"size={ROOM}k")
+            wrong += tiny.run() + ([] if tiny.published() == clean.published() else ["published files differ"])
+        row.count([f"{kib} KiB free, jobs {2 * (n % 2)}: {what}" for what in wrong])
     return row
 
 
@@ -108,7 +135,7 @@ def _kernels(plan: Plan, clean: Tiny) -> Row:
     rng = random.Random(f"{plan.seed} kernels")
     tiny, backup, expected = clean.copy(plan.folder / "kernels"), plan.folder / "numba", clean.published()
     shutil.copytree(tiny.store / ".cache" / "numba", backup)
-    for n in range(plan.times(40, 2)):
+    for n in range(plan.times(40, 1)):
         shutil.rmtree(tiny.store / ".cache" / "numba")
         shutil.copytree(backup, tiny.store / ".cache" / "numba")
         files = sorted(path for path in backup.rglob("*.nb?") if path.suffix == (".nbc", ".nbi")[n % 2])

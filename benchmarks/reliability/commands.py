@@ -34,7 +34,7 @@ class Tiny:
         """The source, and compiled kernels of another store, which spare most of a run's time."""
         write_source(self.source)
         if kernels is not None:
-            shutil.copytree(kernels.store / ".cache" / "numba", self.store / ".cache" / "numba")
+            shutil.copytree(kernels.store / ".cache" / "numba", self.store / ".cache" / "numba", dirs_exist_ok=True)
         return self
 
     def copy(self, folder: Path) -> Tiny:

@@ -16,72 +16,71 @@ from benchmarks.reliability.rows import Plan, Row, skipped
 from runner import Graph
 from tests.flipped_stores import FlippedStore, apart
 
-SIZES_KIB = (200, 4000)
+SIZES_KIB = (200, 6000)
 """the smallest disk holds little more than the store's folders, the largest nearly all of it"""
 LARGE = "64m"
 FILE_LIMIT = 20_000
 WORDS = ("no space left", "quota", "read-only", "file too large", "cannot be written")
 
 
-STAGE = '''"""word -> the same, with a large draft in its scratch folder meanwhile"""
+STAGE = '''"""word -> the same, many times"""
 
 from __future__ import annotations
-
-import time
-from typing import Any
 
 from toy.log import note
 from toy.values import Word
 
+TIMES = 20_000
 
-def run(word: Word, ctx: Any) -> Word:
-    note("hungry", word.name)
-    with (ctx.scratch / "draft").open("ab", buffering=0) as draft:
-        for _ in range(100):
-            draft.write(bytes(4096))
-            time.sleep(0.0005)
-    return word
+
+def run(word: Word) -> Word:
+    note("large", word.name)
+    return Word(word.name, word.text * TIMES)
 '''
+TIMES = 20_000
 
 
-class HungryStore(FlippedStore):
-    """With a stage that takes 400 kB for a moment, so that the disk may be full and have space again in one run."""
+class LargeStore(FlippedStore):
+    """With outputs of 40 kB, so that the disk is full while one is written and has a little space again afterwards."""
 
-    def write(self) -> HungryStore:
+    def write(self) -> LargeStore:
         """With one stage more."""
         super().write()
-        (self.code / "toy" / "hungry.py").write_text(STAGE)
+        (self.code / "toy" / "large.py").write_text(STAGE)
         return self
 
     def more(self, g: Graph, word: Any) -> tuple[Any, ...]:
-        """One shard a word."""
-        return (g.add(importlib.import_module("toy.hungry").run, word=word),)
+        """One shard a word, and a list of them."""
+        large, pair = (importlib.import_module(f"toy.{name}") for name in ("large", "pair"))
+        first = g.pick(g.named("halves").add(pair.run, word=g.add(large.run, word=word)), lambda both: both.left)
+        return (g.named("begun").add(importlib.import_module("toy.join").run, words=g.collect(first)),)
 
     def expected(self, mark: str = "!") -> dict[str, list[str]]:
         """The texts that a right run ends with."""
-        return super().expected(mark) | {"hungry": list(self.words)}
+        return super().expected(mark) | {"begun": [" ".join(word[0] for word in self.words)]}
 
     @property
     def tasks(self) -> int:
         """Tasks of the graph."""
-        return super().tasks + len(self.words)
+        return super().tasks + 2 * len(self.words) + 1
 
 
 def rows(plan: Plan) -> list[Row]:
     """On a file system of our own where this process may mount one; else with a limit of a file's size."""
-    reason = _cannot_mount(plan.place("probe"))
+    reason = cannot_mount(plan.place("probe"))
     if reason:
         return [skipped("full disk, no inodes, read-only store, on a small file system", reason), _limited(plan)]
     count, (least, most) = plan.times(40, 5), SIZES_KIB
     full = Row(f"full disk of {least} to {most} KiB: one sentence, then more space")
     for n in range(count):
-        full.count(_small(plan, f"size={least + (most - least) * n // count}k", f"size={LARGE}"))
+        full.count(_small(plan, f"size={least + (most - least) * n // count}k", f"size={LARGE}", 2 * (n % 2)))
     inodes = Row("no inodes: one sentence, then more of them")
-    inodes.count(_small(plan, f"size={LARGE},nr_inodes=150", f"size={LARGE},nr_inodes=0"))
+    inodes.count(_small(plan, f"size={LARGE},nr_inodes=150", f"size={LARGE},nr_inodes=0", 2))
     return [full, inodes, _cached(plan), _read_only(plan), _limited(plan)]
 
 
-def _cannot_mount(folder: Path) -> str:
+def cannot_mount(folder: Path) -> str:
+    """Why no file system can be mounted; '' where it can."""
     if os.geteuid():
         return "mounting a file system needs root"
     try:
@@ -122,14 +121,14 @@ def _sentence(ended: toy.Ended, needed: bool) -> list[str]:
     return [f"exit {ended.code}, unclear: {odd[0]}"] if odd else []
 
 
-def _small(plan: Plan, options: str, more: str) -> list[str]:
-    project = HungryStore(plan.place(options), toy.WIDE).write()
+def _small(plan: Plan, options: str, more: str, jobs: int) -> list[str]:
+    project = LargeStore(plan.place(options), toy.WIDE).write()
     with mounted(project.store, options):
-        wrong = _sentence(toy.run(project), False)
+        wrong = _sentence(toy.run(project, jobs), False)
         remount(project.store, more)
         wrong += toy.wrong_later(project, set())
         wrong += [] if apart(project.verify) else ["verify is not ok"]
-    return [f"{options}: {what}" for what in wrong]
+    return [f"{options}, jobs {jobs}: {what}" for what in wrong]
 
 
 def _cached(plan: Plan) -> Row:

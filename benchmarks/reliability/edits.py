@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import Counter
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -27,9 +28,16 @@ def rows(plan: Plan) -> list[Row]:
 
 
 def _table(plan: Plan) -> Row:
+    row = Row("kinds of edit of helpers, effect measured by running: followed, or refused aloud; none is silent")
     if find_spec(TABLE) is None:
-        return skipped("kinds of edit of helpers, effect measured by running", f"{TABLE} is not there")
-    row: Row = import_module("benchmarks.reliability.edit_table").row(plan)
+        return skipped(row.what, f"{TABLE} is not there")
+    table = import_module(TABLE)
+    verdicts = table.judge(plan.place("table"))
+    for verdict in verdicts:
+        wanted = "refused" if verdict.case.want == table.REFUSED else "right"
+        wrong = [] if verdict.outcome == wanted else [f"{verdict.case.name}: {verdict.outcome}, expected {wanted}"]
+        row.count(wrong + ([] if verdict.control else [f"{verdict.case.name}: the control stage changed"]))
+    row.figures = ", ".join(f"{count} {outcome}" for outcome, count in Counter(one.outcome for one in verdicts).items())
     return row
 
 

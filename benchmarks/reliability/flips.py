@@ -6,13 +6,19 @@ import random
 from collections.abc import Iterator
 
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import DAMAGES, KINDS, STORED, built, healed
+from tests.flipped_stores import DAMAGES, FORMER, KINDS, STORED, built, healed, settled
 
 
 def rows(plan: Plan) -> list[Row]:
     """One bit flipped, the modification time kept; then everything else that can happen to a file."""
     flips = [_row(plan, f"one bit flipped, mtime kept: {kind}{said}", kind, ["flip"] * plan.times(20, 2), cache, first)
              for kind in KINDS for said, cache, first in _ways(kind)]
+    for kind in FORMER:
+        row = Row(f"one bit flipped in a {kind} of former code that nothing uses any more: verify is content after the next run")
+        for n in range(plan.times(20, 2)):
+            project = built(plan.place(f"former {kind} {n}"), kind)
+            row.count(settled(project, kind, "flip", random.Random(f"{plan.seed} former {kind} {n}")))
+        flips.append(row)
     others = [how for how in DAMAGES if how != "flip"] * plan.times(3, 1)
     return flips + [_row(plan, f"file cut, removed or replaced by JSON that does not fit: {kind}", kind, others, True, False)
                     for kind in KINDS]  # fmt: skip

@@ -9,6 +9,8 @@ from typing import Any
 
 SHOWN = 5
 """failures of a row that are kept in words"""
+LONGEST = 400
+"""characters of each"""
 
 
 @dataclass
@@ -36,7 +38,7 @@ class Row:
         if not wrong:
             self.held += 1
         elif len(self.failures) < SHOWN:
-            self.failures.append("; ".join(wrong))
+            self.failures.append(" ".join("; ".join(wrong).split())[:LONGEST])
 
     def counted(self) -> dict[str, Any]:
         """For JSON."""

@@ -18,7 +18,7 @@ from runner import StoreError
 
 PROJECTS = {"FlippedStore": "tests.flipped_stores:FlippedStore",
             "BadStore": "benchmarks.reliability.stages:BadStore",
-            "HungryStore": "benchmarks.reliability.disk:HungryStore",
+            "LargeStore": "benchmarks.reliability.disk:LargeStore",
             "WideStore": "benchmarks.reliability.turns:WideStore"}  # fmt: skip
 
 
