@@ -13,6 +13,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -100,6 +101,7 @@ def parsed() -> argparse.Namespace:
 def main() -> int:
     """Measure, keep, write; 1 where anything that was measured now failed."""
     chosen, failed = parsed(), 0
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what it starts
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # runs meet Python's cache of compiled modules, as those of users do
     chosen.out.mkdir(parents=True, exist_ok=True)

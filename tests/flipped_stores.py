@@ -277,7 +277,7 @@ def healed(project: FlippedStore, kind: str, how: str, rng: random.Random, *, ca
 
 
 def settled(project: FlippedStore, kind: str, how: str, rng: random.Random) -> list[str]:
-    """Damage a file of former code that nothing uses any more, verify and run, undo the edit and run. Returns what is wrong then."""
+    """Damage a file of former code that nothing uses any more, verify and run, undo the edit and run. Returns what is wrong."""
     said, wrong = "", list[str]()
     try:
         project.edit("??")
