@@ -98,13 +98,13 @@ def publish_text(runner: Runner, text: str, path: Path) -> Path:
 
 
 def shown(runner: Runner, digest: str, folder: Path) -> bool:
-    """Whether `folder` shows this FileTree artifact, and nothing else."""
-    return _shows(folder, _files(runner, digest))
+    """Whether `folder` shows this FileTree artifact, and nothing else. No file is read."""
+    return _shows(folder, _named(runner.places(digest)))
 
 
 def shows_file(runner: Runner, digest: str, path: Path) -> bool:
-    """Whether `path` shows the only file of this FileTree artifact."""
-    return _same(path, _only(runner, digest))
+    """Whether `path` shows the only file of this FileTree artifact. No file is read."""
+    return any(_same(path, file) for file in _named(runner.places(digest)).values())
 
 
 def retire(folder: Path, made: set[str], whole: bool) -> None:
@@ -131,7 +131,11 @@ def _leased(path: Path, shared: bool = False) -> Iterator[None]:
 
 
 def _files(runner: Runner, digest: str) -> dict[str, Path]:
-    return {name.removeprefix(FILES): path for name, path in runner.files(digest).items() if name.startswith(FILES)}
+    return _named(runner.files(digest))
+
+
+def _named(files: Mapping[str, Path]) -> dict[str, Path]:
+    return {name.removeprefix(FILES): path for name, path in files.items() if name.startswith(FILES)}
 
 
 def _only(runner: Runner, digest: str) -> Path:

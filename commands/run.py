@@ -24,7 +24,6 @@ from commands.origin import NEEDED
 from commands.part import RECORDS, Publisher, parts
 from commands.progress import observer
 from commands.publish import owned, publish, publish_files, retire
-from commands.record import record
 from commands.session import digester, open_runner
 from commands.settings import columns
 from commands.warnings import show_warnings
@@ -117,6 +116,8 @@ def run(request: Request) -> int:
         report, (outputs, metrics, notes) = made(
             ask, lambda report: _published(publisher(report), report, place, names, every), force, limit_s)
         if only and request.record:
+            from commands.record import record  # of few runs
+
             more, where = record(runner, graph, only, place, request.clips, shown)
             notes += [where] if more is None else []
             if more is not None:

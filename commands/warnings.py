@@ -137,7 +137,7 @@ class _Outputs:
 
     def fields(self, digest: str) -> Fields:
         """Fields of a stored value; no array is read."""
-        return _plain(json.loads(self._runner.files(digest)[VALUE].read_text(encoding="ascii")))
+        return _plain(json.loads(self._runner.file(digest, VALUE).read_text(encoding="ascii")))
 
     def _digest(self, stage: str, shard: str) -> str | None:
         if stage not in self._keys:

@@ -97,6 +97,14 @@ class Runner:
         """name -> verified path of every file of a plain artifact."""
         return self.store.files(digest)
 
+    def file(self, digest: str, name: str) -> Path:
+        """The verified path of one file of a plain artifact; the others are not read."""
+        return self.store.file(digest, name)
+
+    def places(self, digest: str) -> dict[str, Path]:
+        """name -> path of every file of a plain artifact, not verified."""
+        return self.store.places(digest)
+
     def children(self, digest: str) -> list[tuple[str, str]] | None:
         """(name, digest) of the parts of a composite artifact, None for a plain one."""
         found = self.store.manifest(digest).children

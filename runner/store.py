@@ -250,6 +250,17 @@ class Store:
         """name -> path of every file of a plain artifact, verified by its digest; LostError when one is missing or damaged."""
         return {entry.name: self._verified(digest, entry) for entry in self.manifest(digest).files}
 
+    def file(self, digest: str, name: str) -> Path:
+        """The path of one file of a plain artifact, verified by its digest; KeyError when it has none of this name, LostError when
+        the file is missing or damaged."""
+        entries = {entry.name: entry for entry in self.manifest(digest).files}
+        return self._verified(digest, entries[name])
+
+    def places(self, digest: str) -> dict[str, Path]:
+        """name -> path of every file of a plain artifact; nothing is read, and a file may be missing."""
+        return {entry.name: Path(entry.path) if entry.path else self.path("blobs", entry.blob)
+                for entry in self.manifest(digest).files}
+
     def load(self, digest: str) -> object:
         """The value, out of verified files."""
         if digest in self._recent:
