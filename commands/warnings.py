@@ -13,8 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.readers.grid import other_shape
-from afford.readers.hand_names import handless
+from afford.readers.remarks import handless, other_shape
 from runner import LostError, Runner, RunReport
 from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT
 

@@ -125,9 +125,14 @@ class Traces:
         """The keys in use."""
         return {key for shards in self._latest.values() for key, _ in shards.values()}
 
-    def damaged(self) -> list[str]:
-        """Read every file of traces/ again: keys of those that are damaged. The next run mends or replaces them."""
-        return [key for key in sorted(_names(self.root / "traces")) if _read_row(self.root, key) is None]
+    def mend(self) -> list[str]:
+        """Read every file of traces/ again: keys of those that were damaged. One that the index has is written anew; any other is
+        no trace, and goes."""
+        damaged = [key for key in sorted(_names(self.root / "traces")) if _read_row(self.root, key) is None]
+        for key in damaged:
+            if self._mended(self._rows.get(key)) is None:
+                trace_path(self.root, key).unlink()
+        return damaged
 
     def save(self) -> None:
         """Write the index, at once; what another run has written to it in the meantime stays."""

@@ -104,11 +104,11 @@ def _holder(store: Store, blob: str) -> str:
 
 
 def verify(store: Store, traces: Traces) -> Verdict:
-    """Read every blob and every trace, and check every artifact that is in use. Definitions kept for `explain` that are damaged go:
-    nothing depends on them."""
+    """Read every blob and every trace, and check every artifact that is in use. A damaged trace is written anew from the index, or
+    goes and its task runs again; definitions kept for `explain` that are damaged go: nothing depends on them."""
     verdict = Verdict()
     store.distrust()
-    verdict.missing += [f"trace {key[:12]}, which is damaged" for key in traces.damaged()]
+    verdict.missing += [f"trace {key[:12]}, which was damaged" for key in traces.mend()]
     for path in (store.root / "code").glob("[!.]*.json"):
         if kept_definitions(store.root, path.stem) is None:
             path.unlink()
@@ -143,6 +143,8 @@ def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
     """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes, or with `dry_run` is
     counted."""
     swept = Swept(dry_run=dry_run)
+    if not dry_run:
+        traces.mend()
     keep = set(_reached(store, traces))
     blobs = {entry.blob for digest in keep if (found := store.find(digest)) for entry in found.files}
     for trace in list(traces.all()):
@@ -150,8 +152,6 @@ def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
             _drop(store.path("traces", trace.key, ".json"), swept)
             if not dry_run:
                 traces.forget(trace.key)
-    for key in traces.damaged():
-        _drop(store.path("traces", key, ".json"), swept)
     for room, kept, suffix in (("manifests", keep, ".json"), ("blobs", blobs, ""), ("damaged", set(), "")):
         for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
             if name not in kept:

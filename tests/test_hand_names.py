@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from afford.readers.errors import SourceError
-from afford.readers.hand_names import handless, is_vague, side_of
+from afford.readers.hand_names import is_vague, side_of
+from afford.readers.remarks import handless
 from schemas.clip import Clip
 from tests.test_readers_own import coco, compressed, read_own
 from tests.tiny_root import OTHER, clips, image, mask, write_root

@@ -143,7 +143,9 @@ def task(trace: Trace) -> dict[str, Any]:
 
 
 def sources(traces: list[Trace]) -> list[str]:
-    """The files of the project that the fingerprint of a stage is taken over, and those of the worker's hook."""
+    """The files of the project that the key of a stage is taken over: its own, the codec's, those of the worker's hook."""
     modules = Modules(ROOT)
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
-    return sorted({*(path for paths in found for path in paths), *fingerprint(modules, "afford.worker:prepare", {}).files})
+    found += [fingerprint(modules, "afford.worker:prepare", {}).files,
+              fingerprint(modules, "afford.codecs:CODEC", {}, apart=modules.schemas).files]  # fmt: skip
+    return sorted({path for paths in found for path in paths})

@@ -9,10 +9,10 @@ from afford.bounded import image_size
 from afford.readers.annotations import has_masks, read_sheets
 from afford.readers.cut import Cutting
 from afford.readers.errors import SourceError
-from afford.readers.grid import Size, other_shape
-from afford.readers.hand_names import handless, side_of
+from afford.readers.hand_names import side_of
 from afford.readers.media import Media
 from afford.readers.read import clips_of, media_of_video
+from afford.readers.remarks import Size, handless, other_shape
 from afford.video.frames import pictures
 from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, KeyFrame, Narration
 from schemas.files import FileTree

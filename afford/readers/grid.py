@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,10 +13,6 @@ BEYOND = 1.1
 """an outline that reaches beyond this many grids is not just drawn over the border"""
 SMALL = 0.5
 """outlines that all stay within this part of the grid were probably drawn on a smaller one"""
-ALIKE = 1.03
-"""sides of pictures whose proportions differ by less are only rounded"""
-Size = tuple[int, int]
-"""width and height, px"""
 
 
 def check_grid(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
@@ -42,13 +38,3 @@ def refuse_normalised(outlines: Sequence[np.ndarray], where: str) -> None:
     if largest <= 1:
         raise SourceError(where, "corners in pixels", f"none above {largest:g}: normalised coordinates",
                           "multiply x by the width and y by the height of the image")
-
-
-def other_shape(grids: Iterable[Size], size_wh: Size) -> str:
-    """A remark on key frames of other proportions than the pictures, `size_wh`; '' when there is none. Masks of such a frame are
-    stretched to the picture."""
-    found = [grid for grid in grids if not 1 / ALIKE <= grid[0] / grid[1] * size_wh[1] / size_wh[0] <= ALIKE]
-    if not found:
-        return ""
-    return (f"masks of {len(found)} key frames refer to a size of another shape than the pictures, {found[0][0]}x{found[0][1]} "
-            f"against {size_wh[0]}x{size_wh[1]}, and are stretched; correct 'width' and 'height' of the images if they are wrong")

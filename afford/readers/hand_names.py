@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from afford.readers.errors import SourceError
+from afford.readers.remarks import listed
 from afford.readers.rows import Note, Row, Sheet
 from schemas.hands import Hand
 
@@ -19,8 +19,6 @@ OWNER = {"the", "my", "own", "a", "human", "person", "s", "wearer", "user"}
 """words beside a hand that do not make it another one"""
 HANDS = {"hand", "hands"}
 VAGUE = {*HANDS, *SIDE, "both", "two", "one", "other", "another", "first", "second", "unknown", "any", "either"}
-SHOWN = 5
-"""names that a sentence lists"""
 
 
 def side_of(name: str) -> Hand | None:
@@ -47,33 +45,18 @@ def check_names(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
     rows = [row for sheet in sheets for row in sheet.rows]
     vague = sorted({row.name for row in rows if is_vague(row.name)})
     if vague:
-        raise SourceError(f"{name}, names of masks", "each hand called 'left hand' or 'right hand'", _listed(vague),
+        raise SourceError(f"{name}, names of masks", "each hand called 'left hand' or 'right hand'", listed(vague),
                           "rename them by the person's own side (hand_left, LeftHand or 'L hand' will do), or remove them")
     nearly = sorted({row.name for row in rows if _nearly(row)})
     if nearly:
-        notes.append((0, f"{name}: {_listed(nearly)} counts as an object; a hand is called 'left hand' or 'right hand', and a "
+        notes.append((0, f"{name}: {listed(nearly)} counts as an object; a hand is called 'left hand' or 'right hand', and a "
                          "glove has 'on_which_hand'"))
-
-
-def handless(masks: Iterable[tuple[str, str]]) -> str:
-    """Remark on the (side, name) of the masks of a clip, none of which is a hand; '' where one is, or there are no masks."""
-    found = list(masks)
-    if not found or any(side for side, _ in found):
-        return ""
-    names = [name for name, _ in Counter(name for _, name in found).most_common()]
-    return ("no mask is called 'left hand' or 'right hand', so there is no contact and no sample; names are "
-            f"{_listed(names)}")
 
 
 def _nearly(row: Row) -> bool:
     words = set(_words(row.name))
     glove = bool({"glove", "gloves"} & words) and not any(map(side_of, row.worn))
     return side_of(row.name) is None and (glove or ("hand" in words and bool({"left", "right"} & words)))
-
-
-def _listed(names: Iterable[str]) -> str:
-    found = [repr(name) for name in names]
-    return ", ".join(found[:SHOWN]) + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")
 
 
 def _words(name: str) -> list[str]:
