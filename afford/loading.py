@@ -15,7 +15,7 @@ from typing import Any
 from blake3 import blake3
 
 DYNAMIC = ()  # what is watched are packages of others: no module of ours is loaded through the import machinery here
-DIGEST_BYTES = 32
+DIGEST = ".blake3"
 COMPILED = (".nbi", ".nbc")
 """numba's files: an index of a function's signatures, and the machine code of one"""
 
@@ -61,38 +61,40 @@ def when_loaded(name: str, action: Callable[[Any], None]) -> None:
 
 
 def seal_kernels(caching: Any) -> None:
-    """Give `numba.core.caching` an `open` of its own, which writes a BLAKE3 digest in front of every compiled file and verifies it
-    before the file is unpickled or run. A file that does not fit is deleted, and compiled again."""
+    """Give `numba.core.caching` an `open` of its own, which writes a BLAKE3 digest beside every compiled file and verifies the file
+    before it is unpickled or run. One that does not fit, or has no digest, is deleted and compiled again. The files themselves stay
+    numba's, so that a process without this `open` can share them."""
     caching.open = open_sealed
 
 
 def open_sealed(path: Any, mode: str = "r", *more: Any) -> Any:
-    """As `open`; files of compiled code are sealed. FileNotFoundError when one does not fit its digest."""
-    if not any(suffix in os.path.basename(path) for suffix in COMPILED):
+    """As `open`; compiled files have a digest beside them. FileNotFoundError when one does not fit its digest."""
+    name = str(path)
+    if not any(suffix in os.path.basename(name) for suffix in COMPILED):
         return open(path, mode, *more)
     if mode == "wb":
-        return _Sealing(path)
-    with open(path, "rb") as file:
-        data = file.read()
-    if blake3(data[DIGEST_BYTES:]).digest() != data[:DIGEST_BYTES]:
-        os.unlink(path)
-        raise FileNotFoundError(f"{path} was damaged and is deleted; it is compiled again")
-    return io.BytesIO(data[DIGEST_BYTES:])
+        return _Sealing(name)
+    data = Path(name).read_bytes()
+    digest = Path(name + DIGEST)
+    if not digest.exists() or digest.read_bytes() != blake3(data).digest():
+        os.unlink(name)
+        raise FileNotFoundError(f"{name} was damaged and is deleted; it is compiled again")
+    return io.BytesIO(data)
 
 
 class _Sealing(io.BytesIO):
-    """A file that is written, its digest first, when it is closed."""
+    """A file that is written, with its digest, when it is closed."""
 
-    def __init__(self, path: Any) -> None:
+    def __init__(self, path: str) -> None:
         super().__init__()
         self._path = path
 
     def close(self) -> None:
-        """Write the file."""
+        """Write the digest beside the final name, then the file under its temporary one, which numba renames."""
         if not self.closed:
             data = self.getvalue()
-            with open(self._path, "wb") as file:
-                file.write(blake3(data).digest() + data)
+            Path(self._path.partition(".tmp.")[0] + DIGEST).write_bytes(blake3(data).digest())
+            Path(self._path).write_bytes(data)
         super().close()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 DYNAMIC = ()  # sys.modules is counted, and no module of ours is taken out of it
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 FONTS = "sealed-matplotlib"
-SEALED = "sealed-"
+SEALED = "verified-"
 """begins the names of folders of compiled code that is verified before it is used"""
 
 

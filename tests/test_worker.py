@@ -146,3 +146,16 @@ def output(script: str, **environment: str) -> Any:
     done = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_process_without_the_preparation_shares_the_compiled_code(tmp_path: Path) -> None:
+    """A program that a stage starts inherits the folder by its environment: it reads what workers compiled, and they what it did."""
+    code = tmp_path / "code"
+    code.mkdir()
+    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
+    assert output(script) == [42, 0]
+    (folder,) = (tmp_path / "store" / ".cache" / "numba").iterdir()
+    plain = f"import json, sys; sys.path.insert(0, {str(code)!r}); import kernel; print(json.dumps(kernel.double(21)))"
+    assert output(plain, NUMBA_CACHE_DIR=str(folder)) == 42
+    assert output(script) == [42, 1]
