@@ -149,7 +149,7 @@ def output(script: str, **environment: str) -> Any:
 
 
 def test_a_process_without_the_preparation_shares_the_compiled_code(tmp_path: Path) -> None:
-    """A program that a stage starts inherits the folder by its environment: it reads what workers compiled, and they what it did."""
+    """A program that a stage starts inherits the folder by its environment, and reads what workers have compiled."""
     code = tmp_path / "code"
     code.mkdir()
     (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
