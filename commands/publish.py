@@ -12,9 +12,7 @@ import ctypes
 import errno
 import os
 import re
-import secrets
 import shutil
-import socket
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,6 +20,7 @@ from pathlib import Path
 
 from runner import Runner, StoreError
 from runner.canonical import digest as tagged
+from runner.files import unique
 from runner.lease import Lease
 
 FILES = "files/"
@@ -30,9 +29,9 @@ LISTED = ".clips"
 """which recordings of clips a folder has, by name"""
 RECORDING = re.compile(r"[^./\0][^/\0]*\.mcap")
 """the only names that are deleted when the list has them: plain ones, in the folder itself"""
-LEFTOVER = re.compile(r"\..+\.(partial|old)-(\d+|[\w-]+-\d+-[0-9a-f]{8})")
+LEFTOVER = re.compile(r"\..+\.(partial|old)[.-](\d+|[\w-]+-\d+-[0-9a-f]{8})")
 """temporary names, also those of earlier versions, which carried a process id alone"""
-NAME_LETTERS, HOST_LETTERS = 40, 16
+NAME_LETTERS = 40
 """of a temporary name, so that a long name stays within what a file system allows"""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 """of Linux: paths are relative to the working directory; two names change places"""
@@ -170,8 +169,7 @@ def _partial(path: Path) -> Iterator[Path]:
 
 
 def _temporary(path: Path, kind: str) -> Path:
-    host = re.sub(r"\W", "_", socket.gethostname())[:HOST_LETTERS]
-    return path.with_name(f".{path.name[:NAME_LETTERS]}.{kind}-{host}-{os.getpid()}-{secrets.token_hex(4)}")
+    return path.with_name(unique(f"{path.name[:NAME_LETTERS]}.{kind}"))
 
 
 def _place(files: Mapping[str, Path], folder: Path) -> None:

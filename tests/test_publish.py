@@ -56,7 +56,8 @@ def test_a_folder_is_replaced_as_a_whole(runner: Runner, tmp_path: Path) -> None
 
 
 @pytest.mark.usefixtures("way")
-@pytest.mark.parametrize("left", [".set.partial-{pid}", ".set.old-{pid}", ".set.partial-elsewhere-{pid}-0123abcd"])
+@pytest.mark.parametrize("left", [".set.partial-{pid}", ".set.old-{pid}", ".set.partial-elsewhere-{pid}-0123abcd",
+                                  ".set.partial.elsewhere-{pid}-0123abcd"])
 def test_what_a_killed_run_left_is_deleted_and_never_published(left: str, runner: Runner, tmp_path: Path) -> None:
     """Also when it has our own process id, as in a container."""
     out = runner.place.store / "datasets" / "set"
