@@ -2,7 +2,7 @@
 
 Every statement of a module that is run by its import may change an object: by an assignment to a part of it, by a method, by a
 call of a function that does so. Where the object belongs to the module, the statement belongs to the object's name (`owned`);
-where it belongs to another module, or nobody can say whose it is, the statement counts for whoever loads the module (`wide`).
+where it belongs to another module, or its owner cannot be determined, the statement counts for whoever loads the module (`wide`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from runner.touches import ARGUMENT, CALLED, READS
 Changed = set[tuple[str, str]]
 """(module, name) of what is changed; see `SOMEWHERE`"""
 SOMEWHERE = ("", "")
-"""an object that nobody can name"""
+"""an object without a name that can be determined"""
 PARAMETER, PARAMETER_CALLED = (ARGUMENT, ""), (CALLED, "")
 
 

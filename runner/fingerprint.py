@@ -5,7 +5,7 @@ bases, default arguments, nested functions and lambdas, every import of a name, 
 A registry (a literal dict ``name -> "module:attribute"``) is followed at the entries that Params selects: `BACKENDS` by the
 field `backend`, `REFINES` by `refine`, a name or a tuple of names; at every entry when there is no such field. What importing
 a module does to other modules counts (`runner.effects`), and so do files listed in its `DATA_FILES`. A module that imports by
-computed name must say what, in `DYNAMIC = ("module", ...)`. Code that nobody can follow is refused with file and line
+computed name must say what, in `DYNAMIC = ("module", ...)`. Code that cannot be followed is refused with file and line
 (`runner.foreign`). What is not code is not seen: the environment, the working directory, the time.
 """
 
@@ -91,7 +91,7 @@ class _Closure:
     _loaded: set[str] = field(default_factory=set)
 
     def start(self, module: str, name: str) -> None:
-        """Begin at a definition. The values that come in have a type, or nobody knows whose methods run."""
+        """Begin at a definition. Parameters need a type: the code of their methods counts."""
         found = self.modules.get(module)
         if found is not None and (loose := untyped(found, name)):
             raise SourceError(f"{where(found, name)}: the parameter {loose[0]!r} of {name}() may be anything; annotate it with its "

@@ -1,4 +1,4 @@
-"""What one statement leads to: items and modules of ours, packages of others; or the reason why nobody can say.
+"""What one statement leads to: items and modules of ours, packages of others; or the reason why that cannot be determined.
 
 Links depend on the code alone, not on parameters, so that all fingerprints over one `Modules` share them.
 """

@@ -184,7 +184,7 @@ class Handler(BaseHTTPRequestHandler):
         try:
             return urlsplit(self.path)
         except ValueError as error:
-            raise RequestError(HTTPStatus.BAD_REQUEST, "expected a path such as /, got an address that is none") from error
+            raise RequestError(HTTPStatus.BAD_REQUEST, "expected a path such as /, got a broken address") from error
 
     def _question(self, query: str) -> tuple[str, str]:
         """Task and hands."""
@@ -259,7 +259,7 @@ class Handler(BaseHTTPRequestHandler):
             name, site = urlsplit(f"//{host}").hostname or "", None if origin is None else urlsplit(origin).netloc
         except ValueError as error:
             self.close_connection = True
-            said = "expected headers Host and Origin with addresses, got one that is none"
+            said = "expected addresses in the headers Host and Origin, got a broken one"
             raise RequestError(HTTPStatus.BAD_REQUEST, said) from error
         strange = self.server.is_local and not is_loopback(name)
         if strange or site not in (None, host):

@@ -14,7 +14,7 @@ from afford.sides import swap_sides
 FILE, FORMAT = "words.json", "afford-words-1"
 FILLERS = frozenset(("a", "an", "and", "at", "by", "for", "from", "in", "into", "it", "my", "of", "off", "on", "onto", "out",
                      "over", "the", "this", "that", "to", "up", "with", "your"))  # fmt: skip
-"""they name neither a thing nor what is done, so that nobody needs a warning"""
+"""words that name neither a thing nor an action: no warning is needed"""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def read(folder: Path) -> KnownWords | None:
         fields = json.loads(path.read_text(encoding="utf-8"))
         lists = [fields[name] for name in ("verbs", "things", "words")] if fields["format"] == FORMAT else [[None]]
     except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
-        raise ValueError(f"{path}: expected the words of a training, got a file that is none ({error}); train again") from error
+        raise ValueError(f"{path}: expected a list of known words, got another file ({error}); train again") from error
     if not all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in lists):
         raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\" and lists of words, got something else; train again")
     return KnownWords(*map(tuple, lists))
