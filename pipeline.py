@@ -10,7 +10,7 @@ import sys
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from afford.registry import load
+from afford.common.registry import load
 
 if TYPE_CHECKING:
     from maps.settings import Origin, Settings

@@ -19,8 +19,8 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from afford.dataset import classes, columns, load, rows, shards
-from schemas.sample import Samples
-from tests.made_samples import clip
+from schemas.affordance import Samples
+from tests.helpers.made_samples import clip
 
 SAMPLES = 1500
 BATCH = 300

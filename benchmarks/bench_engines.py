@@ -18,20 +18,20 @@ import numpy as np
 import psutil
 import torch
 
-from afford.grasp.config import Config
-from afford.grasp.core import Grasping
-from afford.grasp.env import AffordanceGraspVector
-from afford.grasp.refine import Plan, made
-from afford.grasp.task import Task
-from afford.grasp.vector import Learning
-from afford.hands.assets import shadow_files
-from afford.registry import extra
-from afford.rl import ppo
-from afford.sim.scene import Physics
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.env import AffordanceGraspVector
+from afford.grasping.policies.refine import Plan, made
+from afford.grasping.env.task import Task
+from afford.grasping.env.vector import Learning
+from afford.grasping.hand.assets import shadow_files
+from afford.common.registry import extra
+from afford.grasping.rl import ppo
+from afford.grasping.sim.scene import Physics
 from benchmarks.bench_grasp_env import TOOLS, tool
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
-from stages import hand_model
+from stages.grasping import hand_model
 
 PAGE = ROOT / "docs" / "physics.md"
 STEPS, EPISODES = 40, 2

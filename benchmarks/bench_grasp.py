@@ -19,8 +19,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from afford.grasp.cells import MAIN, PCT
-from afford.grasp.report_rows import Row
+from afford.grasping.evaluate.cells import MAIN, PCT
+from afford.grasping.evaluate.report_rows import Row
 from afford.training.ablation import done
 from benchmarks import grasp_kept
 from benchmarks.pages import ROOT, head, into, make, took

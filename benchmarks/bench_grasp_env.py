@@ -14,19 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.grasp import imitation, reward, wrench
-from afford.grasp.act import RATES, table
-from afford.grasp.env import AffordanceGraspVector
-from afford.grasp.metrics import MEANING
-from afford.grasp.observe import LAYOUTS, STATES, blocks
-from afford.grasp.task import Task, task
-from afford.hands.assets import shadow_files
-from afford.hands.coupling import driven, limits_u
-from afford.sim.scene import RANDOM, Physics
+from afford.grasping.imitation import imitation
+from afford.grasping.env import reward, wrench
+from afford.grasping.env.act import RATES, table
+from afford.grasping.env.env import AffordanceGraspVector
+from afford.grasping.env.metrics import MEANING
+from afford.grasping.env.observe import LAYOUTS, STATES, blocks
+from afford.grasping.env.task import Task, task
+from afford.grasping.hand.assets import shadow_files
+from afford.grasping.hand.coupling import driven, limits_u
+from afford.grasping.sim.scene import RANDOM, Physics
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
 from schemas.mesh import ObjectSpec
-from stages import hand_model, object_build, object_solids
+from stages.grasping import hand_model, object_solids
+from stages.synthetic import object_build
 
 PAGE = ROOT / "docs" / "grasp-environments.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")

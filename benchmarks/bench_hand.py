@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 import pybullet
 
-from afford.hands.assets import shadow_files
-from afford.hands.folder import save
-from afford.hands.kinematics import forward, jacobian, limits, moving
+from afford.grasping.hand.assets import shadow_files
+from afford.grasping.hand.folder import save
+from afford.grasping.hand.kinematics import forward, jacobian, limits, moving
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
-from stages import hand_model
+from stages.grasping import hand_model
 
 PAGE = ROOT / "docs" / "hand.md"
 SETTLE, STEPS, REPEATS = 120, 600, 3

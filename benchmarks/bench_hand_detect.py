@@ -21,28 +21,28 @@ import cv2
 import numpy as np
 import torch
 
-from afford.backends.hands.network import find
-from afford.encode import jpeg
-from afford.metrics.masks import iou
+from afford.extraction.hands.network import find
+from afford.common.encode import jpeg
+from afford.common.mask_metrics import iou
 from afford.models.hub import files
-from afford.palette import HANDS, colours_of
-from afford.readers.discover import discover
-from afford.readers.polygons import rasterise
+from afford.common.palette import HANDS, colours_of
+from afford.extraction.sources.discover import discover
+from afford.extraction.sources.polygons import rasterise
 from afford.render.batch import batch
 from afford.render.view import View
-from afford.scenes.play import LENGTH
-from afford.scenes.specs import standard_specs
-from afford.scenes.world import World, build_world
+from afford.synthetic.kitchens.play import LENGTH
+from afford.synthetic.kitchens.specs import standard_specs
+from afford.synthetic.kitchens.world import World, build_world
 from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Runner
-from schemas.clip import NOT_IN_CONTACT
+from schemas.video import NOT_IN_CONTACT
 from schemas.files import FileTree
-from schemas.hands import SIDES
+from schemas.video import SIDES
 from schemas.masks import Tracks
 from schemas.scene import SceneSpec
-from stages import clip_footage, frame_decode, hand_detect, mask_densify, source_read
+from stages.extraction import clip_footage, frame_decode, hand_detect, mask_densify, source_read
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, PICTURE = ROOT / "benchmarks" / "hand_detect.md", ROOT / "docs" / "pictures" / "hand_detect.jpg"

@@ -21,8 +21,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.video.pack import index
-from tests.made_epic import write_tables
+from afford.common.video.pack import index
+from tests.helpers.made_epic import write_tables
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAN_TAR_MB, READ_TAR_MB, READ_FRAMES, FOLDER_FRAMES, FULL_FRAMES = 400, 16, 40, 510, 16_500
@@ -33,7 +33,7 @@ from commands.origin import origin
 from commands.session import digester, open_runner
 from maps.settings import Settings
 from runner import Graph
-from stages import source_read
+from stages.extraction import source_read
 p, source, store = Settings(), Path(sys.argv[1]), Path(sys.argv[2])
 runner = open_runner(store, jobs=1)
 place, _ = origin("dataset", source, p, digester(runner))

@@ -23,12 +23,12 @@ import numpy as np
 import torch
 from torch import nn
 
-from afford.backends.inpaint.lama import fill as fill_lama
-from afford.models.lama.generator import Generator, LamaConfig
+from afford.extraction.inpaint.lama import fill as fill_lama
+from afford.extraction.inpaint.lama.generator import Generator, LamaConfig
 from afford.models.pretrained import device_of, dtype_of
-from afford.models.vidm.config import VidmConfig
-from afford.models.vidm.model import Vidm
-from afford.models.vidm.model import fill as fill_vidm
+from afford.extraction.inpaint.vidm.config import VidmConfig
+from afford.extraction.inpaint.vidm.model import Vidm
+from afford.extraction.inpaint.vidm.model import fill as fill_vidm
 
 PAGE = Path(__file__).with_name("inpaint.md")
 ROOT = PAGE.parent.parent

@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 import torch
 
-from afford.models.twohands.batch import Batch, Target
-from afford.models.twohands.build import build
-from afford.models.twohands.config import ModelConfig
-from afford.models.twohands.losses import LossParams, losses
-from afford.models.twohands.model import TwoHands
-from afford.models.twohands.predictor import Predictor
+from afford.twohands.model.batch import Batch, Target
+from afford.twohands.model.build import build
+from afford.twohands.model.config import ModelConfig
+from afford.twohands.model.losses import LossParams, losses
+from afford.twohands.model.model import TwoHands
+from afford.twohands.model.predictor import Predictor
 
 GOAL_MS, GOAL_PER_S = 60, 60
 REPEATS, BATCH = 9, 32

@@ -13,14 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.hands.assets import shadow_files
-from afford.objects.split import TRAINED, UNSEEN
-from afford.sim.engine import world
-from afford.sim.scene import Physics, Scene
-from afford.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
+from afford.grasping.hand.assets import shadow_files
+from afford.synthetic.objects.split import TRAINED, UNSEEN
+from afford.grasping.sim.engine import world
+from afford.grasping.sim.scene import Physics, Scene
+from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
-from stages import hand_model, object_build, object_solids
+from stages.grasping import hand_model, object_solids
+from stages.synthetic import object_build
 
 TOOLS = ("hammer", "knife", "screwdriver", "spatula", "chisel")
 SEEDS = (11, 12, 13, 14)

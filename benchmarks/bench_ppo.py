@@ -19,8 +19,8 @@ import numpy as np
 import torch
 from gymnasium.wrappers import TransformReward
 
-from afford.rl.policy import ActorCritic, PolicyConfig
-from afford.rl.ppo import Config, Moved, adam, learn
+from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from afford.grasping.rl.ppo import Config, Moved, adam, learn
 
 TASK, ENVS, STEPS, UPDATES, SEEDS, EPISODES = "Pendulum-v1", 4, 1024, 25, (0, 1, 2), 50
 SETTINGS = Config(updates=UPDATES, steps=STEPS, epochs=10, minibatches=64, lr=1e-3, gamma=0.9, lam=0.95, clip=0.2, value_weight=0.5,
@@ -40,7 +40,7 @@ class Row:
 
 
 class Pendulums:
-    """Environments of afford.rl.ppo; actions of 1 are the whole torque."""
+    """Environments of afford.grasping.rl.ppo; actions of 1 are the whole torque."""
 
     def __init__(self, seed: int) -> None:
         mode = {"autoreset_mode": gymnasium.vector.AutoresetMode.SAME_STEP}
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def ours(seed: int) -> Row:
-    """afford/rl/ppo.py."""
+    """afford/grasping/rl/ppo.py."""
     torch.manual_seed(seed)
     model = ActorCritic(PolicyConfig(3, 1, HIDDEN, "tanh", 1.0))
     spent = _timed(lambda: learn(Pendulums(seed), model, SETTINGS, adam(model, SETTINGS.lr), 0, lambda _, __: None))

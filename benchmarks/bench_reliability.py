@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from afford.registry import load
+from afford.common.registry import load
 from benchmarks.pages import head
 from benchmarks.reliability.rows import Plan, Row
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.hands.assets import shadow_files
+from afford.grasping.hand.assets import shadow_files
 from benchmarks.pages import ROOT
 from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandModel
-from schemas.motion import GraspTarget, HandMotion, Retargeted
-from stages import hand_model, hand_retarget, motion_read, motion_synthesise
+from schemas.hand import GraspTarget, HandMotion, Retargeted
+from stages.grasping import hand_model, hand_retarget, motion_read, motion_synthesise
 
 PAGE = ROOT / "benchmarks" / "retarget.md"
 DATA = ROOT.parent / "shared" / "data" / "motion"

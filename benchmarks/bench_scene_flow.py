@@ -14,11 +14,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.metrics.scene_flow import EndPointError, end_point_error, moves
+from afford.rgbd.evaluate.flow_metrics import EndPointError, end_point_error, moves
 from benchmarks.pages import ROOT
 from schemas.interaction import InteractionClip, InteractionTruth
-from schemas.scene_flow import SceneFlow
-from stages import interaction_plan, interaction_read, interaction_render, scene_flow
+from schemas.interaction import SceneFlow
+from stages.synthetic import interaction_plan, interaction_render
+from stages.rgbd import interaction_read, scene_flow
 
 PAGE = ROOT / "benchmarks" / "scene_flow.md"
 SIZES_PX = (112, 300)

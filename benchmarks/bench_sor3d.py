@@ -17,14 +17,14 @@ from typing import Any
 
 import cv2
 
-from afford.models.sor3d.config import VARIANTS
-from afford.models.sor3d.model import build
-from afford.sor3d import published
+from afford.rgbd.model.config import VARIANTS
+from afford.rgbd.model.model import build
+from afford.rgbd.evaluate import published
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
 from commands.settings import described
-from stages import sor3d_report
-from stages.model_train import SOR3D, SOR3D_PAPER
+from stages.rgbd import sor3d_report
+from stages.twohands.model_train import SOR3D, SOR3D_PAPER
 
 SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import torch
 
-from afford.models.sor3d.both_ways import both_ways
-from afford.models.sor3d.config import VARIANTS, Sor3dConfig
-from afford.models.sor3d.inputs import Frames
-from afford.models.sor3d.losses import LossParams, losses
-from afford.models.sor3d.model import Sor3d, build
+from afford.rgbd.model.both_ways import both_ways
+from afford.rgbd.model.config import VARIANTS, Sor3dConfig
+from afford.rgbd.model.inputs import Frames
+from afford.rgbd.model.losses import LossParams, losses
+from afford.rgbd.model.model import Sor3d, build
 from afford.training.precision import mixed
-from stages.model_train import SOR3D, SOR3D_PAPER
+from stages.twohands.model_train import SOR3D, SOR3D_PAPER
 
 PAGE = Path(__file__).with_name("sor3d_speed.md")
 PUBLISHED_MS = 22

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.interactions.rules import USES
-from afford.sor3d import published
+from afford.dataset.sor3d.rules import USES
+from afford.rgbd.evaluate import published
 from benchmarks.pages import ROOT, into
-from stages import interaction_plan
+from stages.synthetic import interaction_plan
 
 PAGE, SELF = ROOT / "docs" / "sor3d.md", Path(__file__).name
 STARTS, SEED = 200, 0

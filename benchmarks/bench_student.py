@@ -14,19 +14,20 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from afford.grasp import cameras, sight
-from afford.grasp.cameras import Rig, shoot
-from afford.grasp.config import Config
-from afford.grasp.core import Grasping
-from afford.grasp.depth_noise import RANDOM_DEPTH
-from afford.grasp.sight import Eyes
-from afford.grasp.student import Senses, Sight
-from afford.grasp.task import task
-from afford.grasp.teach import made
-from afford.hands.assets import shadow_files
+from afford.grasping.policies import cameras, sight
+from afford.grasping.policies.cameras import Rig, shoot
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.policies.depth_noise import RANDOM_DEPTH
+from afford.grasping.policies.sight import Eyes
+from afford.grasping.policies.student import Senses, Sight
+from afford.grasping.env.task import task
+from afford.grasping.policies.teach import made
+from afford.grasping.hand.assets import shadow_files
 from benchmarks.pages import ROOT, into
 from schemas.mesh import ObjectSpec
-from stages import hand_model, object_build, object_solids
+from stages.grasping import hand_model, object_solids
+from stages.synthetic import object_build
 
 PAGE = ROOT / "docs" / "student.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")

@@ -13,7 +13,7 @@ import shutil
 from pathlib import Path
 
 from benchmarks.pages import ROOT, into, make
-from stages import ablation_report, model_train
+from stages.twohands import ablation_report, model_train
 
 SELF = Path(__file__).name
 METHODS = (("small", "small"), ("small_text_removed", "small, not told the task"),

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from afford.grasp import report_published, report_rows
-from afford.grasp.recipes import ROWS, STUDENTS
-from afford.grasp.report import ABOUT
-from afford.grasp.report_rows import FIGURES, Row
+from afford.grasping.evaluate import report_published, report_rows
+from afford.grasping.evaluate.recipes import ROWS, STUDENTS
+from afford.grasping.evaluate.report import ABOUT
+from afford.grasping.evaluate.report_rows import FIGURES, Row
 from benchmarks.pages import ROOT
-from schemas.grasp_task import LEVELS
-from stages.grasp_report import Params
+from schemas.grasp import LEVELS
+from stages.grasping.grasp_report import Params
 
 KEPT = ROOT / "benchmarks" / "grasp_rows.json"
 POOLED = ("succ_low", "succ_high", "succ_sd", "episodes")

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.backends.describe.lexicon import TASKS, rule
-from afford.objects.build import BUILDERS
-from afford.objects.split import UNSEEN
+from afford.surface.describe.lexicon import TASKS, rule
+from afford.synthetic.objects.build import BUILDERS
+from afford.synthetic.objects.split import UNSEEN
 from benchmarks.pages import ROOT, into
 
 PAGE = ROOT / "docs" / "negative-affordance.md"

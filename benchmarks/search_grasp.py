@@ -1,4 +1,4 @@
-"""Search the numbers of the scripted grasp (afford/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
+"""Search the numbers of the scripted grasp (afford/grasping/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
 
     PYTHONPATH=. python benchmarks/search_grasp.py
 
@@ -13,13 +13,14 @@ from itertools import chain
 
 import numpy as np
 
-from afford.hands.assets import shadow_files
-from afford.sim.engine import World, world
-from afford.sim.scene import Physics, Scene
-from afford.sim.scripted import Grasp, perform
+from afford.grasping.hand.assets import shadow_files
+from afford.grasping.sim.engine import World, world
+from afford.grasping.sim.scene import Physics, Scene
+from afford.grasping.sim.scripted import Grasp, perform
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
-from stages import hand_model, object_build, object_solids
+from stages.grasping import hand_model, object_solids
+from stages.synthetic import object_build
 
 OBJECTS = tuple((category, seed) for category in ("hammer", "knife", "screwdriver", "spatula", "chisel") for seed in (1, 2)) + (
     ("knife", 3), ("knife", 4))  # fmt: skip

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from afford.sor3d import page
-from afford.sor3d.recipes import ALL, recipes
-from afford.sor3d.report import by_label, plan
+from afford.rgbd.evaluate import page
+from afford.rgbd.evaluate.recipes import ALL, recipes
+from afford.rgbd.evaluate.report import by_label, plan
 from benchmarks.pages import ROOT
 
 KEPT = ROOT / "benchmarks" / "sor3d_ablation.json"

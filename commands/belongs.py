@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from afford.readers.discover import Source
+from afford.extraction.sources.discover import Source
 from commands.compare import Names, built
 from commands.errors import UsageError, unknown
 from commands.origin import origin

@@ -12,13 +12,13 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.meshes.files import URDF
-from afford.meshes.references import is_mesh
-from afford.readers.cut import Cutting
-from afford.readers.discover import discover
-from afford.readers.errors import SourceError
-from afford.readers.examine import Examined, examine
-from afford.readers.folder import VIDEO_SUFFIXES, entries
+from afford.surface.meshes.files import URDF
+from afford.surface.meshes.references import is_mesh
+from afford.extraction.sources.cut import Cutting
+from afford.extraction.sources.discover import discover
+from afford.common.errors import SourceError
+from afford.extraction.sources.examine import Examined, examine
+from afford.common.folders import VIDEO_SUFFIXES, entries
 from commands.errors import UsageError, unknown
 from commands.settings import settings
 from maps.settings import Settings
@@ -98,8 +98,8 @@ def _holds_meshes(root: Path) -> bool:
 
 
 def _meshes(root: Path) -> Checked:
-    from afford.meshes.discover import discover as find
-    from afford.meshes.read import read
+    from afford.surface.meshes.discover import discover as find
+    from afford.surface.meshes.read import read
 
     source, checked = find(root, _unread), Checked(str(root), "meshes")
     checked.refused += [(one.name, one.reason) for one in source.refused]

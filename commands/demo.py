@@ -15,8 +15,8 @@ from commands.session import STORE, seen_runner
 from runner import LostError, is_store
 
 if TYPE_CHECKING:
-    from afford.demo.examples import Example
-    from afford.predict.stored import Stored
+    from afford.twohands.demo.examples import Example
+    from afford.twohands.predict.stored import Stored
 
 LAST_PORT = 65535
 
@@ -28,8 +28,8 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     from commands.predict import open_model
 
     stored, predictor = open_model(model, store, device)
-    from afford.demo.answer import Asker
-    from afford.demo.server import Site
+    from afford.twohands.demo.answer import Asker
+    from afford.twohands.demo.server import Site
 
     ask = Asker(predictor, stored)
     console = Console(stderr=True)
@@ -53,7 +53,7 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
 def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
     """Pictures to begin with: stills of a benchmark, else of the data set that the model learned from. What cannot be read is named
     and left out, and so it is said where there are none."""
-    from afford.demo.examples import examples, held_out
+    from afford.twohands.demo.examples import examples, held_out
 
     try:
         found = examples(store / "benchmarks") or held_out(_learned_from(model, store))
@@ -68,7 +68,7 @@ def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
 
 def _learned_from(model: Stored, store: Path) -> dict[str, Path]:
     """Name -> file of the data set that the card of a model names; nothing where the store does not hold it."""
-    from afford.demo.examples import data_set
+    from afford.twohands.demo.examples import data_set
 
     digest = data_set(model.folder)
     if digest is None or not is_store(store):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from afford.registry import load
+from afford.common.registry import load
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.part import PART
@@ -17,7 +17,7 @@ FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
     "coco": "afford.dataset.export_coco:export",
     "webdataset": "afford.dataset.export_webdataset:export",
-    "epic": "afford.scenes.write_root:write_root",
+    "epic": "afford.synthetic.kitchens.write_root:write_root",
 }
 
 

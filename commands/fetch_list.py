@@ -8,8 +8,8 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from afford.readers.downloads import states
-from afford.readers.published import KINDS, LICENCE, SPLITS, files
+from afford.extraction.sources.downloads import states
+from afford.extraction.sources.published import KINDS, LICENCE, SPLITS, files
 from commands.errors import UsageError, unknown
 
 HEAD = """# {missing} of {all} files are not in {root} yet ({partial} of them in part). Licence of all: {licence}.

@@ -15,8 +15,8 @@ from rich.table import Table
 from commands.errors import UsageError, unknown
 
 if TYPE_CHECKING:
-    from afford.candidates.read import Files
-    from schemas.candidates import GraspCandidates
+    from afford.grasping.candidates.read import Files
+    from schemas.grasp import GraspCandidates
 
 HANDS = ("auto", "left", "right", "both")
 SHOWN = 3
@@ -38,9 +38,9 @@ def grasp(files: Files, options: Options) -> int:
     """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
     and options that do not fit."""
     _check(files, options)
-    from afford.candidates.read import check_regions, read
-    from afford.candidates.write import write
-    from stages import grasp_candidates
+    from afford.grasping.candidates.read import check_regions, read
+    from afford.grasping.candidates.write import write
+    from stages.grasping import grasp_candidates
 
     try:
         scene = read(files)
@@ -69,7 +69,7 @@ def _check(files: Files, options: Options) -> None:
 
 def _claim(options: Options) -> None:
     """A new or empty folder, one of an earlier call, or any with --force."""
-    from afford.candidates.write import RECORD
+    from afford.grasping.candidates.write import RECORD
 
     out = options.out
     if out.exists() and not out.is_dir():

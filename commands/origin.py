@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.readers.discover import Refused, Source, discover
-from afford.readers.folder import media_of
+from afford.extraction.sources.discover import Refused, Source, discover
+from afford.common.folders import media_of
 from commands.errors import UsageError, unknown
 from maps.settings import Origin, Settings
 from schemas.files import FileRef, FileTree
@@ -79,7 +79,7 @@ def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """Cases in ActAffordance's layout, ours where no source is given, and folders with the predictions of other methods."""
-    from afford.benchmark.layout import cases, tree
+    from afford.dataset.layout import cases, tree
 
     try:
         given = tree(source, digest) if source else None
@@ -93,7 +93,7 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
 
 def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
     """A folder with motion of hands, or one file of it; nothing where only the graph is asked for."""
-    from afford.benchmark.layout import tree
+    from afford.dataset.layout import tree
 
     if source is None:
         return Origin("motions")
@@ -110,7 +110,7 @@ def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
 
 def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:
     """The objects of a folder of meshes."""
-    from afford.meshes.discover import discover as find
+    from afford.surface.meshes.discover import discover as find
 
     try:
         found = find(source, digest)
@@ -122,8 +122,8 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
 
 def _sequences(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """The sequences of a root in the layout of SOR3D-AFF, none where they are rendered; clips of actions to learn from before."""
-    from afford.benchmark.layout import tree
-    from afford.interactions.folder import discover as find
+    from afford.dataset.layout import tree
+    from afford.dataset.sor3d.folder import discover as find
 
     try:
         found = find(source, digest) if source else ()
@@ -136,7 +136,7 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
 
 def _pictures(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """Pictures to ask models about, none where they are the last frames of rendered sequences; what is learned from is rendered."""
-    from afford.interactions.static_root import pictures
+    from afford.rgbd.readers.static_root import pictures
 
     learned = _sequences(target, None, settings, digest)
     if source is None:
@@ -150,7 +150,7 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
 
 def _is_dataset(source: Path) -> bool:
     """Whether a folder holds samples that a model can be trained on as they are."""
-    from afford.training.sources import below, splits
+    from afford.twohands.train.sources import below, splits
 
     try:
         return bool(splits(below(source)))
@@ -160,7 +160,7 @@ def _is_dataset(source: Path) -> bool:
 
 def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """A data set to train on; stills that are rendered for it where no source is given."""
-    from afford.benchmark.layout import tree
+    from afford.dataset.layout import tree
 
     if source is None:
         return Origin(settings.model_train.variant)
@@ -169,7 +169,7 @@ def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], s
 
 
 def _synthetic(target: str, settings: Settings) -> Origin:
-    from afford.scenes.specs import dataset_specs, hard_specs, standard_specs
+    from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
 
     if target != "extraction-report":
         return Origin("synthetic", specs=dataset_specs(settings.scene_render.seed))

@@ -17,11 +17,11 @@ from commands.errors import UsageError, unknown
 from commands.progress import Shown, observer
 from commands.session import STORE
 from runner import Reason
-from schemas.hands import SIDES
+from schemas.video import SIDES
 
 if TYPE_CHECKING:
-    from afford.models.twohands.predictor import Predictor
-    from afford.predict.stored import Stored
+    from afford.twohands.model.predictor import Predictor
+    from afford.twohands.predict.stored import Stored
 
 STAGE = "predict"
 GPU_BATCH = 8
@@ -71,10 +71,10 @@ def predict(image: Path, task: str, options: Options) -> int:
     if predict_sequence.wanted(options.model):
         return predict_sequence.predict(image, task, options)
     _check(task, options)
-    from afford.predict.ask import Question
-    from afford.predict.batch import answers, count
-    from afford.predict.sources import find
-    from afford.predict.write import claim
+    from afford.twohands.predict.ask import Question
+    from afford.twohands.predict.batch import answers, count
+    from afford.common.video.sources import find
+    from afford.twohands.predict.write import claim
 
     began, done = time.perf_counter(), Done()
     question = Question(task.strip(), options.hands, options.threshold)
@@ -97,8 +97,8 @@ def predict(image: Path, task: str, options: Options) -> int:
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Stored, Predictor]:
     """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
-    from afford.models.twohands.predictor import Predictor
-    from afford.predict import stored
+    from afford.twohands.model.predictor import Predictor
+    from afford.twohands.predict import stored
 
     folder = given or stored.last((store or STORE) / "models")
     if folder is None:
@@ -123,7 +123,7 @@ def usable(device: str) -> str:
 
 
 def _check(task: str, options: Options) -> None:
-    from afford.models.twohands.select import HANDS
+    from afford.twohands.model.select import HANDS
 
     if not task.strip():
         raise UsageError("TASK: expected words such as \"pour tea from kettle\", got none")
@@ -141,9 +141,9 @@ def _check(task: str, options: Options) -> None:
 
 def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown) -> None:
     """Write an answer, or note what was refused."""
-    from afford.predict.batch import Refused
-    from afford.predict.record import brief
-    from afford.predict.write import write
+    from afford.twohands.predict.batch import Refused
+    from afford.twohands.predict.record import brief
+    from afford.twohands.predict.write import write
 
     if isinstance(item, Refused):
         _failed(item.source, item.message, done, shown)
@@ -166,7 +166,7 @@ def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
 def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
     count = max(len(done.predictions), 1)
-    from afford.predict.stored import unknown_words
+    from afford.twohands.predict.stored import unknown_words
 
     return {"task": task, "unknown_words": unknown_words(stored, task), "hands_asked": options.hands,
             "model": {"name": stored.name, "digest": stored.digest}, "predictions": done.predictions, "failures": done.failures,
@@ -175,7 +175,7 @@ def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: f
 
 
 def _tell(summary: dict[str, Any], options: Options) -> int:
-    from afford.predict.write import index
+    from afford.twohands.predict.write import index
 
     index(options.out, summary)
     console = Console(stderr=True)

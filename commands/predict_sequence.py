@@ -16,11 +16,11 @@ from commands.errors import UsageError
 from commands.session import STORE
 
 if TYPE_CHECKING:
-    from afford.models.sor3d.predictor import Predictor
-    from afford.predict.footage import Footage
-    from afford.predict.stored import Stored
+    from afford.rgbd.model.predictor import Predictor
+    from afford.rgbd.predict.footage import Footage
+    from afford.twohands.predict.stored import Stored
     from commands.predict import Options
-    from schemas.scene_flow import SceneFlow
+    from schemas.interaction import SceneFlow
 
 NAME = "sor3d"
 ALIEN = ("hands", "all_hypotheses", "every", "batch")
@@ -31,8 +31,8 @@ def wanted(model: Path | None) -> bool:
     """Whether `--model` names a model of sequences: by the word, or a folder by its config."""
     if model is None:
         return False
-    from afford.models.sor3d.files import FORMAT
-    from afford.predict.stored import form_of
+    from afford.rgbd.model.files import FORMAT
+    from afford.twohands.predict.stored import form_of
 
     return str(model) == NAME or form_of(model) == FORMAT
 
@@ -40,9 +40,9 @@ def wanted(model: Path | None) -> bool:
 def predict(path: Path, task: str, options: Options) -> int:
     """Write what is said of one sequence; 0, or 1 when it cannot be read. UsageError for a wrong call."""
     _check(path, task, options)
-    from afford.predict.affordances import write
-    from afford.predict.footage import Lens, Sampling, read
-    from afford.predict.write import claim, index
+    from afford.rgbd.predict.affordances import write
+    from afford.rgbd.predict.footage import Lens, Sampling, read
+    from afford.twohands.predict.write import claim, index
 
     stored, predictor = open_model(options)
     try:
@@ -66,9 +66,9 @@ def predict(path: Path, task: str, options: Options) -> int:
 
 def open_model(options: Options) -> tuple[Stored, Predictor]:
     """The model of `--model`, by the word the one that was trained last. UsageError when there is none."""
-    from afford.models.sor3d.files import FORMAT
-    from afford.models.sor3d.predictor import Predictor
-    from afford.predict import stored
+    from afford.rgbd.model.files import FORMAT
+    from afford.rgbd.model.predictor import Predictor
+    from afford.twohands.predict import stored
     from commands.predict import usable
 
     models = (options.store or STORE) / "models"
@@ -102,8 +102,8 @@ def _check(path: Path, task: str, options: Options) -> None:
 
 def _asked(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
     """What is said, with what it cost, motion included."""
-    from afford.models.sor3d.found import CONFIDENT
-    from afford.predict.affordances import Asked
+    from afford.rgbd.model.found import CONFIDENT
+    from afford.rgbd.predict.affordances import Asked
 
     wall, cpu = time.perf_counter(), time.process_time()
     flow = _flow(footage, predictor.config.flow)
@@ -119,7 +119,7 @@ def _asked(path: Path, footage: Footage, predictor: Predictor, options: Options)
 
 def _flow(footage: Footage, kind: str) -> SceneFlow | None:
     """Motion as the stage finds it: in space where there is depth, on the image in any case; None for one picture."""
-    from stages import scene_flow
+    from stages.rgbd import scene_flow
 
     if len(footage.clip.rgb) < 2 or kind == "none" or (kind == "3d" and not footage.has_depth):
         return None

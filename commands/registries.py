@@ -27,7 +27,7 @@ class Backend:
     """One entry of a registry."""
 
     owner: str
-    """module that holds the registry: 'stages.mask_densify'"""
+    """module that holds the registry: 'stages.extraction.mask_densify'"""
     registry: str
     name: str
     entry: str

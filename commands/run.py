@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from afford.readers.discover import Source
+from afford.extraction.sources.discover import Source
 from commands.belongs import check_stages, laid_out
 from commands.compare import Names, publish_columns
 from commands.content import content
@@ -32,7 +32,7 @@ from maps.settings import Origin
 from maps.static_sets import REPORTS
 from pipeline import TARGETS
 from runner import Failure, LostError, Runner, RunReport
-from schemas.grasp_task import LEVELS
+from schemas.grasp import LEVELS
 
 T = TypeVar("T")
 USUAL_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}

@@ -7,13 +7,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.worker import use_font_cache, use_kernel_cache
+from afford.common.worker import use_font_cache, use_kernel_cache
 from commands.errors import UsageError
 from runner import Runner, is_store
 
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
-CODEC, WORKER = "afford.codecs:CODEC", "afford.worker:prepare"
+CODEC, WORKER = "afford.codecs:CODEC", "afford.common.worker:prepare"
 ANNOUNCED_BYTES = 1 << 30
 FREE_PAGES = "SC_AVPHYS_PAGES"
 """what Linux calls them; macOS does not tell"""

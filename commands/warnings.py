@@ -13,9 +13,9 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.readers.remarks import handless, other_shape
+from afford.extraction.sources.remarks import handless, other_shape
 from runner import LostError, Runner, RunReport
-from schemas.clip import NOT_IN_CONTACT, UNKNOWN_CONTACT
+from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 
 SHOWN = 3
 """warnings of one video and stage that are listed; of more, the number"""

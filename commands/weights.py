@@ -12,7 +12,7 @@ from commands.registries import of_stage
 from maps.settings import Settings
 from maps.weights import Weighed
 from schemas.files import FileTree
-from stages import model_train
+from stages.twohands import model_train
 
 
 def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:

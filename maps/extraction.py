@@ -12,16 +12,15 @@ from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels
-from schemas.clip import Clip
+from schemas.video import Clip
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
-from schemas.sample import Samples
+from schemas.affordance import Samples
 from schemas.scene import RenderedClip
 from schemas.video import Frames, Inpainted
-from stages import (
+from stages.extraction import (
     affordance_intersect,
     clip_footage,
-    clip_record,
     dataset_pack,
     extraction_report,
     extraction_score,
@@ -33,10 +32,10 @@ from stages import (
     narration_labelling,
     object_completion,
     sample_assemble,
-    scene_render,
     source_read,
-    stage_record,
 )
+from stages.recording import clip_record, stage_record
+from stages.synthetic import scene_render
 
 
 class Extracted(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stages import hand_retarget, motion_synthesise
+from stages.grasping import hand_retarget, motion_synthesise
 
 MOTION = motion_synthesise.Params(
     clips=1, rate_hz=20.0, reach_s=(0.45, 0.55), close_s=(0.2, 0.25), hold_s=0.25, lift_s=0.7, lift_m=0.2,

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from afford.grasp.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
-from afford.hands.assets import shadow_files
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
+from afford.grasping.hand.assets import shadow_files
 from maps import negatives, twohands
 from maps.recording import record_run
 from maps.settings import Origin, Settings
@@ -16,15 +16,14 @@ from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
-from schemas.grasp_task import LEVELS, GraspTask
+from schemas.grasp import LEVELS, GraspTask
 from schemas.hand import HandModel
 from schemas.mesh import ObjectSpec
-from schemas.motion import GraspTarget, ReferenceSet
+from schemas.hand import GraspTarget, ReferenceSet
 from schemas.training import Trained, TrainingLog
-from stages import (
+from stages.grasping import (
     grasp_evaluate,
     grasp_judge,
-    grasp_record,
     grasp_report,
     grasp_student,
     grasp_targets,
@@ -37,13 +36,12 @@ from stages import (
     imitation_evaluate,
     motion_report,
     motion_synthesise,
-    object_build,
-    object_plan,
     object_solids,
-    part_describe,
-    positive_affordance_projection,
     rl_grasp_refinement,
 )
+from stages.recording import grasp_record
+from stages.synthetic import object_build, object_plan
+from stages.surface import part_describe, positive_affordance_projection
 
 HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver", "spatula")
 """categories that policies learn on"""

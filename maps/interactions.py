@@ -7,7 +7,8 @@ from typing import NamedTuple
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.interaction import InteractionClip, InteractionTruth
-from stages import interaction_plan, interaction_read, interaction_render
+from stages.synthetic import interaction_plan, interaction_render
+from stages.rgbd import interaction_read
 
 
 class Interactions(NamedTuple):

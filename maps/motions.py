@@ -7,7 +7,7 @@ from maps.recording import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
-from stages import hand_retarget, motion_files, motion_read, motion_report
+from stages.grasping import hand_retarget, motion_files, motion_read, motion_report
 
 
 def motions(g: Graph, origin: Origin, p: Settings) -> None:

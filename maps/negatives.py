@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from afford.backends.describe.looks import PARTS
+from afford.surface.describe.looks import PARTS
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
-from schemas.negative import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
-from stages import (
+from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+from stages.surface import (
     mask_propose,
     mask_score,
     mesh_read,
@@ -22,14 +22,13 @@ from stages import (
     negative_affordance_projection,
     negative_affordance_report,
     negative_affordance_score,
-    object_build,
-    object_plan,
-    object_record,
     part_describe,
     part_lessons,
     scorer_train,
     view_render,
 )
+from stages.synthetic import object_build, object_plan
+from stages.recording import object_record
 
 
 class Looked(NamedTuple):

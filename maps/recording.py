@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from runner import Graph
 from schemas.files import FileTree
-from stages import run_record
+from stages.recording import run_record
 
 
 def record_run(g: Graph, stage: str, files: FileTree) -> FileTree:

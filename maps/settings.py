@@ -8,82 +8,83 @@ from typing import Any, NamedTuple
 from maps.from_above import FITTED, MOTION, RECORDED
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
-from stages import (
-    ablation_report,
+from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
+from stages.rgbd import (
     action_pack,
     action_read,
+    interaction_pack,
+    interaction_read,
+    scene_flow,
+    sor3d_evaluate,
+    sor3d_report,
+    static_evaluate,
+    static_read,
+)
+from stages.extraction import (
     affordance_intersect,
-    baseline_cases,
-    benchmark,
-    benchmark_plan,
-    benchmark_set,
     dataset_pack,
     extraction_report,
     extraction_score,
     frame_decode,
+    hand_detect,
+    hand_inpaint,
+    hands_train,
+    key_thin,
+    mask_densify,
+    narration_labelling,
+    object_completion,
+    sample_assemble,
+    source_read,
+)
+from stages.synthetic import (
+    benchmark_plan,
+    hand_lessons,
+    hand_plan,
+    interaction_plan,
+    interaction_render,
+    object_build,
+    object_plan,
+    scene_render,
+    still_render,
+    still_sample,
+    train_plan,
+)
+from stages.grasping import (
     grasp_evaluate,
     grasp_judge,
-    grasp_record,
     grasp_report,
     grasp_student,
     grasp_targets,
     grasp_tasks,
     grasp_two_tasks,
-    hand_detect,
     hand_imitation,
-    hand_inpaint,
-    hand_lessons,
     hand_model,
-    hand_plan,
     hand_retarget,
-    hands_train,
     imitation_evaluate,
-    interaction_pack,
-    interaction_plan,
-    interaction_read,
-    interaction_record,
-    interaction_render,
-    key_thin,
-    mask_densify,
+    motion_read,
+    motion_report,
+    motion_synthesise,
+    object_solids,
+    rl_grasp_refinement,
+)
+from stages.recording import grasp_record, interaction_record
+from stages.surface import (
     mask_propose,
     mask_score,
     mesh_read,
     mesh_texture,
-    model_train,
-    motion_read,
-    motion_report,
-    motion_synthesise,
-    narration_labelling,
     negative_affordance_projection,
     negative_affordance_report,
     negative_affordance_score,
-    object_build,
-    object_completion,
-    object_plan,
-    object_solids,
     part_describe,
     part_lessons,
     positive_affordance_projection,
-    predict_cases,
-    rl_grasp_refinement,
-    sample_assemble,
-    scene_flow,
-    scene_render,
-    score_cases,
     scorer_train,
-    sor3d_evaluate,
-    sor3d_report,
-    source_read,
-    static_evaluate,
-    static_read,
-    still_render,
-    still_sample,
-    train_plan,
     view_render,
 )
-from stages.hand_retarget import Params as Retarget
-from stages.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
-from stages.model_train import Params as Training
+from stages.grasping.hand_retarget import Params as Retarget
+from stages.twohands.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
+from stages.twohands.model_train import Params as Training
 
 
 @dataclass(frozen=True)

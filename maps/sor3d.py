@@ -5,28 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.sor3d.recipes import PRETRAINED, label, recipes
+from afford.rgbd.evaluate.recipes import PRETRAINED, label, recipes
 from maps.interactions import Interactions, sequences
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
-from schemas.interaction_scores import InteractionScores
-from schemas.scene_flow import SceneFlow
+from schemas.interaction import InteractionScores
+from schemas.interaction import SceneFlow
 from schemas.training import Recipe, Trained
-from stages import (
-    action_pack,
-    action_read,
-    interaction_pack,
-    interaction_record,
-    model_train,
-    scene_flow,
-    scene_flow_score,
-    sor3d_evaluate,
-    sor3d_report,
-    training_record,
-)
+from stages.rgbd import action_pack, action_read, interaction_pack, scene_flow, scene_flow_score, sor3d_evaluate, sor3d_report
+from stages.recording import interaction_record, training_record
+from stages.twohands import model_train
 
 
 class Lessons(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from afford.training.recipes import recipes
+from afford.twohands.train.recipes import recipes
 from maps.extraction import mined
 from maps.recording import record_run
 from maps.settings import Origin, Settings
@@ -14,21 +14,10 @@ from runner import Graph
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
-from stages import (
-    ablation_report,
-    baseline_cases,
-    benchmark,
-    benchmark_plan,
-    benchmark_set,
-    dataset_pack,
-    model_train,
-    predict_cases,
-    score_cases,
-    still_render,
-    still_sample,
-    train_plan,
-    training_record,
-)
+from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
+from stages.synthetic import benchmark_plan, still_render, still_sample, train_plan
+from stages.extraction import dataset_pack
+from stages.recording import training_record
 
 
 def stills_to_train(g: Graph, p: Settings) -> FileTree:

@@ -1,7 +1,7 @@
 """A content-hashed DAG engine: what was made once from the same code, parameters and inputs is never made again.
 
     graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, first, target
-    runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.worker:prepare", jobs=2, memory_gib=6.0)
+    runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.common.worker:prepare", jobs=2, memory_gib=6.0)
     report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None, limit_s=None)  -> RunReport
     runner.plan(graph, "dataset")                           -> list[TaskPlan], nothing is executed
     runner.explain(graph, "dataset", stage=None, shard=None)-> list[TaskPlan], with the reason of every task

@@ -1,15 +1,14 @@
-"""Cases of an affordance benchmark, and what a method scores on them."""
+"""Benchmark cases, predictions of a method, and the scores of methods and of extraction stages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 from schemas.spec import Schema, array, value
+from schemas.video import SIDES
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
-
 
 @dataclass(frozen=True)
 class Case(Schema):
@@ -61,3 +60,41 @@ class MethodScores(Schema):
     reliability: np.ndarray = array("n 3 b", "float64", "per bin of predicted probability: pixels, their summed probability, "
                                     "their summed truth (share of the modes that hold the pixel)")
     sheets: tuple[Sheet, ...] = value("one per protocol")
+
+
+@dataclass(frozen=True)
+class Prediction(Schema):
+    """Where each hand goes: k plausible regions per hand, how likely each is, and which hands the task takes."""
+
+    task: str = value("what is to be done: 'pour tea from kettle'")
+    probability: np.ndarray = array("2 k h w", "float32", "hand (left, right), hypothesis; 0..1, at the image's own size")
+    score: np.ndarray = array("2 k", "float32", "probability that this hypothesis is the one; each row sums to 1")
+    taxonomy: np.ndarray = array("4", "float32", "probabilities of left, right, both_same, both_different; their sum is 1")
+    hands: np.ndarray = array("2", "bool", "which hands (left, right) are returned after selection")
+    threshold: float = value("a pixel belongs to the region where its probability is above this")
+
+    def mask(self, side: int | str) -> np.ndarray:
+        """(h, w) bool: the top-ranked region of a hand (0 or 'left', 1 or 'right'), empty when that hand is not selected."""
+        hand = SIDES.index(side) if isinstance(side, str) else side
+        found: np.ndarray = self.probability[hand, self.score[hand].argmax()] > self.threshold
+        return found & self.hands[hand]
+
+
+@dataclass(frozen=True)
+class Score(Schema):
+    """One measured quantity of one clip: a sum and a count, so that means over clips weigh every item alike."""
+
+    name: str = value("dotted name, e.g. densify.j.gap15 or baseline.nearest.j.gap15")
+    total: float = value("sum over items")
+    count: int = value("number of items")
+
+
+@dataclass(frozen=True)
+class ClipScores(Schema):
+    """Everything measured on one clip."""
+
+    clip_id: str = value("clip")
+    hard: tuple[str, ...] = value("why the clip is hard; empty for a standard clip")
+    frames: int = value("number of frames of the clip")
+    scores: tuple[Score, ...] = value("by name")
+    sheet_jpeg: np.ndarray = array("b", "uint8", "JPEG bytes: frame, masks, inpainted, truth, complete object, affordance")

@@ -38,7 +38,7 @@ class GraspExam(Schema):
 
     name: str = value("id, unique among its siblings: policy-seed-level-engine")
     policy: str = value("as of its GraspEpisodes")
-    level: str = value("one of schemas.grasp_task.LEVELS")
+    level: str = value("one of schemas.grasp.LEVELS")
     engine: str = value("mujoco or bullet")
 
 
@@ -48,11 +48,11 @@ class GraspEpisodes(Schema):
 
     name: str = value("id, unique among its siblings: policy-level-engine")
     policy: str = value("e.g. teacher, no_negative, student, prior, script")
-    level: str = value("one of schemas.grasp_task.LEVELS")
+    level: str = value("one of schemas.grasp.LEVELS")
     engine: str = value("mujoco or bullet")
     seed: int = value("of the training; of the script 0")
     task: tuple[str, ...] = value("n names of tasks")
-    figures: tuple[str, ...] = value("k names, afford/grasp/examine.py FIGURES")
+    figures: tuple[str, ...] = value("k names, afford/grasping/evaluate/examine.py FIGURES")
     values: np.ndarray = array("n k", "float64", "figures of each episode; NaN where one has no meaning")
     depth_m: np.ndarray = array("n t", "float64", "deepest contact of hand and object after each step; NaN where they do not touch",
                                 unit="m")  # fmt: skip
@@ -69,7 +69,7 @@ class ClipsFollowed(Schema):
     """How near hands come to n clips of people, clip by clip and follower by follower."""
 
     name: str = value("id, unique among its siblings: policy-level-engine")
-    level: str = value("one of schemas.grasp_task.LEVELS: whose objects the clips grasp")
+    level: str = value("one of schemas.grasp.LEVELS: whose objects the clips grasp")
     engine: str = value("mujoco or bullet")
     follower: tuple[str, ...] = value("n names: prior, the policy; clip, motors that go where the clip goes; still, nobody")
     clip: tuple[str, ...] = value("n names of clips")

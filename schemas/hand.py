@@ -1,11 +1,10 @@
-"""A robot hand: links, joints, fingers and shapes, as a table for kinematics and as a URDF for physics engines."""
+"""The robot hand (joints, fingers, links, meshes) and its motion: references, targets, retargeting."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 from schemas.spec import Schema, array, value
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,3 +72,110 @@ class HandModel(Schema):
                                     frame="palm")
     contacts: np.ndarray = array("p 2", "int32", "pairs of links that may touch each other; all others must be switched off")
     meshes: tuple[HandMesh, ...] = value("what the URDF names")
+
+
+KEYPOINTS = ("wrist", "thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip", "index_mcp", "index_pip", "index_dip", "index_tip",
+             "middle_mcp", "middle_pip", "middle_dip", "middle_tip", "ring_mcp", "ring_pip", "ring_dip", "ring_tip",
+             "little_mcp", "little_pip", "little_dip", "little_tip")  # fmt: skip
+"""the order of MediaPipe and OpenPose; readers bring others (MANO, DexYCB) into it"""
+PHASES = ("unknown", "reach", "close", "hold", "lift")
+
+
+@dataclass(frozen=True)
+class HandMotion(Schema):
+    """One hand of a person in one clip; a single frame is a pose. Without a tracked wrist, the wrist is the origin."""
+
+    name: str = value("id of the clip, unique in its source")
+    source: str = value("where it comes from: keypoints, dexycb, oakink2, synthetic")
+    side: str = value("left or right")
+    rate_hz: float = value("frames a second", unit="Hz")
+    keypoints_m: np.ndarray = array("t 21 3", "float64", "in the order of KEYPOINTS", unit="m", frame="world, z up")
+    phase: np.ndarray = array("t", "uint8", "index into PHASES")
+    object_name: str = value("what is grasped; '' where nothing is, or nothing is known of it")
+    object_pose: np.ndarray = array("o 7", "float64", "x y z, quaternion x y z w; o = t, or 0 where not known", unit="m",
+                                    frame="world")
+    T_world_palm: np.ndarray = array("p 4 4", "float64", "pose of the palm as the source has it; p = t, or 0 where it has none",
+                                     unit="m")
+
+
+@dataclass(frozen=True)
+class GraspTarget(Schema):
+    """Something to be grasped across, by a handle: what the synthesis of motion needs to know of an object."""
+
+    name: str = value("id")
+    object_name: str = value("which object")
+    object_pose: np.ndarray = array("7", "float64", "x y z, quaternion x y z w", unit="m", frame="world, z up")
+    T_object_handle: np.ndarray = array("4 4", "float64", "origin amid the handle, z along it", unit="m")
+    diameter_m: float = value("how thick the handle is between the fingers", unit="m")
+
+
+@dataclass(frozen=True)
+class HandReference(Schema):
+    """What a robot hand is to imitate, in its own degrees of freedom (AffordDex, HTI)."""
+
+    name: str = value("id of the clip")
+    hand: str = value("name of the hand")
+    side: str = value("side of the hand; that of the person may have been the other, see mirrored")
+    mirrored: bool = value("whether the motion was mirrored in the plane x = 0; its object is then a mirror image too")
+    rate_hz: float = value("frames a second", unit="Hz")
+    q: np.ndarray = array("t d", "float64", "the joints that move, see HandJoints; within their limits", unit="rad or m")
+    qd: np.ndarray = array("t d", "float64", "their smoothed speed", unit="rad/s or m/s")
+    T_world_palm: np.ndarray = array("t 4 4", "float64", "pose of the palm's link", unit="m")
+    palm_twist: np.ndarray = array("t 6", "float64", "smoothed linear, then angular velocity of the palm", unit="m/s, rad/s",
+                                   frame="world")
+    level_1_m: np.ndarray = array("t f 3", "float64", "where each finger leaves the palm", unit="m", frame="world")
+    level_2_m: np.ndarray = array("t f 3", "float64", "one phalanx further", unit="m", frame="world")
+    tips_m: np.ndarray = array("t f 3", "float64", "fingertips, thumb first", unit="m", frame="world")
+    phase: np.ndarray = array("t", "uint8", "index into PHASES")
+    object_name: str = value("what is grasped, or ''")
+    object_pose: np.ndarray = array("o 7", "float64", "x y z, quaternion x y z w; o = t, or 0", unit="m", frame="world")
+    T_world_source: np.ndarray = array("4 4", "float64", "how the source's world was turned about z and shifted, after mirroring",
+                                       unit="m")
+    error_m: np.ndarray = array("t", "float64", "mean distance of the hand's points from where the person's would be", unit="m")
+    bone_error_rad: np.ndarray = array("t", "float64", "mean angle between the bones of both hands", unit="rad")
+
+
+@dataclass(frozen=True)
+class RetargetVerdict(Schema):
+    """What became of one clip; a figure that was not reached is -1."""
+
+    name: str = value("id of the clip")
+    source: str = value("where it comes from")
+    kept: bool = value("whether it may be imitated")
+    reason: str = value("'' where kept, else the first rule that it broke, e.g. 'too short'")
+    detail: str = value("the figure and the limit, in words; '' where kept")
+    mirrored: bool = value("whether a motion of the other side was mirrored")
+    frames: int = value("frames that were retargeted")
+    error_mean_m: float = value("tracking error over all frames", unit="m")
+    error_p95_m: float = value("that 95 % of frames stay below", unit="m")
+    bone_error_rad: float = value("mean angle between bones", unit="rad")
+    joint_speed_rad_s: float = value("fastest finger joint", unit="rad/s")
+    palm_speed_m_s: float = value("fastest palm", unit="m/s")
+
+
+@dataclass(frozen=True)
+class Retargeted(Schema):
+    """A clip and what became of it."""
+
+    name: str = value("id of the clip")
+    verdict: RetargetVerdict = value("kept or dropped, and why")
+    references: tuple[HandReference, ...] = value("one where kept, else none")
+
+
+@dataclass(frozen=True)
+class RetargetReport(Schema):
+    """What became of every clip."""
+
+    name: str = value("name of the hand")
+    verdicts: tuple[RetargetVerdict, ...] = value("by name")
+    kept: int = value("how many clips may be imitated")
+    dropped: tuple[str, ...] = value("'reason: number' of every reason, most frequent first")
+
+
+@dataclass(frozen=True)
+class ReferenceSet(Schema):
+    """All motions that a robot hand is to imitate."""
+
+    name: str = value("name of the hand")
+    references: tuple[HandReference, ...] = value("by name")
+    report: RetargetReport = value("what was kept and what was dropped")

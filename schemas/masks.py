@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING, Literal
 
-from schemas.clip import Side
+from schemas.video import Side
 from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:

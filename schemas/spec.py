@@ -9,7 +9,8 @@ field means, so it is not part of a schema's version.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal, Protocol, TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,3 +56,14 @@ def _check_array(owner: str, name: str, found: np.ndarray, meta: Any, sizes: dic
         want = int(word) if word.isdigit() else size if word == "*" else sizes.setdefault(word, size)
         if size != want:
             raise SchemaError(f"{label} with {word}={want}, got {found.dtype} {found.shape}")
+
+
+class Context(Protocol):
+    """Handed to a stage whose `run` has a last parameter `ctx`."""
+
+    @property
+    def scratch(self) -> Path:
+        """A private folder of this key: it survives a kill and is deleted when the output is safe."""
+
+    def progress(self, done: int, total: int) -> None:
+        """Say how far the work is."""

@@ -12,10 +12,10 @@ import cv2
 import pytest
 
 from runner import RunReport
-from tests.command import Made
-from tests.tiny_source import write_source
+from tests.helpers.command import Made
+from tests.helpers.tiny_source import write_source
 
-cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/test_worker.py)
+cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/runner/test_worker.py)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what tests start
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -33,7 +33,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 @pytest.fixture(scope="session")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunReport]:
     """A store in which a tiny model, the baselines and another method were compared, and what the run said."""
-    from tests import made_comparison
+    from tests.helpers import made_comparison
 
     folder = tmp_path_factory.mktemp("compared")
     return folder / "store", made_comparison.run(folder / "inputs", folder / "store")

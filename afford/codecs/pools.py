@@ -18,7 +18,7 @@ from pycocotools import mask as coco
 from safetensors.numpy import load_file, save_file
 from zstandard import ZstdCompressor, ZstdDecompressor
 
-from afford.registry import load
+from afford.common.registry import load
 
 ENCODERS = {"video": "afford.codecs.video:write_video"}
 DECODERS = {"video": "afford.codecs.video:read_video"}

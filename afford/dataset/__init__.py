@@ -1,1 +1,1 @@
-"""The data set: samples of clips -> Parquet shards with card, statistics and pictures, and back; exports to other formats."""
+"""On-disk formats: 2HANDS, ActAffordance, COCO, WebDataset, SOR3D-AFF."""

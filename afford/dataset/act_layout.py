@@ -12,11 +12,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.boxes import box
-from afford.dataset.files import write_json
-from afford.encode import png
-from schemas.hands import SIDES
-from schemas.still import Mode, Still, Stills
+from afford.common.boxes import box
+from afford.common.files import write_json
+from afford.common.encode import png
+from schemas.video import SIDES
+from schemas.scene import Mode, Still, Stills
 
 PAPER_PX = 855
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.dataset.motion import Paths
-from afford.encode import jpeg
+from afford.common.encode import jpeg
 from schemas.affordance import Affordances, FrameLabels, Rejection
-from schemas.clip import Clip, Narration
-from schemas.hands import SIDES
+from schemas.video import Clip, Narration
+from schemas.video import SIDES
 from schemas.masks import CompleteObjects, Tracks
-from schemas.sample import Sample, Samples
+from schemas.affordance import Sample, Samples
 from schemas.video import Frames, Inpainted
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from afford.boxes import BORDER, box
+from afford.common.boxes import BORDER, box
 from afford.dataset.load import Item
-from afford.sides import swap_sides
+from afford.common.sides import swap_sides
 from schemas.affordance import MIRRORED
 
 SWAP_MASKS, SWAP_PATHS = [1, 0, 3, 2], [1, 0, 3, 2]

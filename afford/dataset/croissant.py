@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from afford.dataset.columns import Column, Feature
-from afford.dataset.files import sha256
+from afford.common.files import sha256
 
 PREFIXES = {
     "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",

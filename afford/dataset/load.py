@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pyarrow as pa
 
-from afford.bounded import check_image
+from afford.common.bounded import check_image
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
 from afford.dataset.parquet import opened, read_group, refused

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from pycocotools import mask as coco
 
-from afford.bounded import MAX_PIXELS, check_chunks
+from afford.common.bounded import MAX_PIXELS, check_chunks
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 ONE_BIT_GREY = bytes((1, 0, 0, 0, 0))

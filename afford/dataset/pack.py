@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from afford.codecs.identity import digest
-from afford.dataset import card, classes, columns, croissant, files, plots, rows, shards, sheet
+from afford.dataset import card, classes, columns, croissant, plots, rows, shards, sheet
+from afford.common import files
 from afford.dataset.licence import licence_of
 from afford.dataset.split import Rule, assign
 from afford.dataset.tally import Tally, statistics
-from schemas.sample import Samples
+from schemas.affordance import Samples
 
 SPLITS = ("train", "val", "test")
 

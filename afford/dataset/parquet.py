@@ -13,9 +13,9 @@ import cv2
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from afford.bounded import TooLargeError, reason
-from afford.dataset.files import FOOTER, MANIFEST, footer_digest
-from afford.readers.errors import SourceError
+from afford.common.bounded import TooLargeError, reason
+from afford.common.files import FOOTER, MANIFEST, footer_digest
+from afford.common.errors import SourceError
 
 MOST_BYTES = 1 << 30
 """uncompressed, of one row group: 100 pictures of 10 MB"""

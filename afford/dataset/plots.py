@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from afford import palette
+from afford.common import palette
 from afford.dataset.tally import Tally
-from afford.figures import Figure
-from schemas.hands import SIDES
+from afford.common.figures import Figure
+from schemas.video import SIDES
 
 LEFT, RIGHT, NEW = (palette.web(colour) for colour in (palette.LEFT, palette.RIGHT, palette.OBJECTS[2]))
 NEUTRAL = "#5b6770"

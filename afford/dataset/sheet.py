@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
-from afford.lettering import font
-from afford.palette import FAINT, INK, LEFT, PAPER, RIGHT
+from afford.common.lettering import font
+from afford.common.palette import FAINT, INK, LEFT, PAPER, RIGHT
 from schemas.affordance import TAXONOMY
 
 TILE_PX = (456, 256)

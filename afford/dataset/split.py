@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from blake3 import blake3
 
-from schemas.sample import Samples
+from schemas.affordance import Samples
 
 
 @dataclass(frozen=True)

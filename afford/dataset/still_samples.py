@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from schemas.sample import Sample, Samples
-from schemas.still import Mode, Still, Stills
+from schemas.affordance import Sample, Samples
+from schemas.scene import Mode, Still, Stills
 
 MOTION_TIME_NS = np.zeros(1, np.int64)
 """A still does not move: its motion is the one point where hands and things are."""

@@ -1,1 +1,1 @@
-"""Learned models: loaded with `from_pretrained` from a local folder or a hub id; nothing here carries weights."""
+"""Adapters to foundation models and their weights: SAM, SAM 2, SAM 3, CLIP, chat models, hub."""

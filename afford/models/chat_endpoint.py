@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from urllib.error import HTTPError
 from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, ProxyHandler, Request, build_opener
 
-from afford.deadline import Until, left_s
+from afford.common.deadline import Until, left_s
 from afford.models import api_key
 
 LARGEST_REPLY = 1 << 22

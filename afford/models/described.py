@@ -15,7 +15,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import nn
 
-from afford.bounded import reason
+from afford.common.bounded import reason
 from afford.models.fitting import fit
 
 C = TypeVar("C")

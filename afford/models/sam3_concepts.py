@@ -20,8 +20,8 @@ from torch.nn.functional import interpolate
 from transformers import Sam3Model
 
 from afford.models.pretrained import ERRORS, first, fit, kept, place
-from afford.models.twohands.clip import text_batch
-from afford.models.twohands.tokens import Tokens, read_tokens
+from afford.twohands.model.clip import text_batch
+from afford.models.tokens import Tokens, read_tokens
 
 KINDS = ("sam3", "sam3_video")
 LEFT_OUT = "tracker_"

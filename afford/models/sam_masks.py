@@ -15,7 +15,7 @@ from torch.nn.functional import interpolate, pad
 from transformers import SamModel
 
 from afford.models.pretrained import pretrained
-from afford.models.twohands.model import normalised
+from afford.twohands.model.model import normalised
 
 
 @dataclass(frozen=True)

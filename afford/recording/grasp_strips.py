@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from afford.recording.moments import Moment, moments
 from afford.recording.of_grasp import IMAGE, SAID, STATE
-from afford.recording.tiles import framed, tile_of, titles
+from afford.common.tiles import framed, tile_of, titles
 
 SHOWN, SIDE, EPISODES = 6, 220, 8
 """moments of an episode, width of a tile in px, episodes at most"""

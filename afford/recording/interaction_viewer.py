@@ -7,7 +7,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from afford.interactions.drawn import COLOURS
+from afford.rgbd.evaluate.drawn import COLOURS
 from afford.recording.moments import Moment, moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, SURE, TRUTH, WORDS
 from schemas.interaction import AFFORDANCES

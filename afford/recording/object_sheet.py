@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from afford.recording.moments import moments
 from afford.recording.of_object import CANDIDATES, ROOM, VIEW
-from afford.recording.tiles import framed, tile_of, titles
+from afford.common.tiles import framed, tile_of, titles
 
 SIX, SIDE, TASKS = 6, 190, 4
 """views, width of a tile in px, tasks at most"""

@@ -13,12 +13,12 @@ from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 
-from afford.palette import Colour, colours_of
+from afford.common.palette import Colour, colours_of
 from afford.recording import own_types
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.of_labels import narration_message
 from afford.recording.topics import channel, log, stamped
-from schemas.clip import Annotation, Clip, KeyFrame
+from schemas.video import Annotation, Clip, KeyFrame
 from schemas.masks import Entity
 from schemas.video import Frames
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import FrameState
-from afford.recording.pictures import jpeg
+from afford.common.pictures import jpeg
 from afford.recording.topics import channel, image, image_channel, stamped, times_of
 from schemas.video import Frames
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import InpaintState
-from afford.recording.pictures import colour_png, grey_png, jpeg, mask_png
+from afford.common.pictures import colour_png, grey_png, jpeg, mask_png
 from afford.recording.topics import channel, image, image_channel, stamped, times_of
 from schemas.video import Frames, Inpainted, PixelSource
 

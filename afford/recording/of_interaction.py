@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.dataset.sequences import Sequence
-from afford.encode import png
-from afford.interactions.drawn import COLOURS, heat
-from afford.models.sor3d.found import Found, likeliest
+from afford.dataset.sor3d.sequences import Sequence
+from afford.common.encode import png
+from afford.rgbd.evaluate.drawn import COLOURS, heat
+from afford.rgbd.model.found import Found, likeliest
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
-from afford.recording.pictures import PNG, jpeg, overlay_png
+from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
 from schemas.interaction import AFFORDANCES
 

@@ -13,16 +13,16 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
-from afford.encode import png
-from afford.negative.files import colours, slug
-from afford.palette import Palette
+from afford.common.encode import png
+from afford.surface.negative.files import colours, slug
+from afford.common.palette import Palette
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
-from afford.recording.pictures import PNG, jpeg, overlay_png
+from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.spatial import cloud
 from afford.recording.topics import channel, image, image_channel, log, stamped
 from schemas.mesh import ObjectViews
-from schemas.negative import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
 VIEW, CANDIDATES, SCORES = "/view_render/image", "/mask_propose/overlay", "/mask_score/scores"
 NOTES, NOTES_LOG = "/part_describe/notes", "/part_describe/log"

@@ -8,10 +8,10 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import SampleState
-from afford.recording.pictures import mask_png
+from afford.common.pictures import mask_png
 from afford.recording.topics import channel, image, image_channel, log, stamped
-from schemas.hands import SIDES
-from schemas.sample import Sample, Samples
+from schemas.video import SIDES
+from schemas.affordance import Sample, Samples
 from schemas.video import Frames
 
 ROOM = "/sample_assemble"

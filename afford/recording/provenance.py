@@ -8,12 +8,12 @@ from typing import Any
 from afford.codecs.identity import digest
 from afford.codecs.kinds import kind_of, schema_version
 from afford.recording.content import Recording
-from schemas.clip import Clip
+from schemas.video import Clip
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.hand import HandModel
 from schemas.mesh import ObjectViews
-from schemas.negative import NegativeAffordances
+from schemas.surface import NegativeAffordances
 from schemas.video import Frames
 
 

@@ -24,7 +24,7 @@ from afford.recording import (
     of_tracks,
 )
 from afford.recording.moments import Moment, moments
-from afford.recording.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
+from afford.common.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
 
 TEXT_W = 250
 FAINT = (150, 156, 164)

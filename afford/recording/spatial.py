@@ -19,7 +19,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from scipy.spatial.transform import Rotation
 
-from afford.palette import Colour
+from afford.common.palette import Colour
 from afford.recording.content import Message
 from afford.recording.topics import stamped
 

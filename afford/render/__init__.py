@@ -1,1 +1,1 @@
-"""One small software renderer: meshes, lights with soft shadows, exact id maps. See `afford.render.draw`."""
+"""Software rasteriser, cameras, materials, lights."""

@@ -1,1 +1,1 @@
-"""Training: one loop that knows no task, batches that are a function of a seed and a number, and what a training leaves."""
+"""One training loop: steps, checkpoints, resuming, curves, several processes, written files."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.dataset.files import write_json
+from afford.common.files import write_json
 from schemas.benchmark import MethodScores
 from schemas.training import Recipe
 

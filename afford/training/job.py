@@ -10,16 +10,16 @@ from typing import Any, Protocol
 
 from torch import nn
 
-from afford.registry import load
+from afford.common.registry import load
 from afford.training.state import State
 from afford.training.task import Plan, Task
 from schemas.training import TrainingLog
 
 BACKENDS = {
-    "twohands": "afford.training.hands_job:HandsJob",
-    "sor3d": "afford.training.sor3d_job:Sor3dJob",
-    "sor3d_actions": "afford.training.actions_job:ActionsJob",
-    "boxes": "afford.training.boxes_job:BoxesJob",
+    "twohands": "afford.twohands.train.hands_job:HandsJob",
+    "sor3d": "afford.rgbd.train.sor3d_job:Sor3dJob",
+    "sor3d_actions": "afford.rgbd.train.actions_job:ActionsJob",
+    "boxes": "afford.rgbd.train.boxes_job:BoxesJob",
 }
 """`model_train.backend` -> its job"""
 

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from afford.codecs.identity import digest
-from afford.dataset.files import empty_folder
-from afford.training import card
+from afford.common.files import empty_folder
+from afford.twohands.train import card
 from afford.training.fit import Fitted
 from afford.training.job import Job
 from schemas.files import FileTree

@@ -14,7 +14,7 @@ from benchmarks.reliability.disk import cannot_mount, mounted, remount
 from benchmarks.reliability.rotten import Damaging, paths
 from benchmarks.reliability.rows import Plan, Row, skipped
 from benchmarks.reliability.signals import WAYS, send
-from tests.flipped_stores import NoEndError, apart, damage, last_line
+from tests.helpers.flipped_stores import NoEndError, apart, damage, last_line
 
 FREE_KIB = (3000, 1000, 2000, 4000, 5000, 6000, 7000, 8000)
 """of disks that are too small for a run, but the last ones"""

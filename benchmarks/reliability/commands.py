@@ -11,7 +11,7 @@ from pathlib import Path
 from blake3 import blake3
 
 from benchmarks.pages import ROOT
-from tests.tiny_source import write_source
+from tests.helpers.tiny_source import write_source
 
 END_S = 300.0
 

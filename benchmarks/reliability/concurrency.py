@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import FlippedStore, apart
+from tests.helpers.flipped_stores import FlippedStore, apart
 
 AT_ONCE = 5
 

@@ -14,7 +14,7 @@ from typing import Any
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row, skipped
 from runner import Graph
-from tests.flipped_stores import FlippedStore, apart
+from tests.helpers.flipped_stores import FlippedStore, apart
 
 SIZES_KIB = (200, 6000)
 """the smallest disk holds little more than the store's folders, the largest nearly all of it"""

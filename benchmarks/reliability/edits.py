@@ -11,9 +11,9 @@ from typing import Any
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row, skipped
-from tests.flipped_stores import FlippedStore, NoEndError, apart, last_line
+from tests.helpers.flipped_stores import FlippedStore, NoEndError, apart, last_line
 
-TABLE = "tests.edited_code"
+TABLE = "tests.helpers.edited_code"
 """kinds of edit, and what becomes of each"""
 MARKS = ("??", "!")
 """an edit, and the edit undone; of different sizes, since Python's own cache of compiled modules knows sizes and whole seconds"""

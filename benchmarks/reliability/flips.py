@@ -1,4 +1,4 @@
-"""1c: one damaged file in a store, of every kind. See tests/test_store_flips.py, which states the same law."""
+"""1c: one damaged file in a store, of every kind. See tests/runner/test_store_flips.py, which states the same law."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import DAMAGES, FORMER, KINDS, STORED, built, healed, settled
+from tests.helpers.flipped_stores import DAMAGES, FORMER, KINDS, STORED, built, healed, settled
 
 
 def rows(plan: Plan) -> list[Row]:

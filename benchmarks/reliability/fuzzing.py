@@ -11,9 +11,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from benchmarks.reliability.rows import Plan, Row
-from tests.bombs import defuse
-from tests.fuzz_readers import BOMBS, READERS
-from tests.fuzzing import LONGEST_SENTENCE, FuzzedReader, mutated
+from tests.helpers.bombs import defuse
+from tests.helpers.fuzz_readers import BOMBS, READERS
+from tests.helpers.fuzzing import LONGEST_SENTENCE, FuzzedReader, mutated
 
 QUIET_S = 20.0
 """a reader that is silent for so long hangs"""

@@ -9,7 +9,7 @@ import time
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import FlippedStore, NoEndError, apart, last_line
+from tests.helpers.flipped_stores import FlippedStore, NoEndError, apart, last_line
 
 A_STORE = 2
 """kills of each store"""

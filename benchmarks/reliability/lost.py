@@ -6,7 +6,7 @@ import random
 import shutil
 
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import FlippedStore, NoEndError, apart, last_line
+from tests.helpers.flipped_stores import FlippedStore, NoEndError, apart, last_line
 
 COUNTS = (1, 5, 40, 0)
 """files deleted at once; 0: a whole folder"""

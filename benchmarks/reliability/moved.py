@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import FlippedStore
+from tests.helpers.flipped_stores import FlippedStore
 
 
 def rows(plan: Plan) -> list[Row]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.reliability.commands import Tiny
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import NoEndError, apart, last_line
+from tests.helpers.flipped_stores import NoEndError, apart, last_line
 
 AT_ONCE = 5
 READER = '''

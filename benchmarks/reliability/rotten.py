@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.reliability.rows import Plan, Row
 from runner import Graph, Runner
-from tests.flipped_stores import FlippedStore, NoEndError, apart, damage, last_line
+from tests.helpers.flipped_stores import FlippedStore, NoEndError, apart, damage, last_line
 
 FORMS = ("straight", "pick", "gather", "collect", "each", "pick and collect")
 JOBS = (0, 2)

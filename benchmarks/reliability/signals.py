@@ -11,7 +11,7 @@ import time
 
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
-from tests.flipped_stores import FlippedStore
+from tests.helpers.flipped_stores import FlippedStore
 
 WAYS = {"SIGINT once": (signal.SIGINT,), "SIGINT twice": (signal.SIGINT,) * 2, "SIGINT three times": (signal.SIGINT,) * 3,
         "SIGTERM": (signal.SIGTERM,)}  # fmt: skip

@@ -11,7 +11,7 @@ from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
 from benchmarks.reliability.signals import send
 from runner import Graph, Runner
-from tests.flipped_stores import FlippedStore
+from tests.helpers.flipped_stores import FlippedStore
 
 WORDS = ("ab", "cd", "ef", "gh", "ij", "kl")
 BAD = "w1"

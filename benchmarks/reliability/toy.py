@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.flipped_stores import FlippedStore
+from tests.helpers.flipped_stores import FlippedStore
 
 SCRIPT = Path(__file__).with_name("toy_run.py")
 SLEEP_S = 0.01

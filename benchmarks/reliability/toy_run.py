@@ -13,10 +13,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from afford.registry import load
+from afford.common.registry import load
 from runner import StoreError
 
-PROJECTS = {"FlippedStore": "tests.flipped_stores:FlippedStore",
+PROJECTS = {"FlippedStore": "tests.helpers.flipped_stores:FlippedStore",
             "BadStore": "benchmarks.reliability.stages:BadStore",
             "LargeStore": "benchmarks.reliability.disk:LargeStore",
             "WideStore": "benchmarks.reliability.turns:WideStore"}  # fmt: skip

@@ -7,7 +7,7 @@ import importlib
 from benchmarks.reliability import toy
 from benchmarks.reliability.rows import Plan, Row
 from runner import Graph, Runner
-from tests.flipped_stores import FlippedStore
+from tests.helpers.flipped_stores import FlippedStore
 
 NARROW = 60
 LATEST = 0.25

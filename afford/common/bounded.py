@@ -1,0 +1,203 @@
+"""Bounded reading: sizes that a file states are checked against a limit before anything is decoded, decompressed or allocated.
+
+A small file can state, or unpack to, gigabytes. Every function here reads the header first and raises TooLargeError beyond the
+limit. Memory is allocated for what the file holds and no more.
+"""
+
+from __future__ import annotations
+
+import io
+import lzma
+import math
+import struct
+import tokenize
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from afford.common.errors import SourceError
+
+MAX_PIXELS = 64_000_000
+"""pixels of one picture: more than any camera of today records; 16 bits a pixel decode to 128 MB, 8-bit RGB to 192 MB"""
+MAX_ARRAY_BYTES = 8 * MAX_PIXELS
+"""bytes of one .npy, or of all arrays of an .npz together: one float64 for each pixel of the largest picture"""
+CHUNK = 1 << 20
+"""bytes decompressed at a time"""
+SMALL_CHUNK = 1 << 12
+"""the same for methods whose decompression has no bound of its own (bzip2, LZMA): compressed bytes at a time"""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_FRAME_BYTES = 12
+"""of a chunk, beside its content: length, name, checksum"""
+PLAIN_KINDS = "biufUS"
+"""kinds of dtype that hold numbers and text"""
+ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError, NotImplementedError,
+              LookupError, OverflowError, struct.error)  # fmt: skip
+"""what zipfile raises for an archive that is damaged, cut short, encrypted or compressed in another way"""
+HEADER_ERRORS = (ValueError, TypeError, SyntaxError, tokenize.TokenError, OverflowError, RecursionError, MemoryError, EOFError,
+                 LookupError, struct.error)  # fmt: skip
+"""what NumPy raises for the header of an .npy that is damaged: the header is a Python literal"""
+IMAGE_ERRORS = (OSError, ValueError, SyntaxError, TypeError, LookupError, EOFError, OverflowError, AttributeError, RuntimeError,
+                struct.error, zlib.error)  # fmt: skip
+"""what Pillow raises for the header of a picture that is damaged"""
+Refuse = Callable[[str], SourceError]
+"""what was got -> the error that says so"""
+
+
+class TooLargeError(SourceError):
+    """A file states, or unpacks to, more than a limit allows."""
+
+
+class Header(NamedTuple):
+    """What the header of an .npy states."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the array."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+def image_size(data: bytes, name: str) -> tuple[int, int]:
+    """Width and height in pixels that the header of a PNG, JPEG, BMP, WebP or TIFF picture states; SourceError when it is none."""
+    from PIL import Image  # not needed by readers of arrays
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(data)) as header:
+                return header.size
+    except Image.DecompressionBombError as error:
+        raise TooLargeError(name, "an image of a camera's size", "one of far more pixels", "make it smaller") from error
+    except IMAGE_ERRORS as error:
+        raise not_an_image(name, len(data)) from error
+
+
+def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, int]:
+    """Width and height of a picture of at most `most` pixels; TooLargeError for a larger one, SourceError when it is none."""
+    width, height = image_size(data, name)
+    if width * height > most:
+        raise TooLargeError(name, f"an image of at most {most / 1e6:g} megapixels", f"{width} x {height}", "make it smaller")
+    check_chunks(data, name)
+    return width, height
+
+
+def check_chunks(data: bytes, name: str) -> None:
+    """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what
+    a chunk states before it looks whether the file has as much.)"""
+    if not data.startswith(PNG_SIGNATURE):
+        return
+    at = len(PNG_SIGNATURE)
+    while at < len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        at += PNG_FRAME_BYTES + length
+        if at > len(data):
+            raise SourceError(name, "a whole PNG", f"one that ends {at - len(data)} bytes early", "get the file again")
+        if data[at - PNG_FRAME_BYTES - length + 4 : at - PNG_FRAME_BYTES - length + 8] == b"IEND":
+            return
+
+
+def not_an_image(name: str, length: int) -> SourceError:
+    """The error for a file of `length` bytes that is no picture."""
+    got = f"{length} bytes that cannot be decoded" if length else "an empty file"
+    return SourceError(name, "an image (JPEG, PNG, WebP, BMP or TIFF)", got, "give another file")
+
+
+def load_npy(path: Path, name: str, most: int = MAX_ARRAY_BYTES) -> np.ndarray:
+    """Array of numbers or text in an .npy of at most `most` bytes. TooLargeError beyond the limit, SourceError for another file."""
+
+    def refuse(got: str) -> SourceError:
+        return SourceError(name, "an .npy of plain numbers", got, "save it with allow_pickle=False, without objects")
+
+    try:
+        with path.open("rb") as stream:
+            return _array(stream, path.stat().st_size, name, most, refuse)
+    except OSError as error:
+        raise SourceError(name, "an .npy of plain numbers", reason(error), "check the path") from error
+
+
+def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: True,
+             most: int = MAX_ARRAY_BYTES) -> dict[str, np.ndarray]:  # fmt: skip
+    """Arrays of numbers or text in an .npz by name, those that are `wanted`, in the order of the file. TooLargeError when they
+    unpack to more than `most` bytes, SourceError for another file."""
+
+    def refuse(got: str) -> SourceError:
+        return SourceError(name, "an .npz of plain arrays", got, "save it with numpy.savez, without objects")
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            chosen = {key: info for key, info in members.items() if wanted(key)}
+            _check_bytes(sum(info.file_size for info in chosen.values()), name, "arrays", most)
+            return {key: _member_array(archive, info, f"{name}, {key}", most, refuse) for key, info in chosen.items()}
+    except SourceError:
+        raise
+    except ZIP_ERRORS as error:
+        raise refuse(reason(error)) from error
+
+
+def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int) -> bytes:
+    """Bytes of one file in a zip. TooLargeError when it states more than `most` bytes, before anything is decompressed;
+    SourceError when it is damaged, or unpacks to another number of bytes than it states."""
+    _check_bytes(info.file_size, name, "a file in a zip", most)
+    chunk = CHUNK if info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) else SMALL_CHUNK
+    parts, left = [], info.file_size
+    try:
+        with archive.open(info) as stream:
+            while left > 0 and (part := stream.read(min(chunk, left))):
+                parts.append(part)
+                left -= len(part)
+    except ZIP_ERRORS as error:
+        raise SourceError(name, "a whole file in a zip", reason(error), "was it cut short? get it again") from error
+    if left:
+        raise SourceError(name, f"{info.file_size} bytes, as the zip states", f"{info.file_size - left}", "get the file again")
+    return b"".join(parts)
+
+
+def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
+    """Shape and dtype that the header of an .npy states; what `refuse` gives when it is none, or not one of numbers or text."""
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(stream)
+    except HEADER_ERRORS as error:
+        raise refuse(reason(error)) from error
+    if dtype.kind not in PLAIN_KINDS or dtype.itemsize == 0 or any(size < 0 for size in shape):
+        raise refuse(f"{dtype} {shape}")
+    return Header(shape, dtype)
+
+
+def reason(error: BaseException) -> str:
+    """The first line of what an error says, or its type where it says nothing."""
+    said = str(getattr(error, "strerror", None) or error).strip()
+    return said.splitlines()[0] if said else type(error).__name__
+
+
+def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int, refuse: Refuse) -> np.ndarray:
+    data = read_member(archive, info, name, most)
+    return _array(io.BytesIO(data), len(data), name, most, refuse)
+
+
+def _array(stream: BinaryIO, size: int, name: str, most: int, refuse: Refuse) -> np.ndarray:
+    """The array of a stream of `size` bytes."""
+    header = npy_header(stream, refuse)
+    _check_bytes(header.bytes, name, "an array", most)
+    if header.bytes > size - stream.tell():
+        raise refuse(f"{size - stream.tell()} bytes for {header.dtype} {header.shape}")
+    stream.seek(0)
+    try:
+        found: np.ndarray = np.lib.format.read_array(stream, allow_pickle=False)
+    except HEADER_ERRORS as error:
+        raise refuse(reason(error)) from error
+    return found
+
+
+def _check_bytes(stated: int, name: str, what: str, most: int) -> None:
+    if stated > most:
+        raise TooLargeError(name, f"{what} of at most {most / 2**20:.0f} MiB", f"{stated / 2**20:.0f} MiB", "make it smaller")

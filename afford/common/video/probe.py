@@ -1,0 +1,126 @@
+"""Contents of a video file from its packets alone: nothing is decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+
+from afford.common.bounded import MAX_PIXELS
+from afford.common.errors import SourceError
+from afford.common.number import shown
+
+CONTAINERS = ("mov", "matroska", "avi", "mpeg", "mpegts", "mpegvideo", "m4v", "h264", "hevc", "obu", "ivf", "av1", "asf", "flv",
+              "ogg", "mjpeg", "mxf", "dv", "nut", "rm", "gif", "vvc")  # fmt: skip
+"""containers that hold their own frames. Lists of other files (ffconcat, HLS, DASH, SDP, IMF) are none: the files that they name
+are in no digest"""
+OPTIONS = {"format_whitelist": ",".join(CONTAINERS), "protocol_whitelist": "file"}
+LATE_S = 0.25
+"""a video that ends this much before its container says so was cut short"""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """The frames of a video in the order in which they are shown."""
+
+    fps: float
+    """average rate that the container states, 1/s"""
+    pts: np.ndarray
+    """(n,) int64 presentation times in `time_base_s`, ascending"""
+    time_base_s: float
+    is_key: np.ndarray
+    """(n,) bool: decoding may start here"""
+    truncated: bool
+    """the file ends before the container says so; the last frames, whose order is in doubt, are not counted"""
+    size_wh: tuple[int, int]
+    """width and height as stored, px; a display matrix may turn them"""
+
+    @property
+    def times_s(self) -> np.ndarray:
+        """(n,) float64 seconds since the first frame."""
+        return (self.pts - self.pts[0]) * self.time_base_s
+
+
+def probe(path: Path, name: str = "") -> Probe:
+    """Read the packets of the first video stream. SourceError when there is none, or when no packet can be read."""
+    with opened(path, name) as (container, stream):
+        return _probe(container, stream, name or path.name)
+
+
+@contextmanager
+def opened(path: Path, name: str = "") -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
+    """A video file and its first video stream, on one thread. Nothing but this file is read. SourceError, also from the body, when
+    it is no container of `CONTAINERS`, has no video, or one that cannot be decoded, or one of more than MAX_PIXELS."""
+    try:
+        with av.open(str(path.absolute()), options=OPTIONS) as container:
+            yield container, _stream(container, name or path.name)
+    except av.error.ArgumentError as error:  # of a container that is not on the list
+        raise _unreadable(name or path.name, "a list of other files, or an unusual kind of file") from error
+    except (av.error.FFmpegError, UnicodeDecodeError) as error:
+        raise _unreadable(name or path.name, str(getattr(error, "strerror", None) or "unreadable data")) from error
+
+
+def _stream(container: av.container.InputContainer, name: str) -> av.VideoStream:
+    if not container.streams.video:
+        raise _unreadable(name, "no video stream")
+    stream = container.streams.video[0]
+    codec = stream.codec_context
+    if codec is None:
+        raise _unreadable(name, "a video in a format that FFmpeg cannot decode")
+    if codec.width * codec.height > MAX_PIXELS:
+        raise _unreadable(name, f"frames of {codec.width} x {codec.height}, more than {MAX_PIXELS / 1e6:g} megapixels")
+    codec.thread_count = 1
+    codec.options = {"max_pixels": str(MAX_PIXELS)}
+    return stream
+
+
+def _unreadable(name: str, got: str) -> SourceError:
+    return SourceError(name, "a video that can be read", got, "is the file cut short? get it again, or save it as MP4 or MKV")
+
+
+def frames_at(info: Probe, fps: float | None, name: str) -> np.ndarray:
+    """Frame of the file that each data-set frame shows (`shown`); SourceError when its times are those of no video."""
+    try:
+        return shown(info.times_s, fps)
+    except ValueError as error:
+        raise _unreadable(name, str(error)) from error
+
+
+def _probe(container: av.container.InputContainer, stream: av.VideoStream, name: str) -> Probe:
+    found = [(_time(p), p.dts, p.is_keyframe) for p in packets(container, stream) if _time(p) is not None and not p.is_discard]
+    rate = stream.average_rate or stream.guessed_rate
+    if not found or not stream.time_base or not rate or rate < 0:
+        raise _unreadable(name, "no frames" if not found else "no frame rate")
+    pts, keys = np.array([time for time, _, _ in found], np.int64), np.array([key for _, _, key in found], bool)
+    truncated = _ends_early(container, stream, len(pts), float((pts.max() - pts.min()) * stream.time_base + 1 / rate))
+    in_order_until = found[-1][1] if truncated and found[-1][1] is not None else pts.max()
+    order = np.argsort(pts, kind="stable")
+    order = order[pts[order] <= max(in_order_until, pts.min())]
+    return Probe(float(rate), pts[order], float(stream.time_base), keys[order], truncated,
+                 (stream.codec_context.width, stream.codec_context.height))
+
+
+def _ends_early(container: av.container.InputContainer, stream: av.VideoStream, count: int, length_s: float) -> bool:
+    if stream.frames:
+        return stream.frames > count + 1
+    stated_s = (container.duration or 0) / av.time_base
+    return stated_s > length_s + LATE_S
+
+
+def _time(packet: av.Packet) -> int | None:
+    return packet.pts if packet.pts is not None else packet.dts
+
+
+def packets(container: av.container.InputContainer, stream: av.VideoStream) -> Iterator[av.Packet]:
+    """Its packets up to the end, or to where the data of a truncated file end."""
+    found = container.demux(stream)
+    while True:
+        try:
+            packet = next(found)
+        except (StopIteration, av.error.FFmpegError):
+            return
+        yield packet

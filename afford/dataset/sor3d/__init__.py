@@ -1,0 +1,1 @@
+"""On-disk format of SOR3D-AFF: folders, names, label colours, sequences."""

@@ -1,1 +1,0 @@
-"""Hands in pictures that nobody annotated."""

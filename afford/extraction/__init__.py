@@ -1,0 +1,1 @@
+"""From video to two-hand affordance: sources, hands, tracks, inpainting, completion, intersection."""

@@ -1,0 +1,1 @@
+"""The hand finder: network, files, training, augmentation, card."""

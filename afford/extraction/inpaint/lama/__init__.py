@@ -1,0 +1,1 @@
+"""LaMa, the inpainting network."""

@@ -1,0 +1,77 @@
+"""VIDM, a diffusion model over four far-apart frames, as in 2HandedAfforder. Needs its published checkpoint, and a GPU to be quick.
+
+The network sees squares of 256 x 256 cut out around the holes, at the pixels' own size where a hole fits into `window_px`; only
+pixels of the hole are pasted back. Reads `params.model`, `device`, `dtype`, `batch`, `window_px` (0: the shorter side of the frame,
+as in training), `window_frames`, `ddim_steps`, `ddim_eta` and `seed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from afford.extraction.inpaint import Filled
+from afford.extraction.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows
+from afford.models.pretrained import device_of, dtype_of
+from afford.extraction.inpaint.vidm.files import load
+from afford.extraction.inpaint.vidm.model import Vidm, ddim, fill
+from afford.common.morphology import dilate
+from schemas.masks import Tracks
+from schemas.video import Frames, PixelSource
+
+WEIGHTS = "a folder or checkpoint of VIDM, with the names that were published (docs/inpainting.md)"
+GROWN_PX = 3
+"""growth of a hole in what the network sees: the paper's second dilation, by 7 x 7 at 256 x 256"""
+CONFIDENCE = 128
+"""a sample of a generative model is neither seen nor blind"""
+
+
+class Job(NamedTuple):
+    """One frame's hole in one window."""
+
+    t: int
+    number: int
+    window: Window
+
+
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
+    """See `Inpaint`. Frames without a hole are copied, and with no hole at all no model is loaded."""
+    ddim(params.ddim_steps)
+    side = side_of(params.window_px, min(hole.shape[1:]))
+    jobs = [Job(t, number, window) for t in range(len(hole)) for number, window in enumerate(windows(hole[t], side))]
+    out = frames.rgb.copy()
+    if jobs:
+        model = load(params.model, device_of(params.device), dtype_of(params.dtype))
+        left = hole.copy()
+        for batch in chunks(jobs, params.batch):
+            for job, image in zip(batch, _answers(model, frames, hole, batch, params), strict=True):
+                paste(out[job.t], job.window, image, left[job.t])
+                left[job.t][job.window.inside(hole.shape[1:])] = False
+    source = np.where(hole, PixelSource.BACKGROUND, PixelSource.ORIGINAL).astype(np.uint8)
+    return Filled(out, source, np.where(hole, CONFIDENCE, 255).astype(np.uint8))
+
+
+def context(t: int, length: int, count: int, within: int = 0) -> list[int]:
+    """Positions of `count` frames, the target last and the others before it in order: equally far apart in the `within` frames
+    around the target (0: in all)."""
+    stretch = min(within or length, length)
+    start = min(max(t - stretch // 2, 0), length - stretch)
+    return [*sorted(start + (t - start + k * stretch // count) % stretch for k in range(1, count)), t]
+
+
+def _answers(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[Job], params: Any) -> np.ndarray:
+    """(b, s, s, 3) uint8"""
+    size, count = model.config.size_px, model.config.frames
+    groups = [context(job.t, len(hole), count, params.window_frames) for job in jobs]
+    pairs = list(zip(jobs, groups, strict=True))
+    rgb = np.stack([[cut(frames.rgb[i], job.window, size) for i in group] for job, group in pairs])
+    holes = np.stack([[dilate(cut_hole(hole[i], job.window, size), GROWN_PX) for i in group] for job, group in pairs])
+    seeds = [_seed(params.seed, int(frames.frame[job.t]), job.number) for job in jobs]
+    return fill(model, rgb, holes, steps=params.ddim_steps, eta=params.ddim_eta, seeds=seeds)
+
+
+def _seed(*of: int) -> int:
+    """A seed of a frame's window that does not depend on what else is in the batch."""
+    return int(np.random.SeedSequence(of).generate_state(1, np.uint64)[0] >> np.uint64(1))

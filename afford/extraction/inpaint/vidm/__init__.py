@@ -1,0 +1,1 @@
+"""VIDM, the hand-inpainting diffusion model of 2HandedAfforder."""

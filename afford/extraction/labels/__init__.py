@@ -1,0 +1,1 @@
+"""Verbs and taxonomy of frames from narrations."""

@@ -1,0 +1,171 @@
+"""Follow one object through a clip: where its canvas lies in every frame."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from afford.extraction.layers.align import align
+from afford.extraction.layers.canvas import Canvas
+from afford.extraction.layers.outline import signed_distance
+from afford.common.morphology import dilate
+
+LEVELS = ((3.0, 8), (1.0, 8))
+"""blur of the image (sigma, px) and Gauss-Newton steps, coarse to fine"""
+SHIFT, TURN, SCALE, SHEAR = 0.1, 1.0, 30.0, 15.0
+"""how hard a pose is held where it was expected, in samples per px^2: things move and turn freely, but hardly change shape"""
+HOME = 0.3
+"""how hard scale and shear are held at those of the first frame"""
+MIN_PIXELS = 25
+LEARN_FIT = 0.6
+"""a frame teaches the canvas when the two agree at least this much"""
+
+
+def _stiffness(scale: float, shear: float, turn: float, shift: float) -> np.ndarray:
+    """(6, 6) over the entries of a pose, row by row."""
+    modes = [(scale, [1, 0, 0, 0, 1, 0]), (shear, [1, 0, 0, 0, -1, 0]), (shear, [0, 1, 0, 1, 0, 0]), (turn, [0, -1, 0, 1, 0, 0]),
+             (shift, [0, 0, 1, 0, 0, 0]), (shift, [0, 0, 0, 0, 0, 1])]  # fmt: skip
+    return sum(weight * np.outer(mode, mode) / np.dot(mode, mode) for weight, mode in modes)
+
+
+LIKE_BEFORE, LIKE_FIRST = _stiffness(SCALE, SHEAR, TURN, SHIFT), _stiffness(HOME, HOME, 0, 0)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Poses of an object. `poses` (t, 2, 3) float64 map canvas points to pixels; `fit` (t,) float32 in 0..1 tells how well the
+    shape then explains the visible mask: 0 where the object was not found."""
+
+    poses: np.ndarray
+    fit: np.ndarray
+
+
+def follow(grey: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray) -> Path:
+    """Poses of the object with the masks `visible` (t, h, w) bool, which `hidden_by` (t, h, w) bool may cover.
+
+    grey: (t, h, w) uint8. Starts where most of the object can be seen and goes forwards and backwards from there.
+    """
+    count = len(grey)
+    poses, fit = np.tile(np.eye(2, 3), (count, 1, 1)), np.zeros(count, np.float32)
+    best = reference(visible, hidden_by)
+    if best < 0:
+        return Path(poses, fit)
+    canvas, poses[best] = Canvas.around(visible[best])
+    fit[best] = 1
+    known = ~hidden_by
+    canvas.learn(grey[best].astype(np.float32), visible[best], known[best], poses[best])
+    for order in (range(best + 1, count), range(best - 1, -1, -1)):
+        _follow_one_way(copy.copy(canvas), order, grey, visible, known, poses, fit, best)
+    return Path(poses, fit)
+
+
+def reference(visible: np.ndarray, hidden_by: np.ndarray) -> int:
+    """The frame that shows most of the object's outline and area; -1 when no frame shows it."""
+    scores = [_openness(mask, cover) for mask, cover in zip(visible, hidden_by, strict=True)]
+    return int(np.argmax(scores)) if max(scores, default=0) > 0 else -1
+
+
+def _openness(mask: np.ndarray, cover: np.ndarray) -> float:
+    area = np.count_nonzero(mask)
+    if area < MIN_PIXELS:
+        return 0.0
+    ring = dilate(mask, 2) & ~mask
+    frame = mask[0].sum() + mask[-1].sum() + mask[:, 0].sum() + mask[:, -1].sum()
+    closed = (np.count_nonzero(ring & cover) / 2 + frame) / max(np.count_nonzero(ring) / 2 + frame, 1)
+    return float(area * (1 - closed) ** 3 + 1e-6 * area)
+
+
+def _follow_one_way(
+    canvas: Canvas, order: Iterable[int], grey: np.ndarray, visible: np.ndarray, known: np.ndarray,
+    poses: np.ndarray, fit: np.ndarray, last: int,
+) -> None:  # fmt: skip
+    before = last
+    for t in order:
+        poses[t] = poses[last]
+        if np.count_nonzero(visible[t]) >= MIN_PIXELS:
+            starts = [poses[last], carried(poses[last], grey[last], grey[t], visible[last], visible[t])]
+            if before != last:
+                starts.append(2 * poses[last] - poses[before])
+            poses[t], fit[t] = _place(canvas, starts, grey[t], visible[t], known[t])
+            if fit[t] > LEARN_FIT:
+                canvas.learn(grey[t].astype(np.float32), visible[t], known[t], poses[t])
+        before, last = last, t
+
+
+def carried(pose: np.ndarray, before: np.ndarray, after: np.ndarray, visible: np.ndarray, visible_after: np.ndarray) -> np.ndarray:
+    """The pose (2, 3) moved along with corners that a mask shows in both frames; the pose itself when they are too few.
+
+    before, after: (h, w) uint8 grey images. visible, visible_after: (h, w) bool, the mask in each.
+    """
+    corners = cv2.goodFeaturesToTrack(before, 40, 0.01, 3, mask=visible.view(np.uint8) * 255)
+    if corners is None or len(corners) < 4:
+        return pose
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None, winSize=(11, 11), maxLevel=2)
+    x, y = np.rint(there[:, 0]).astype(int).T.clip(0, np.array([[after.shape[1] - 1], [after.shape[0] - 1]]))
+    good = (ok[:, 0] > 0) & visible_after[y, x]
+    if good.sum() < 4:
+        return pose
+    motion, _ = cv2.estimateAffinePartial2D(corners[good], there[good], method=cv2.RANSAC, ransacReprojThreshold=1.5)
+    if motion is None:
+        return pose
+    return np.column_stack([motion[:, :2] @ pose[:, :2], motion @ np.append(pose[:, 2], 1)])
+
+
+def _refine(
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
+    pose: np.ndarray, steps: int, radius: float,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Align from `pose`, held near it and, for its shape, near a square of the first frame's size."""
+    turn = np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1])
+    first = pose.copy()
+    first[:, :2] = radius * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    both = LIKE_BEFORE + LIKE_FIRST
+    expected = np.linalg.solve(both, LIKE_BEFORE @ pose.ravel() + LIKE_FIRST @ first.ravel()).reshape(2, 3)
+    return align(points, appearance, distance, look, outline, pose, expected, steps, both)
+
+
+def _place(
+    canvas: Canvas, starts: list[np.ndarray], grey: np.ndarray, visible: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, float]:
+    points, appearance, distance = canvas.samples()
+    (x, y, width, height), corner = _window(canvas, starts, visible)
+    cut = np.s_[y : y + height, x : x + width]
+    candidates = [start - corner for start in starts]
+    for sigma, steps in LEVELS:
+        look = _brightness(grey[cut], visible[cut], sigma)
+        outline = _with_slopes(*signed_distance(visible[cut], known[cut]))
+        found = [_refine(points, appearance, distance, look, outline, pose, steps, canvas.radius) for pose in candidates]
+        candidates = [min(found, key=lambda item: item[1])[0]]
+    pose = candidates[0] + corner
+    return pose, canvas.agreement(visible, known, pose)
+
+
+def _window(canvas: Canvas, starts: list[np.ndarray], visible: np.ndarray) -> tuple[tuple[int, int, int, int], np.ndarray]:
+    """Box (x, y, width, height) around the mask and the canvas, and the matrix that moves a pose into it when subtracted."""
+    box = cv2.boundingRect(visible.view(np.uint8))
+    corners = [(box[0], box[1]), (box[0] + box[2], box[1] + box[3])]
+    for pose in starts:
+        reach = np.abs(pose[:, :2]).sum(axis=1)
+        corners += [tuple(pose[:, 2] - reach), tuple(pose[:, 2] + reach)]
+    low = np.clip(np.floor(np.min(corners, axis=0)) - 12, 0, [visible.shape[1] - 2, visible.shape[0] - 2]).astype(int)
+    high = np.clip(np.ceil(np.max(corners, axis=0)) + 12, low + 2, [visible.shape[1], visible.shape[0]]).astype(int)
+    offset = np.array([[0, 0, low[0]], [0, 0, low[1]]], float)
+    return (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])), offset
+
+
+def _brightness(grey: np.ndarray, visible: np.ndarray, sigma: float) -> np.ndarray:
+    weight = visible.astype(np.float32)
+    share = cv2.GaussianBlur(weight, (0, 0), sigma)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32) * weight, (0, 0), sigma) / np.maximum(share, 1e-3)
+    return _with_slopes(smooth, weight * (share > 0.5))
+
+
+def _with_slopes(value: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    value = value.astype(np.float32)
+    dx = cv2.Sobel(value, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
+    dy = cv2.Sobel(value, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
+    return np.ascontiguousarray(np.stack([value, dx, dy, weight.astype(np.float32)], axis=-1))

@@ -1,0 +1,135 @@
+"""COCO JSON (polygons, or run lengths plain or compressed) of one's own video -> sheets of annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pycocotools import mask as coco_mask
+
+from afford.common.effort import box_px, check_drawn, outline_px
+from afford.common.errors import SourceError
+from afford.extraction.sources.grid import refuse_normalised
+from afford.extraction.sources.polygons import FAR_PX, trace
+from afford.extraction.sources.rows import Row, Sheet, grid_size, once, worn_on
+from afford.extraction.sources.run_lengths import boxed, run_lengths
+from afford.common.strict_json import entry
+from afford.extraction.sources.visor import frame_number
+from afford.common.number import LAST_FRAME
+from schemas.video import Polygon
+
+
+def sheets(document: Any, name: str) -> list[Sheet]:
+    """The annotated images of a file called `name`, by frame number.
+
+    An image is tied to its frame by its field `frame`, or else by the number at the end of `file_name`; numbers start at 1,
+    unless `info.first_frame` says 0. SourceError when a field is missing, of another kind, or names something unknown.
+    """
+    names = {entry(c, "id", int, f"{name}, categories"): entry(c, "name", str, f"{name}, categories")
+             for c in entry(document, "categories", list, name)}
+    images = entry(document, "images", list, name)
+    raws: dict[Any, list[Any]] = {entry(image, "id", int, f"{name}, images"): [] for image in images}
+    if len(raws) < len(images):
+        raise SourceError(f"{name}, images", "ids that differ", f"{len(images)} images of {len(raws)} ids", "give each its own id")
+    for raw in entry(document, "annotations", list, name):
+        where = f"{name}, annotation {entry(raw, 'id', int, f'{name}, annotations')}"
+        if entry(raw, "image_id", int, where) not in raws:
+            raise SourceError(f"{where}, field 'image_id'", "the id of an image", str(raw["image_id"]), "correct it")
+        raws[raw["image_id"]].append(raw)
+    _check_pixels(document, name)
+    check_drawn((_drawn_px(raw, image, name) for image in images for raw in raws[image["id"]]), name)
+    offset = 1 - _first_frame(document.get("info"))
+    found = [_sheet(image, raws[image["id"]], names, name, offset) for image in images]
+    return once(sheet for sheet in found if sheet.rows)
+
+
+def _first_frame(info: Any) -> int:
+    return 0 if isinstance(info, dict) and info.get("first_frame") == 0 else 1
+
+
+def _sheet(image: Any, raws: list[Any], names: Mapping[int, str], name: str, offset: int) -> Sheet:
+    where = f"{name}, image {image['id']}"
+    file_name = str(image.get("file_name", ""))
+    number = entry(image, "frame", int, where) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
+    if not 1 <= number + offset <= LAST_FRAME:
+        raise SourceError(where, "frame numbers from 1 on", str(number), 'if they start at 0, add "info": {"first_frame": 0}')
+    width_px, height_px = grid_size(image, where)
+    rows = tuple(_row(raw, names, f"{name}, annotation {raw.get('id')}", (height_px, width_px)) for raw in raws)
+    return Sheet(where, file_name, number + offset, width_px, height_px, rows)
+
+
+def _row(raw: Any, names: Mapping[int, str], where: str, size_hw: tuple[int, int]) -> Row:
+    category = entry(raw, "category_id", int, where)
+    if category not in names:
+        raise SourceError(f"{where}, field 'category_id'", "the id of a category", str(category), "correct it")
+    more = raw["attributes"] if isinstance(raw.get("attributes"), dict) else {}
+    contact = raw.get("in_contact_object", more.get("in_contact_object"))
+    return Row(
+        annotation_id=str(entry(raw, "id", int, where)), name=names[category], class_id=-1,
+        contact="" if contact is None else str(contact), exhaustive="inconclusive",
+        worn=worn_on(raw.get("on_which_hand", more.get("on_which_hand")), where),
+        polygons=_outlines(raw.get("segmentation"), where, size_hw))
+
+
+def _drawn_px(raw: Any, image: Any, name: str) -> int:
+    """What drawing an annotation takes: the pixels of the box around its mask, and the length of its outlines."""
+    segmentation, label = raw.get("segmentation"), f"{name}, annotation {raw['id']}, field 'segmentation'"
+    width_px, height_px = grid_size(image, f"{name}, image {image['id']}")
+    if not segmentation:
+        return 0
+    if not isinstance(segmentation, list):
+        return _strip_px(_runs(segmentation, label, (height_px, width_px)), height_px)
+    corners = [polygon.reshape(-1, 2) for polygon in _flat(segmentation, label)]
+    lengths = sum(outline_px(polygon, label) for polygon in corners)
+    return lengths + (box_px(np.concatenate(corners), width_px, height_px) if corners else 0)
+
+
+def _check_pixels(document: Any, name: str) -> None:
+    polygons = [polygon for raw in document["annotations"] if isinstance(raw.get("segmentation"), list)
+                for polygon in _flat(raw["segmentation"], f"{name}, annotation {raw['id']}, field 'segmentation'")]
+    refuse_normalised(polygons, f"{name}, field 'segmentation'")
+
+
+def _strip_px(runs: np.ndarray, height_px: int) -> int:
+    """Pixels of the columns from the first to the last that a mask touches."""
+    first, last = int(runs[0]), int(runs.sum()) - (int(runs[-1]) if len(runs) % 2 else 0) - 1
+    return max(last // height_px - first // height_px + 1, 0) * height_px
+
+
+def _outlines(segmentation: Any, where: str, size_hw: tuple[int, int]) -> tuple[Polygon, ...]:
+    """Outlines that give the mask as COCO draws it: the union of its polygons, or its run lengths."""
+    label = f"{where}, field 'segmentation'"
+    if not segmentation:
+        return ()
+    if isinstance(segmentation, list):
+        polygons = [polygon.tolist() for polygon in _flat(segmentation, label)]
+        if not polygons:
+            return ()
+        united = coco_mask.merge(coco_mask.frPyObjects(polygons, *size_hw))
+        found = boxed(run_lengths(united["counts"].decode("ascii"), *size_hw), size_hw[0])
+    else:
+        found = boxed(_runs(segmentation, label, size_hw), size_hw[0])
+    return trace(found.mask, (found.x, found.y))
+
+
+def _runs(segmentation: Any, label: str, size_hw: tuple[int, int]) -> np.ndarray:
+    """(n,) int64 run lengths; SourceError when they do not fill the image."""
+    size = entry(segmentation, "size", list, label)
+    if tuple(size) != size_hw:
+        raise SourceError(f"{label}, 'size'", f"the image's (h, w) {size_hw}", f"{size}", "correct it or the image's size")
+    try:
+        return run_lengths(segmentation.get("counts"), *size_hw)
+    except ValueError as error:
+        raise SourceError(label, "run lengths that fill the image", str(error), "export the masks again") from error
+
+
+def _flat(segmentation: list[Any], label: str) -> list[np.ndarray]:
+    """Polygons as flat arrays of x, y; corners far outside are pulled in."""
+    try:
+        flat = [np.asarray(polygon, np.float64) for polygon in segmentation if polygon]
+    except (TypeError, ValueError, OverflowError):
+        flat = [np.zeros(0)]
+    if any(p.ndim != 1 or len(p) < 6 or len(p) % 2 or not np.isfinite(p).all() for p in flat):
+        raise SourceError(label, "polygons as flat lists [x, y, x, y, x, y, ...]", repr(segmentation)[:60], "correct it")
+    return [np.clip(polygon, -FAR_PX, FAR_PX) for polygon in flat]

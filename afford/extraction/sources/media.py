@@ -1,0 +1,101 @@
+"""The video file or the frame images of one video: which frame numbers there are, and how seconds become frame numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Literal
+
+import numpy as np
+
+from afford.common.errors import SourceError
+from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
+from afford.extraction.sources.visor import frame_number
+from afford.common.video import pack
+from afford.common.number import epic_rate
+from afford.common.video.probe import Probe, frames_at, probe
+from schemas.files import FileRef, FileTree
+
+
+@dataclass(frozen=True)
+class Media:
+    """Frames that exist."""
+
+    kind: Literal["video", "frames"]
+    names: tuple[str, ...]
+    """the video file, or the images in frame order"""
+    numbers: np.ndarray
+    """(n,) int64 frame numbers that exist, ascending"""
+    times_s: np.ndarray
+    """(n,) float64 time of each, from the start of the video"""
+    fps: float
+    resample: bool
+    truncated: bool
+    """the file ends before the container says so"""
+    spans: tuple[pack.Span, ...] = ()
+    """(offset, size) of every image, bytes, where a tar holds them"""
+    size_wh: tuple[int, int] | None = None
+    """width and height of the video's frames as stored, px; None for images"""
+
+    def frame_at(self, seconds: float) -> int:
+        """Number of the frame that is shown at a time; the first or last one outside the video."""
+        return int(self.numbers[max(int(np.searchsorted(self.times_s, seconds + 1e-6, side="right")) - 1, 0)])
+
+
+def find_media(files: FileTree, rates: Mapping[str, float], still_fps: float) -> Media:
+    """Look at the video file of a tree, or at the names and sizes of its images, which may lie in a tar, a zip or a folder.
+
+    rates: video id -> frames per second of a folder of images, where the source states it (else `still_fps`). SourceError
+    when the video cannot be read, an archive was cut short, or images are empty.
+    """
+    video = next((file for file in files.files if PurePosixPath(file.name).suffix.lower() in VIDEO_SUFFIXES), None)
+    rate = epic_rate(files.name)
+    if video is not None:
+        return _of_video(video, rate)
+    fps = rate or rates.get(files.name, still_fps)
+    whole = next((file for file in files.files if is_pack(file.name)), None)
+    if whole is not None:
+        return _of_pack(whole, fps)
+    images = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in IMAGE_SUFFIXES]
+    return _of_images([image.name for image in images], [image.size for image in images], fps)
+
+
+def _of_video(video: FileRef, rate: float | None) -> Media:
+    info = _probe(video)
+    count = len(frames_at(info, rate, video.name))
+    numbers = np.arange(1, count + 1, dtype=np.int64)
+    times_s = (numbers - 1) / rate if rate else info.times_s
+    return Media("video", (video.name,), numbers, times_s, rate or info.fps, rate is not None, info.truncated, size_wh=info.size_wh)
+
+
+def _probe(video: FileRef) -> Probe:
+    if video.size == 0:
+        raise SourceError(video.name, "a video", "an empty file (0 bytes)", "get the file again")
+    return probe(video.path, video.name)
+
+
+def _of_pack(whole: FileRef, fps: float) -> Media:
+    try:
+        inside = pack.index(whole.path)
+    except ValueError as error:
+        raise SourceError(whole.name, "a whole archive", str(error), "get the file again") from error
+    if not inside.names:
+        raise SourceError(whole.name, "frame images in it", "none", "is it the archive of the frames? get it again")
+    return _of_images([f"{whole.name}/{name}" for name in inside.names], inside.sizes, fps, inside.spans)
+
+
+def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[pack.Span, ...] = ()) -> Media:
+    if not names:
+        raise SourceError("media", "a video file or frame images", "neither", "see docs/own-video.md")
+    empty = [name for name, size in zip(names, sizes, strict=True) if size == 0]
+    if empty:
+        raise SourceError(empty[0], "an image", f"0 bytes, as of {len(empty)} of {len(names)} frames", "get these files again")
+    found = np.array([frame_number(name, name) for name in names], np.int64)
+    order = np.argsort(found, kind="stable")
+    numbers = found[order]
+    if (np.diff(numbers) == 0).any():
+        at = int(np.flatnonzero(np.diff(numbers) == 0)[0])
+        raise SourceError(names[order[at + 1]], "one image per frame number", f"also {names[order[at]]}", "remove one of the two")
+    return Media("frames", tuple(names[i] for i in order), numbers, (numbers - 1) / fps, fps, resample=False, truncated=False,
+                 spans=tuple(spans[i] for i in order) if spans else ())

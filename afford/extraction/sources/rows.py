@@ -1,0 +1,123 @@
+"""One mask of one key frame as the source has it, before hands and gloves are sorted out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from afford.common.bounded import MAX_PIXELS
+from afford.common.effort import outline_px
+from afford.common.errors import SourceError
+from afford.extraction.sources.polygons import FAR_PX
+from afford.common.strict_json import entry
+from schemas.video import Polygon
+
+SLACK_PX = 1.0
+"""corners this far outside the grid are rounding, not worth a word"""
+
+
+Note = tuple[int, str]
+"""the frame that a remark is about, 0 for the whole video, and the remark: one sentence"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """An annotation as read; `worn` are the hands that a glove is on, as written."""
+
+    annotation_id: str
+    name: str
+    class_id: int
+    contact: str
+    exhaustive: str
+    worn: tuple[str, ...]
+    polygons: tuple[Polygon, ...]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """All annotations of one image; `where` names file and image in messages."""
+
+    where: str
+    image: str
+    frame: int
+    width_px: int
+    height_px: int
+    rows: tuple[Row, ...]
+
+
+def once(sheets: Iterable[Sheet]) -> list[Sheet]:
+    """Sheets by frame; SourceError when a frame is there twice."""
+    seen: dict[int, Sheet] = {}
+    for sheet in sheets:
+        if seen.setdefault(sheet.frame, sheet) is not sheet:
+            raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
+    return [seen[frame] for frame in sorted(seen)]
+
+
+def grid_size(image: Any, where: str) -> tuple[int, int]:
+    """(width, height) that an image entry states; SourceError when they are no sensible size."""
+    size = entry(image, "width", int, where), entry(image, "height", int, where)
+    if not 0 < min(size) <= max(size) <= FAR_PX or size[0] * size[1] > MAX_PIXELS:
+        label = f"{where}, fields 'width' and 'height'"
+        raise SourceError(label, f"1 to {FAR_PX} px each and {MAX_PIXELS / 1e6:g} megapixels at most", f"{size[0]} and {size[1]}",
+                          "correct them")
+    return size
+
+
+def worn_on(said: Any, where: str) -> tuple[str, ...]:
+    """Names of the hands that a glove is on; SourceError when they are not names."""
+    names = [said] if isinstance(said, str) else said or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise SourceError(f"{where}, field 'on_which_hand'", "a list of hands", repr(said)[:60], "correct it")
+    return tuple(names)
+
+
+def outlines(segments: Any, where: str) -> tuple[Polygon, ...]:
+    """Polygons of [[x, y], ...] lists; empty ones are left out. SourceError when one is not a list of number pairs."""
+    if not isinstance(segments, list):
+        raise SourceError(f"{where}, field 'segments'", "a list of polygons", type(segments).__name__, "correct the annotation")
+    return tuple(Polygon(_corners(segment, where)) for segment in segments if segment)
+
+
+def _corners(segment: Any, where: str) -> np.ndarray:
+    """(n, 2) float32 corners that truncate to the same integers as the numbers in the file."""
+    try:
+        exact = np.asarray(segment, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        exact = np.zeros(0)
+    if exact.ndim != 2 or exact.shape[1] != 2 or not np.isfinite(exact).all():
+        raise SourceError(f"{where}, field 'segments'", "polygons as lists of [x, y] numbers", repr(segment)[:60],
+                          "correct the annotation")
+    exact = np.clip(exact, -FAR_PX, FAR_PX)
+    outline_px(exact, f"{where}, field 'segments'")
+    single = exact.astype(np.float32)
+    return np.where(single.astype(np.int32) == exact.astype(np.int32), single, np.trunc(exact)).astype(np.float32)
+
+
+def visible(sheet: Sheet, notes: list[Note]) -> list[Row]:
+    """The rows of which something lies in the image; `notes` says what was left out or cut off."""
+    kept, grid = [], f"{sheet.width_px}x{sheet.height_px}"
+    for row in sheet.rows:
+        label = f"{sheet.where}: {row.name!r} ({row.annotation_id})"
+        if not row.polygons:
+            notes.append((sheet.frame, f"{label} has no outline and was left out"))
+        elif not _touches(row.polygons, sheet.width_px, sheet.height_px):
+            notes.append((sheet.frame, f"{label} lies outside the {grid} grid and was left out"))
+        else:
+            kept.append(row)
+            if _sticks_out(row.polygons, sheet.width_px, sheet.height_px):
+                notes.append((sheet.frame, f"{label} leaves the {grid} grid and was cut off at its border"))
+    return kept
+
+
+def _touches(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+    size = np.array([width_px, height_px])
+    return any(bool((p.points.max(axis=0) >= 0).all() and (p.points.min(axis=0) < size).all()) for p in polygons)
+
+
+def _sticks_out(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+    far = np.array([width_px, height_px]) + SLACK_PX
+    return any(bool((p.points < -SLACK_PX).any() or (p.points > far).any()) for p in polygons)

@@ -1,0 +1,1 @@
+"""Mask tracks of hands and objects: link entities, propagate, find contact."""

@@ -1,0 +1,104 @@
+"""Sparse masks to tracks: link annotations, spread labels run by run, say how far each mask is from what was annotated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.extraction.tracks.propagate import UNKNOWN, Propagate, Propagated
+from afford.extraction.tracks.contact import contact_at_keys, spread_contact
+from afford.extraction.tracks.keys import Key, read_keys, runs
+from afford.extraction.tracks.link import Carry, Links, link
+from afford.extraction.tracks.provenance import Bracket, bracket, flags_of, source_of
+from schemas.video import Clip
+from schemas.masks import Tracks
+from schemas.video import Frames
+
+
+def densify(clip: Clip, frames: Frames, propagate: Propagate, params: Any) -> Tracks:
+    """Masks of every hand and every touched object on every frame; `params` is stages.extraction.mask_densify.Params."""
+    keys = read_keys(clip, frames, dense=params.backend == "dense")
+    parts = runs(frames.frame, params.max_step_frames)
+    links = link(keys, _carrier(frames, parts, propagate, params), params.link_min_iou)
+    spread = _spread(frames, parts, keys, links, propagate, params)
+    around = bracket(frames.frame, parts, np.array([key.at for key in keys]))
+    return _tracks(clip, frames, keys, links, spread, around, params)
+
+
+def _tracks(
+    clip: Clip, frames: Frames, keys: list[Key], links: Links, spread: Propagated, around: Bracket, params: Any
+) -> Tracks:
+    said = contact_at_keys(keys, links, params.contact_reach_px)
+    kept = _kept(links, said, params.keep_untouched)
+    present = _present(keys, links)[kept]
+    masks = spread.labels[None] == (np.array(kept, np.int16) + 1)[:, None, None, None]
+    source, distance = source_of(frames.frame, around, present)
+    masks &= ((source >= 0) & ((distance <= params.radius) | (params.radius == 0)))[:, :, None, None]
+    visible = masks.any(axis=(2, 3))
+    renamed = np.array([kept.index(int(i)) if i >= 0 else i for i in said.ravel()], np.int16).reshape(said.shape)
+    entities = tuple(links.entities[i] for i in kept)
+    contact, contact_distance = spread_contact(renamed, around, frames.frame, entities, masks, params.contact_reach_px)
+    return Tracks(
+        clip_id=clip.clip_id,
+        entities=entities,
+        frame=frames.frame,
+        masks=masks,
+        confidence=np.where(visible, spread.confidence[kept], 0).astype(np.float32),
+        flags=flags_of(visible, around, present),
+        source_frame=np.where(visible, source, -1),
+        distance=np.where(visible, distance, -1).astype(np.int32),
+        contact=contact,
+        contact_distance=contact_distance,
+    )
+
+
+def _kept(links: Links, contact: np.ndarray, keep_untouched: bool) -> list[int]:
+    """Indices of the hands and of the objects that a hand touches in some key frame."""
+    touched = set(contact.ravel().tolist())
+    return [i for i, e in enumerate(links.entities) if e.role == "hand" or i in touched or keep_untouched]
+
+
+def _present(keys: list[Key], links: Links) -> np.ndarray:
+    """(n, k) bool: entity i is annotated in key frame k."""
+    return np.array([[i in row for row in links.of] for i in range(len(links.entities))], bool).reshape(-1, len(keys))
+
+
+def _spread(
+    frames: Frames, parts: list[slice], keys: list[Key], links: Links, propagate: Propagate, params: Any
+) -> Propagated:
+    """Labels and confidence of all frames; a run without a key frame stays empty."""
+    labels = np.zeros(frames.rgb.shape[:3], np.int16)
+    confidence = np.zeros((len(links.entities), len(frames.frame)), np.float32)
+    painted = [_paint(key, of) for key, of in zip(keys, links.of, strict=True)]
+    for part in parts:
+        mine = [k for k, key in enumerate(keys) if part.start <= key.at < part.stop]
+        if mine:
+            at = np.array([keys[k].at for k in mine]) - part.start
+            found = propagate(frames.rgb[part], at, np.stack([painted[k] for k in mine]), len(links.entities), params)
+            labels[part], confidence[:, part] = found.labels, found.confidence
+    return Propagated(labels, confidence)
+
+
+def _paint(key: Key, entity: list[int]) -> np.ndarray:
+    """Label image (h, w) int16 of one key frame: large masks first, then small ones, objects before hands."""
+    labels = np.zeros(key.masks.shape[1:], np.int16)
+    is_hand = [annotation.side != "" for annotation in key.annotations]
+    for i in sorted(range(len(entity)), key=lambda i: (is_hand[i], -np.count_nonzero(key.masks[i]))):
+        labels[key.masks[i]] = entity[i] + 1 if entity[i] >= 0 else UNKNOWN
+    return labels
+
+
+def _carrier(frames: Frames, parts: list[slice], propagate: Propagate, params: Any) -> Carry:
+    """Masks of one key frame carried to another by the backend, or left where they are when no video joins the two."""
+
+    def carry(last: Key, key: Key, masks: np.ndarray) -> np.ndarray:
+        if not any(part.start <= last.at and key.at < part.stop for part in parts):
+            return masks
+        labels = np.zeros((1, *masks.shape[1:]), np.int16)
+        for i, mask in enumerate(masks):
+            labels[0, mask] = i + 1
+        found = propagate(frames.rgb[last.at : key.at + 1], np.zeros(1, np.int64), labels, len(masks), params)
+        return found.labels[-1][None] == np.arange(1, len(masks) + 1)[:, None, None]
+
+    return carry

@@ -1,0 +1,1 @@
+"""Grasping environments: task, observation, action, reward, metrics."""

@@ -1,0 +1,1 @@
+"""Evaluation of policies: episodes, metrics, human-likeness, reports, pictures."""

@@ -1,0 +1,1 @@
+"""The robot hand: description files, joints, coupling, kinematics."""

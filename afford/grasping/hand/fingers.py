@@ -1,0 +1,110 @@
+"""Which links are fingers: their tips, the two joints of each that imitation compares, the palm that all hang on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.grasping.hand.solids import farthest
+from afford.grasping.hand.tree import Joint, Tree
+from afford.common.errors import SourceError
+from schemas.hand import FINGERS
+
+WORDS = {"thumb": ("th",), "index": ("ff", "index", "fore"), "middle": ("mf", "middle"), "ring": ("rf", "ring"),
+         "little": ("lf", "little", "pinky")}  # fmt: skip
+"""finger -> how a word in the name of its last link begins"""
+SAME_M = 1e-3
+"""joints closer than this are one knuckle"""
+
+
+@dataclass(frozen=True, eq=False)
+class Finger:
+    """One finger."""
+
+    name: str
+    base_link: str
+    middle_link: str
+    tip_link: str
+    tip_m: np.ndarray
+    """(3,) in the frame of the last link"""
+
+
+def fingers(tree: Tree, named: Sequence[str] = ()) -> tuple[Finger, ...]:
+    """Thumb first; `named` says finger=last link where names do not tell. SourceError when there is no thumb or nothing else."""
+    leaves = dict(_named(tree, named)) if named else _guessed(tree)
+    if "thumb" not in leaves or len(leaves) < 2:
+        raise SourceError(f"{tree.name}, fingers", "a thumb and another finger among the last links",
+                          f"{', '.join(tree.leaves())}", "say fingers=thumb=LINK,index=LINK,...")
+    palm = common_link(tree, list(leaves.values()))
+    return tuple(_finger(tree, palm, name, leaves[name]) for name in FINGERS if name in leaves)
+
+
+def common_link(tree: Tree, links: Sequence[str]) -> str:
+    """The last link that all of them hang on: the palm of fingertips."""
+    paths = [[tree.links[0].name, *(joint.child for joint in tree.path(link))] for link in links]
+    return [steps[0] for steps in zip(*paths, strict=False) if len(set(steps)) == 1][-1]
+
+
+def beyond(path: list[Joint], link: str) -> list[Joint]:
+    """The part of a path that hangs on a link of it."""
+    return path[[joint.parent for joint in path].index(link) :]
+
+
+def _named(tree: Tree, named: Sequence[str]) -> list[tuple[str, str]]:
+    pairs = [(name, link) for name, _, link in (pair.partition("=") for pair in named)]
+    known = {link.name for link in tree.links}
+    for name, link in pairs:
+        if name not in FINGERS or link not in known:
+            raise SourceError(f"{tree.name}, fingers", f"FINGER=LINK with a finger of {', '.join(FINGERS)} and a link of the hand",
+                              f"{name}={link}", f"choose among {', '.join(tree.leaves())}")
+    return pairs
+
+
+def _guessed(tree: Tree) -> dict[str, str]:
+    out: dict[str, str] = {}
+    for leaf in tree.leaves():
+        words = re.split(r"[^a-z]+", leaf.lower())
+        name = next((finger for finger, starts in WORDS.items() if any(word.startswith(starts) for word in words)), None)
+        if name is not None:
+            out.setdefault(name, leaf)
+    return out
+
+
+def _finger(tree: Tree, palm: str, name: str, leaf: str) -> Finger:
+    """A frame that is fixed beyond the last joint is the fingertip; else the source says where it is, or the shapes do."""
+    chain = beyond(tree.path(leaf), palm)
+    last = max((k for k, joint in enumerate(chain) if joint.kind != "fixed"), default=-1)
+    if last < 0:
+        raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "none",
+                          "name the right links in fingers")
+    knuckles = _knuckles(chain[: last + 1])
+    return Finger(name, knuckles[-3 if len(knuckles) > 2 else 0], knuckles[-2 if len(knuckles) > 1 else 0],
+                  chain[last].child, _tip(tree, chain[last].child, chain[last + 1 :]))
+
+
+def _knuckles(chain: Sequence[Joint]) -> list[str]:
+    """The last link at every place where the finger bends."""
+    out: list[str] = []
+    T, at = np.eye(4), np.full(3, np.inf)
+    for joint in chain:
+        T = T @ joint.T_parent_joint
+        if joint.kind == "fixed":
+            continue
+        if np.linalg.norm(T[:3, 3] - at) < SAME_M:
+            out[-1] = joint.child
+        else:
+            out.append(joint.child)
+        at = T[:3, 3]
+    return out
+
+
+def _tip(tree: Tree, link: str, beyond: Sequence[Joint]) -> np.ndarray:
+    if link in tree.tips:
+        return np.asarray(tree.tips[link], np.float64)
+    T = np.eye(4)
+    for joint in beyond:
+        T = T @ joint.T_parent_joint
+    return T[:3, 3].copy() if beyond else farthest(tree, link)

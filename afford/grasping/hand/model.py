@@ -1,0 +1,114 @@
+"""A tree of links and what is wanted of it -> the hand: cut at its root, on its gantry, with its table, fingers and URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from afford.grasping.hand import urdf
+from afford.grasping.hand.fingers import Finger, beyond, common_link, fingers
+from afford.grasping.hand.gantry import Gantry, mounted
+from afford.grasping.hand.grip import grip_axes, side
+from afford.grasping.hand.tree import Joint, Tree, cut
+from afford.common.errors import SourceError
+from schemas.hand import HandFingers, HandJoints, HandMesh, HandModel
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a hand is wanted like."""
+
+    root: str = ""
+    """link that the hand starts at; '' = the palm"""
+    gantry: Gantry | None = None
+    """None: the root is free, or fixed by the engine"""
+    capsules: bool = True
+    """False: a cylinder and two spheres for each"""
+    fingers: Sequence[str] = ()
+    """finger=last link, where names do not tell"""
+
+
+def model(tree: Tree, wishes: Wishes) -> HandModel:
+    """The hand; SourceError when it lacks something."""
+    found = fingers(tree, wishes.fingers)
+    palm = common_link(tree, [finger.tip_link for finger in found])
+    hand = _cut(tree, wishes.root or palm, palm)
+    hand = hand if wishes.gantry is None else mounted(hand, wishes.gantry)
+    hand = hand if wishes.capsules else _split(hand)
+    at = {link.name: number for number, link in enumerate(hand.links)}
+    joints = _joints(hand, at, palm)
+    table = _fingers(found, at)
+    R = grip_axes(joints, table, at[palm])
+    return HandModel(
+        name=hand.name, side=side(joints, table, at[palm], R), urdf=urdf.write(hand), links=tuple(at),
+        mass_kg=np.array([link.mass_kg for link in hand.links]),
+        rgb=np.round(np.array([link.rgb for link in hand.links]) * 255).astype(np.uint8),
+        joints=joints, fingers=table, palm=at[palm], R_palm_grip=R, contacts=_contacts(hand, at, found),
+        meshes=tuple(HandMesh(file, vertices, faces) for file, (vertices, faces) in sorted(hand.meshes.items())),
+    )  # fmt: skip
+
+
+def _cut(tree: Tree, root: str, palm: str) -> Tree:
+    above = [tree.links[0].name, *(joint.child for joint in tree.path(palm))]
+    if root not in above:
+        raise SourceError(f"{tree.name}, root", f"a link that carries the palm: {', '.join(above)}", repr(root),
+                          "choose one of them")
+    out = cut(tree, root)
+    kept = {joint.name for joint in out.joints}
+    lost = [joint for joint in out.joints if joint.coupling is not None and joint.coupling.driver not in kept]
+    if lost:
+        raise SourceError(f"{tree.name}, joint {lost[0].name!r}", f"to follow a joint beyond the root {root!r}",
+                          f"{lost[0].coupling}", "choose a root above that joint")
+    return out
+
+
+def _split(tree: Tree) -> Tree:
+    return replace(tree, links=tuple(
+        replace(link, collisions=tuple(part for shape in link.collisions for part in urdf.split(shape))) for link in tree.links))
+
+
+def _joints(tree: Tree, at: dict[str, int], palm: str) -> HandJoints:
+    order = {joint.name: number for number, joint in enumerate(tree.joints)}
+    wrist = {joint.name for joint in tree.path(palm)}
+    couplings = [joint.coupling for joint in tree.joints]
+    numbers = {key: np.array([getattr(j, key) for j in tree.joints]) for key in ("lower", "upper", "effort", "velocity")}
+    return HandJoints(
+        name=tuple(order), kind=tuple(joint.kind for joint in tree.joints),
+        role=tuple(_role(joint, wrist) for joint in tree.joints),
+        parent=np.array([at[joint.parent] for joint in tree.joints], np.int32),
+        child=np.array([at[joint.child] for joint in tree.joints], np.int32),
+        T_parent_joint=np.array([joint.T_parent_joint for joint in tree.joints]),
+        axis=np.array([joint.axis for joint in tree.joints]), **numbers,
+        driver=np.array([-1 if c is None else order[c.driver] for c in couplings], np.int32),
+        ratio=np.array([0.0 if c is None else c.ratio for c in couplings]),
+        offset=np.array([0.0 if c is None else c.offset for c in couplings]),
+    )  # fmt: skip
+
+
+def _role(joint: Joint, wrist: set[str]) -> str:
+    if joint.kind == "fixed":
+        return "fixed"
+    if joint.coupling is not None:
+        return "coupled"
+    return "wrist" if joint.name in wrist else "actuated"
+
+
+def _fingers(found: tuple[Finger, ...], at: dict[str, int]) -> HandFingers:
+    links = {key: np.array([at[getattr(finger, key)] for finger in found], np.int32)
+             for key in ("base_link", "middle_link", "tip_link")}
+    tips = np.array([finger.tip_m for finger in found], np.float64)
+    return HandFingers(tuple(finger.name for finger in found), **links, tip_m=tips)
+
+
+def _contacts(tree: Tree, at: dict[str, int], found: tuple[Finger, ...]) -> np.ndarray:
+    """What the source says; else any two links of different fingers, and the thumb's last link with the palm."""
+    pairs = tree.contacts
+    if pairs is None:
+        bodies = {link.name for link in tree.links if link.collisions}
+        palm = common_link(tree, [finger.tip_link for finger in found])
+        below = [[j.child for j in beyond(tree.path(f.tip_link), palm) if j.child in bodies] for f in found]
+        crossing = [(a, b) for k, one in enumerate(below) for other in below[k + 1 :] for a in one for b in other]
+        pairs = (*crossing, *((palm, link) for link in below[0][-1:] if palm in bodies))
+    return np.array(sorted(sorted((at[a], at[b])) for a, b in pairs), np.int32).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""Imitation of reference motion (AffordDex stage 1): environment, reward, prior."""

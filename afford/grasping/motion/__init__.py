@@ -1,0 +1,1 @@
+"""Human hand motion: readers, synthesis, retargeting."""

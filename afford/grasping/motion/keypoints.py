@@ -1,0 +1,112 @@
+"""A clip of hand keypoints in our own format (docs/motion-format.md), as .npz, .json or .csv -> HandMotion."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from afford.common.bounded import load_npz
+from afford.grasping.motion.build import DOCS, build
+from afford.common import strict_json
+from afford.common.errors import SourceError
+from afford.common.utf8 import read_text
+from schemas.files import FileRef, FileTree
+from schemas.hand import KEYPOINTS, PHASES, HandMotion
+
+FIELDS = ("keypoints", "fps", "hand", "unit", "phase", "object_name", "object_pose", "palm")
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+COLUMNS = tuple(f"{point}_{axis}" for point in KEYPOINTS for axis in "xyz")
+
+
+def read(files: FileTree) -> tuple[HandMotion, ...]:
+    """One clip for each file; SourceError when there is none, or one cannot be used."""
+    readers = {".npz": _npz, ".json": _json, ".csv": _csv}
+    found = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in readers]
+    if not found:
+        raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "none", DOCS)
+    return tuple(_motion(file, readers[PurePosixPath(file.name).suffix.lower()](file)) for file in found)
+
+
+def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
+    unknown = sorted(set(record) - set(FIELDS))
+    if unknown:
+        raise SourceError(file.name, f"fields of {', '.join(FIELDS)}", unknown[0], DOCS)
+    unit = _text(file, record, "unit")
+    if unit not in UNITS:
+        raise SourceError(f"{file.name}, unit", " or ".join(UNITS), repr(unit), DOCS)
+    keypoints = _numbers(file, record, "keypoints")
+    pose, palm = (_numbers(file, record, field) if field in record else None for field in ("object_pose", "palm"))
+    if pose is not None and pose.ndim == 2:
+        pose[:, :3] *= UNITS[unit]
+    if palm is not None and palm.shape[1:] == (4, 4):
+        palm[:, :3, 3] *= UNITS[unit]
+    rate = _numbers(file, record, "fps")
+    if rate.size != 1:
+        raise SourceError(f"{file.name}, fps", "one number", f"{rate.size}", DOCS)
+    return build(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
+                 keypoints * UNITS[unit], where=file.name, phase=_phase(file, record) if "phase" in record else None,
+                 object_name=_text(file, record, "object_name", ""), object_pose=pose, T_world_palm=palm)  # fmt: skip
+
+
+def _text(file: FileRef, record: Mapping[str, Any], field: str, default: str | None = None) -> str:
+    value = record.get(field, default)
+    value = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    if not isinstance(value, str):
+        raise SourceError(f"{file.name}, {field}", "a text", "nothing" if value is None else type(value).__name__, DOCS)
+    return value
+
+
+def _numbers(file: FileRef, record: Mapping[str, Any], field: str) -> np.ndarray:
+    if field not in record:
+        raise SourceError(f"{file.name}, {field}", "numbers", "nothing", DOCS)
+    try:
+        return np.array(record[field], np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SourceError(f"{file.name}, {field}", "numbers in rows of one length", str(error), DOCS) from error
+
+
+def _phase(file: FileRef, record: Mapping[str, Any]) -> np.ndarray:
+    given = record["phase"]
+    words = [str(word) for word in (given if isinstance(given, list) else np.atleast_1d(given))]
+    wrong = next((word for word in words if word not in PHASES), None)
+    if wrong is not None:
+        raise SourceError(f"{file.name}, phase", f"words of {', '.join(PHASES)}", repr(wrong), DOCS)
+    return np.array([PHASES.index(word) for word in words], np.uint8)
+
+
+def _npz(file: FileRef) -> dict[str, Any]:
+    return dict(load_npz(file.path, file.name))
+
+
+def _json(file: FileRef) -> dict[str, Any]:
+    record = strict_json.parse(file.path.read_bytes(), file.name)
+    if not isinstance(record, dict):
+        raise SourceError(file.name, "an object with fields", type(record).__name__, DOCS)
+    return record
+
+
+def _csv(file: FileRef) -> dict[str, Any]:
+    """One row a frame; columns <point>_<x, y or z>, and hand, fps, unit, phase, object_name on every row."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(read_text(file.path, file.name), newline=None)))
+    except csv.Error as error:
+        raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
+    missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]
+    if missing:
+        raise SourceError(file.name, f"a column {missing[0]}, and a row", "none", DOCS)
+    record: dict[str, Any] = {field: rows[0][field] for field in ("hand", "fps", "unit", "object_name") if field in rows[0]}
+    for field, value in record.items():
+        other = next((number for number, row in enumerate(rows, 2) if row[field] != value), None)
+        if other is not None:
+            raise SourceError(f"{file.name}, line {other}, {field}", f"{value!r} as in line 2", repr(rows[other - 2][field]), DOCS)
+    try:
+        numbers = np.array([[float(row[column]) for column in COLUMNS] for row in rows])
+    except (TypeError, ValueError) as error:
+        raise SourceError(file.name, "a number in every column of a keypoint", str(error), DOCS) from error
+    more = {"phase": [row["phase"] for row in rows]} if "phase" in rows[0] else {}
+    return record | more | {"keypoints": numbers.reshape(-1, 21, 3)}

@@ -1,0 +1,126 @@
+"""OakInk2, after oakink2_import: sequences of both hands cut into their primitives -> one HandMotion for each hand of each.
+
+Reads <sequence>.npz and <sequence>.json, mano_right.npz, mano_left.npz. Motion capture at 120 Hz; quaternions w x y z become
+x y z w; a wrist is where `tsl` says. Intervals count frames of the motion capture. Written after the data set's toolkit and
+description; tested on files in its format; never run on the real set.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.common.bounded import TooLargeError, load_npz, reason
+from afford.grasping.motion import mano
+from afford.grasping.motion.build import build
+from afford.common import strict_json
+from afford.common.errors import SourceError
+from schemas.files import FileRef, FileTree
+from schemas.hand import HandMotion
+
+RATE_HZ = 120.0
+SIDES = ("left", "right")
+"""order of the two intervals in a program's key"""
+SHORT = {"left": "lh", "right": "rh"}
+FIELDS = {"pose": (16, 4), "tsl": (3,), "betas": (10,)}
+OBJECT = "object/"
+MOST_TIMES = 8
+"""primitives of a hand that a frame may be part of, on average"""
+IMPORT = "make it with python -m afford.grasping.motion.oakink2_import"
+
+
+def read(files: FileTree) -> tuple[HandMotion, ...]:
+    """All primitives of all sequences; SourceError when a file is missing or cannot be used."""
+    models = {side: mano.read(_file(files, f"mano_{side}.npz", "save MANO v1.2 so"), side) for side in SIDES}
+    sequences = [f for f in files.files if f.name.endswith(".npz") and not PurePosixPath(f.name).name.startswith("mano_")]
+    if not sequences:
+        raise SourceError(files.name, "a sequence (.npz)", "none", IMPORT)
+    return tuple(motion for file in sequences for motion in _sequence(files, file, models))
+
+
+def _sequence(files: FileTree, file: FileRef, models: dict[str, mano.Mano]) -> list[HandMotion]:
+    program_file = _file(files, file.name.removesuffix(".npz") + ".json", IMPORT)
+    arrays = _checked(load_npz(file.path, file.name, _is_known), file.name)
+    wanted = [(side, interval, entry) for key, entry in _program(program_file).items()
+              for side, interval in zip(SIDES, _intervals(program_file.name, key), strict=True) if interval]
+    if sum(end - start for _, (start, end), _ in wanted) > MOST_TIMES * len(SIDES) * len(arrays["frames"]):
+        limit = f"frames in at most {MOST_TIMES} primitives of a hand"
+        raise TooLargeError(program_file.name, limit, "more", "get the file again")
+    return [_clip(file, arrays, models[side], interval, entry) for side, interval, entry in wanted]
+
+
+def _program(file: FileRef) -> dict[str, dict[str, Any]]:
+    """Interval -> what is done in it."""
+    found = strict_json.parse(file.path.read_bytes(), file.name)
+    good = isinstance(found, dict) and all(
+        isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
+        for entry in found.values())  # fmt: skip
+    if not good:
+        raise SourceError(file.name, "an object of primitives with lists of names", "something else", "get the file again")
+    return dict(found)
+
+
+def _names(value: Any) -> bool:
+    return value is None or (isinstance(value, list) and all(isinstance(name, str) for name in value))
+
+
+def _is_known(name: str) -> bool:
+    return name == "frames" or name.startswith(("left/", "right/", OBJECT))
+
+
+def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """The arrays of a sequence; SourceError for one that is missing or of another shape."""
+    frames = arrays.get("frames", np.zeros(0))
+    if frames.ndim != 1 or not len(frames) or frames.dtype.kind not in "iu":
+        raise SourceError(f"{where}, frames", "whole numbers (n,)", f"{frames.dtype} {frames.shape}", IMPORT)
+    shapes = {f"{side}/{field}": shape for side in SIDES for field, shape in FIELDS.items()}
+    shapes |= {name: (4, 4) for name in arrays if name.startswith(OBJECT)}
+    for name, shape in shapes.items():
+        array = arrays.get(name)
+        if array is None or array.shape != (len(frames), *shape) or array.dtype.kind not in "fiu":
+            got = "none" if array is None else f"{array.dtype} {array.shape}"
+            raise SourceError(f"{where}, {name}", f"numbers {(len(frames), *shape)}", got, IMPORT)
+    return arrays
+
+
+def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: mano.Mano, interval: tuple[int, int], entry: Any) -> HandMotion:
+    start, end = interval
+    part = (arrays["frames"] >= start) & (arrays["frames"] < end)
+    short = SHORT[model.side]
+    where = f"{file.name}, {short} {start}-{end}"
+    if part.sum() != end - start:
+        raise SourceError(where, f"{end - start} frames of motion capture", f"{part.sum()}", "get the sequence again")
+    pose, tsl, betas = (arrays[f"{model.side}/{field}"][part] for field in ("pose", "tsl", "betas"))
+    held = [name for name in entry.get(f"obj_list_{short}") or [] if OBJECT + name in arrays]
+    try:
+        points = mano.keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
+        track = _poses(arrays[OBJECT + held[0]][part]) if held else None
+    except ValueError as error:  # of SciPy, for a rotation that is none
+        raise SourceError(where, "rotations", reason(error), "get the sequence again") from error
+    name = f"{file.name.removesuffix('.npz')}_{short}_{start:05d}_{entry.get(f'primitive_{short}') or 'hold'}"
+    return build(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "", object_pose=track)
+
+
+def _poses(T: np.ndarray) -> np.ndarray:
+    """(n, 4, 4) -> (n, 7)."""
+    return np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
+
+
+def _intervals(where: str, key: str) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
+    """The two intervals of a key such as '((10, 90), None)'."""
+    try:
+        left, right = (None if one is None else (int(one[0]), int(one[1])) for one in ast.literal_eval(key))
+    except (ValueError, SyntaxError, TypeError, LookupError, OverflowError, RecursionError, MemoryError) as error:
+        raise SourceError(where, "keys (left interval or None, right interval or None)", repr(key), "get the file again") from error
+    return left, right
+
+
+def _file(files: FileTree, name: str, fix: str) -> FileRef:
+    found = files.find(name)
+    if found is None:
+        raise SourceError(files.name, f"a file {name}", "none", fix)
+    return found

@@ -1,0 +1,102 @@
+"""OakInk2's annotation pickles -> one .npz of plain arrays and one .json for each sequence, which the reader takes.
+
+    python -m afford.grasping.motion.oakink2_import ROOT OUT
+
+ROOT has anno_preview/<sequence>.pkl and program/program_info/<sequence>.json. Every pickle is taken apart in a process of its own
+with an allow list (plain_pickle.py). Written after the data set's toolkit and description; never run on the real set.
+"""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from afford.grasping.motion.plain_pickle import NotPlainError, load
+from afford.common.errors import SourceError
+
+PROJECT = Path(__file__).resolve().parents[2]
+FIX = "get the file from the data set's own page"
+SIDES = {"right": "rh", "left": "lh"}
+SHAPES = {"pose_coeffs": (16, 4), "tsl": (3,), "betas": (10,)}
+LIMIT_S = 600
+LIMIT_BYTES = 8 << 30
+"""of memory for one pickle: the annotations of a sequence take some hundred MB"""
+
+
+def convert_all(root: Path, out: Path) -> list[str]:
+    """Convert every sequence that has both files; names of those converted. SourceError when a file cannot be used."""
+    pickles = sorted((root / "anno_preview").glob("*.pkl"))
+    if not pickles:
+        raise SourceError(str(root), "anno_preview/<sequence>.pkl", "none", "give the root of OakInk2")
+    out.mkdir(parents=True, exist_ok=True)
+    for path in pickles:
+        program = root / "program" / "program_info" / f"{path.stem}.json"
+        if not program.is_file():
+            raise SourceError(path.name, f"program/program_info/{program.name}", "no such file", "download the programs as well")
+        convert(path, out / f"{path.stem}.npz")
+        shutil.copyfile(program, out / f"{path.stem}.json")
+    return [path.stem for path in pickles]
+
+
+def convert(path: Path, out: Path) -> None:
+    """One pickle, in a process of its own; SourceError says why not."""
+    command = [sys.executable, "-m", "afford.grasping.motion.oakink2_import", "--one", str(path.resolve()), str(out.resolve())]
+    try:
+        done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, errors="replace", timeout=LIMIT_S)
+        got = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+    except subprocess.TimeoutExpired as error:
+        raise SourceError(path.name, f"an annotation that is read in {LIMIT_S} s", "a longer one", FIX) from error
+    if done.returncode != 0:
+        raise SourceError(path.name, "an annotation of OakInk2 made of numbers, text and arrays", got, FIX)
+
+
+def arrays(anno: Any) -> dict[str, np.ndarray]:
+    """frames (n,); <side>/pose (n, 16, 4) wxyz, <side>/tsl (n, 3), <side>/betas (n, 10); object/<id> (n, 4, 4)."""
+    frames = [int(frame) for frame in anno["mocap_frame_id_list"]]
+    out = {"frames": np.array(frames, np.int64)}
+    for side, short in SIDES.items():
+        for field, shape in SHAPES.items():
+            rows = [np.asarray(anno["raw_mano"][frame][f"{short}__{field}"], np.float64).reshape(shape) for frame in frames]
+            out[f"{side}/{field.removesuffix('_coeffs')}"] = np.stack(rows)
+    for name in anno["obj_list"]:
+        out[f"object/{name}"] = np.stack([np.asarray(anno["obj_transf"][name][frame], np.float64) for frame in frames])
+    return out
+
+
+def main(arguments: list[str]) -> int:
+    """Convert; 1 with one line on stderr when something cannot be used."""
+    if len(arguments) == 3 and arguments[0] == "--one":
+        return _one(Path(arguments[1]), Path(arguments[2]))
+    if len(arguments) != 2:
+        sys.stderr.write(__doc__ or "")
+        return 2
+    try:
+        sys.stdout.write("\n".join(convert_all(Path(arguments[0]), Path(arguments[1]))) + "\n")
+    except SourceError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0
+
+
+def _one(path: Path, out: Path) -> int:
+    resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
+    try:
+        found = arrays(load(path))
+    except NotPlainError as error:
+        sys.stderr.write(f"{error}, which was not run\n")
+        return 1
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:
+        sys.stderr.write(f"no {error} where the description has it\n")
+        return 1
+    np.savez(out, **found)  # type: ignore[arg-type]  # names of arrays, none is allow_pickle
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""Policies: residual teacher, scripted expert, student from point clouds, and their training."""

@@ -1,0 +1,1 @@
+"""Reinforcement learning: PPO, DAgger, point-cloud policy."""

@@ -1,0 +1,1 @@
+"""Physics: MuJoCo, PyBullet and Warp worlds of one hand and one body."""

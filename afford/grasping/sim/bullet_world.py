@@ -1,0 +1,264 @@
+"""A world on PyBullet, through afford.common.bullet.Client.
+
+Motors are velocity constraints with a limited impulse and speed; a coupled joint is held to its driver by a gear. The object is one
+body, a compound of hulls; the part that a contact is on is that of the hull whose surface is nearest. A wrist that takes forces is
+given them, less drag, at every step of the solver.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from afford.grasping.hand.coupling import commanded, driven
+from afford.grasping.hand.folder import save as save_hand
+from afford.grasping.hand.kinematics import moving
+from afford.grasping.sim import object_urdf
+from afford.common.bullet import Client
+from afford.grasping.sim.engine import State, checked, solver_steps
+from afford.common.quaternions import inverse, matrix, product
+from afford.grasping.sim.scene import Physics, Scene, finger_of_link, held, limits_of
+
+GEAR_NM = 100.0
+"""torque that a coupling may take: more than any motor of a finger has"""
+GEAR_ERP = 0.5
+EVERYTHING = (1, -1)
+"""group and mask of what moves"""
+TABLE_M = (2.0, 2.0, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """A moment."""
+
+    number: int
+    force: np.ndarray
+    steps_left: int
+    state: State
+    efforts: np.ndarray | None
+    """of a wrist that takes forces"""
+
+
+class BulletWorld:
+    """See afford.grasping.sim.engine.World."""
+
+    def __init__(self, scene: Scene, seen: bool = False) -> None:
+        """`seen`: with what can be seen of the hand, for pictures."""
+        self.scene, self.client = scene, Client()
+        hand, physics = scene.hand, scene.physics
+        _settings(self.client, scene)
+        with tempfile.TemporaryDirectory() as folder:
+            self.table = _table(self.client, physics)
+            self.object = _object(self.client, scene, Path(folder))
+            self.hand = _hand(self.client, scene, Path(folder), seen)
+        number = _numbers(self.client, self.hand)
+        moves, motors = moving(hand.joints), driven(hand.joints)
+        self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
+        self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
+        self._of_motor = commanded(hand.joints)
+        self._limits = limits_of(scene)
+        turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
+        self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
+        self._speeds = hand.joints.velocity[motors].tolist()
+        of_link = finger_of_link(hand)
+        self._finger = {-1: int(of_link[0]), **{number[name]: int(of_link[k + 1]) for k, name in enumerate(hand.joints.name)}}
+        self._planes = [ConvexHull(hull).equations for hull in scene.body.hulls()]
+        self._inertial = np.array(self.client.getDynamicsInfo(self.object, -1)[4])
+        self._wrench = _Wrench(self.client, scene, self.hand, self._motors[:6], self.object) if scene.wrist == "wrench" else None
+        self._force, self._left = np.zeros(3), 0
+        self._fresh = int(self.client.saveState())
+
+    def reset(self, q: np.ndarray, body: np.ndarray) -> State:
+        """At rest, joints at q, motors holding them there."""
+        q, pose = checked("reset, q", q, len(self._joints)), checked("reset, body", body, 7)
+        self._forget()
+        self.client.restoreState(stateId=self._fresh)
+        for joint, value in zip(self._joints, q.tolist(), strict=True):
+            self.client.resetJointState(self.hand, joint, value, 0.0)
+        centre = pose[:3] + matrix(pose[3:]) @ self.scene.body.com_m
+        turn = product(pose[3:], self._inertial)
+        self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
+        self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
+        self._force, self._left = np.zeros(3), 0
+        self._command(held(self.scene, q))
+        self.client.performCollisionDetection()
+        return self.state()
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """Motors follow u, cut to the limits of their joints."""
+        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        self._command(u.clip(*self._limits.T))
+        for _ in range(count):
+            if self._left:
+                self._shove()
+            if self._wrench:
+                self._wrench.apply()
+            self.client.stepSimulation()
+        return self.state()
+
+    def push(self, force: np.ndarray, duration_s: float) -> None:
+        """A force on the object for a time."""
+        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+
+    def state(self) -> State:
+        """Places are those of now; forces those of the last solver step."""
+        hand, joints = self.scene.hand, self.client.getJointStates(self.hand, self._joints)
+        q, qd, torque = (np.array([row[column] for row in joints]) for column in (0, 1, 3))
+        links = [(np.array(row[4]), row[5]) for row in self.client.getLinkStates(self.hand, self._seen, computeForwardKinematics=1)]
+        body = self._body()
+        velocity, spin = self.client.getBaseVelocity(self.object)
+        force, deepest, count = self._touching(body)
+        torque = torque[self._of_motor]
+        torque[:6] = torque[:6] if self._wrench is None else self._wrench.efforts
+        return State(
+            q=q, qd=qd, torque=torque, palm=np.concatenate(links[-1]), body=body,
+            tips=np.array([place + matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
+            velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
+
+    def save(self) -> Saved:
+        """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
+        near each other is not in it, so the world forgets that now, as `restore` does."""
+        efforts = self._wrench.efforts if self._wrench else None
+        token = Saved(int(self.client.saveState()), self._force, self._left, self.state(), efforts)
+        self.restore(token)
+        return token
+
+    def restore(self, token: Saved) -> State:
+        """Back to that moment."""
+        self._forget()
+        self.client.restoreState(stateId=token.number)
+        self.client.performCollisionDetection()
+        self.client.restoreState(stateId=token.number)  # points of contact are put where there are pairs
+        self._force, self._left = token.force, token.steps_left
+        if self._wrench and token.efforts is not None:
+            self._wrench.efforts = token.efforts
+        return token.state
+
+    def close(self) -> None:
+        """Disconnect."""
+        self.client.close()
+
+    def _forget(self) -> None:
+        """New places in the broad phase: pairs of near shapes go, and with them the axes that the narrow phase starts from."""
+        for link in range(self.client.getNumJoints(self.hand)):
+            self.client.setCollisionFilterGroupMask(self.hand, link, *EVERYTHING)
+        self.client.setCollisionFilterGroupMask(self.object, -1, *EVERYTHING)
+
+    def _command(self, targets: np.ndarray) -> None:
+        wrist = 0 if self._wrench is None else 6
+        if self._wrench:
+            self._wrench.efforts = targets[:6].copy()
+        gain = 1.0 / (self.scene.physics.rate_hz * self.scene.physics.response_s)
+        follow, mode = self.client.setJointMotorControl2, self.client.POSITION_CONTROL
+        motors = list(zip(self._motors, targets.tolist(), self._efforts, self._speeds, strict=True))
+        for joint, target, effort, speed in motors[wrist:]:
+            follow(self.hand, joint, mode, target, force=effort, positionGain=gain, velocityGain=1.0, maxVelocity=speed)
+
+    def _shove(self) -> None:
+        centre = self.client.getBasePositionAndOrientation(self.object)[0]
+        self.client.applyExternalForce(self.object, -1, self._force.tolist(), centre, self.client.WORLD_FRAME)
+        self._left -= 1
+
+    def _body(self) -> np.ndarray:
+        """(7,) pose of the object's frame; the engine has that of its principal axes."""
+        centre, turn = self.client.getBasePositionAndOrientation(self.object)
+        own = product(np.array(turn), inverse(self._inertial))
+        return np.concatenate([np.array(centre) - matrix(own) @ self.scene.body.com_m, own])
+
+    def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
+        """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
+        force = np.zeros((len(self.scene.hand.fingers.name) + 1, len(self.scene.body.parts)))
+        found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
+        if not found:
+            return force, 0.0, 0
+        spots = (np.array([c[6] for c in found]) - body[:3]) @ matrix(body[3:])
+        beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
+        parts = self.scene.body.hull_part[beside.argmin(axis=0)]
+        np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
+        return force, max(0.0, -min(c[8] for c in found)), len(found)
+
+
+class _Wrench:
+    """Forces on the gantry's joints, and the weight of the object."""
+
+    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], thing: int) -> None:
+        self.client, self.hand, self.joints, self.object = client, hand, joints, thing
+        self.efforts = np.zeros(6)
+        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(thing, -1)[0]))
+        moves = sum(client.getJointInfo(hand, k)[3] >= 0 for k in range(client.getNumJoints(hand)))
+        inertia = np.array(client.calculateMassMatrix(hand, [0.0] * moves))
+        self._drag = scene.physics.drag_1_s * inertia.diagonal()[:6]
+        self._slowed = 1.0 + scene.physics.drag_1_s / scene.physics.rate_hz
+        for joint in joints:
+            client.setJointMotorControl2(hand, joint, client.VELOCITY_CONTROL, force=0.0)
+
+    def apply(self) -> None:
+        """For one step of the solver. Drag is that of the speed after the step, as if the inertia were that at 0, so that it
+        does not overshoot."""
+        speed = np.array([row[1] for row in self.client.getJointStates(self.hand, self.joints)])
+        forces = (self.efforts - self._drag * speed) / self._slowed
+        self.client.setJointMotorControlArray(self.hand, self.joints, self.client.TORQUE_CONTROL, forces=forces.tolist())
+        centre = self.client.getBasePositionAndOrientation(self.object)[0]
+        self.client.applyExternalForce(self.object, -1, self._weight, centre, self.client.WORLD_FRAME)
+
+
+def _settings(client: Client, scene: Scene) -> None:
+    """Where the hand has no weight, nothing has, and the object is given its own at every step."""
+    physics = scene.physics
+    client.setTimeStep(1.0 / physics.rate_hz)
+    client.setGravity(0.0, 0.0, 0.0 if scene.wrist == "wrench" else -physics.gravity_m_s2)
+    client.setPhysicsEngineParameter(numSolverIterations=physics.iterations, deterministicOverlappingPairs=1)
+
+
+def _table(client: Client, physics: Physics) -> int:
+    shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=TABLE_M)
+    table = int(client.createMultiBody(0.0, shape, basePosition=(0.0, 0.0, -TABLE_M[2])))
+    client.changeDynamics(table, -1, lateralFriction=physics.table_friction)
+    return table
+
+
+def _object(client: Client, scene: Scene, folder: Path) -> int:
+    """The friction of a contact is the product of both bodies', so the object's is 1."""
+    path, physics = object_urdf.save(scene.body, folder), scene.physics
+    body = int(client.loadURDF(str(path), flags=client.URDF_USE_INERTIA_FROM_FILE))
+    info = client.getDynamicsInfo(body, -1)
+    client.changeDynamics(body, -1, mass=info[0] * physics.mass_scale,
+                          localInertiaDiagonal=[physics.mass_scale * number for number in info[2]], lateralFriction=1.0,
+                          spinningFriction=physics.spin_friction_m, linearDamping=0.0, angularDamping=0.0)  # fmt: skip
+    client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING)
+    return body
+
+
+def _hand(client: Client, scene: Scene, folder: Path, seen: bool) -> int:
+    flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_USE_SELF_COLLISION | (0 if seen else client.URDF_IGNORE_VISUAL_SHAPES)
+    hand, body = scene.hand, int(client.loadURDF(str(save_hand(scene.hand, folder)), useFixedBase=True, flags=flags))
+    number = _numbers(client, body)
+    index = [-1, *(number[name] for name in hand.joints.name)]
+    allowed = set(map(tuple, hand.contacts.tolist()))
+    for b, second in enumerate(index):
+        # joint damping is off: the engine adds it as a force, which is unstable on links as light as those of fingers
+        client.changeDynamics(body, second, lateralFriction=scene.physics.hand_friction, linearDamping=0.0, angularDamping=0.0,
+                              jointDamping=0.0)  # fmt: skip
+        for a, first in enumerate(index[:b]):
+            client.setCollisionFilterPair(body, body, first, second, int((a, b) in allowed))
+    for k, driver in enumerate(hand.joints.driver):
+        if driver >= 0:
+            _gear(client, scene, body, index[driver + 1], index[k + 1], k)
+    return body
+
+
+def _gear(client: Client, scene: Scene, body: int, driver: int, follower: int, joint: int) -> None:
+    joints, zero = scene.hand.joints, (0.0, 0.0, 0.0)
+    client.setJointMotorControl2(body, follower, client.VELOCITY_CONTROL, force=0.0)
+    gear = client.createConstraint(body, driver, body, follower, client.JOINT_GEAR, (1.0, 0.0, 0.0), zero, zero)
+    client.changeConstraint(gear, gearRatio=-float(joints.ratio[joint]), maxForce=GEAR_NM, erp=GEAR_ERP,
+                            relativePositionTarget=float(joints.offset[joint]))  # fmt: skip
+
+
+def _numbers(client: Client, body: int) -> dict[str, int]:
+    """The engine's number of each joint, which is also that of the link it carries."""
+    return {client.getJointInfo(body, k)[1].decode(): k for k in range(client.getNumJoints(body))}

@@ -1,0 +1,151 @@
+"""What an engine is given: a hand on its gantry, an object, a table, and every number that physics needs. Table top: z = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.hand.coupling import commanded, driven, limits_u
+from afford.grasping.hand.kinematics import ancestry
+from schemas.grasp import GraspObject
+from schemas.hand import HandModel
+
+
+@dataclass(frozen=True)
+class Physics:
+    """How the world behaves and how carefully it is computed."""
+
+    rate_hz: int = 240
+    """steps of the solver a second"""
+    iterations: int = 50
+    """of the solver in each step: PyBullet always takes them all, MuJoCo stops when it has converged"""
+    gravity_m_s2: float = 9.81
+    hand_friction: float = 1.0
+    """Coulomb's coefficient between hand and object"""
+    table_friction: float = 0.7
+    """between object and table"""
+    spin_friction_m: float = 0.003
+    """torque about the normal of a contact for each newton: a soft fingertip is a patch, not a point"""
+    mass_scale: float = 1.0
+    """times the object's mass and inertia"""
+    effort_scale: float = 1.0
+    """times the torques of the fingers' motors"""
+    response_s: float = 0.02
+    """a motor closes the distance to its target in this time, as far as its torque allows"""
+    drag_1_s: float = 100.0
+    """wrist=wrench: nothing holds the hand, and what moves freely loses speed at this rate; as published for Isaac Gym"""
+
+
+STRICT = Physics(rate_hz=480, iterations=100)
+"""the settings under which grasps are judged"""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One world to be."""
+
+    hand: HandModel
+    body: GraspObject
+    physics: Physics = field(default_factory=Physics)
+    wrist: str = "servo"
+    """what a command is to the gantry's joints: servo, a target; wrench, a force or torque, and then the hand has no weight"""
+
+    def __post_init__(self) -> None:
+        steps = {f.name: getattr(self.physics, f.name) for f in fields(Physics)}
+        wrong = [name for name, number in steps.items() if not (np.isfinite(number) and number >= 0)]
+        zero = [name for name in ("rate_hz", "iterations", "mass_scale", "effort_scale", "response_s") if steps[name] == 0]
+        if wrong or zero:
+            name = (wrong or zero)[0]
+            raise ValueError(f"Physics.{name}: expected a number {'of 0 or more' if wrong else 'above 0'}, got {steps[name]}")
+        if self.wrist not in ("servo", "wrench"):
+            raise ValueError(f"Scene.wrist: expected servo or wrench, got {self.wrist!r}")
+        wrist = self.hand.joints.role.count("wrist")
+        if wrist != 6:
+            raise ValueError(f"{self.hand.name}: expected a gantry of 6 joints, got {wrist}; build the hand with wrist=gantry")
+
+
+def held(scene: Scene, q: np.ndarray) -> np.ndarray:
+    """(m,) the command that keeps the hand at joints q (d,): their targets, and no force where a wrist takes forces."""
+    u: np.ndarray = q[commanded(scene.hand.joints)]
+    return np.concatenate([np.zeros(6), u[6:]]) if scene.wrist == "wrench" else u
+
+
+def limits_of(scene: Scene) -> np.ndarray:
+    """(m, 2) least and greatest command of each motor: rad or m; N or N m where the wrist takes forces."""
+    limits = limits_u(scene.hand.joints)
+    if scene.wrist == "wrench":
+        effort = scene.hand.joints.effort[driven(scene.hand.joints)[:6]]
+        limits = np.concatenate([np.stack([-effort, effort], axis=1), limits[6:]])
+    return limits
+
+
+@dataclass(frozen=True)
+class Range:
+    """How one number varies between worlds."""
+
+    low: float
+    high: float
+    spread: str = "uniform"
+    """uniform, or log: even in the logarithm, for scales"""
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """One value; ValueError for a distribution that is not known."""
+        if self.spread == "uniform":
+            return float(rng.uniform(self.low, self.high))
+        if self.spread == "log":
+            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        raise ValueError(f"Range.spread: expected uniform or log, got {self.spread!r}")
+
+
+RANDOM: Mapping[str, Range] = {
+    "hand_friction": Range(0.7, 1.2),
+    "table_friction": Range(0.4, 1.0),
+    "spin_friction_m": Range(0.001, 0.005),
+    "mass_scale": Range(0.5, 2.0, "log"),
+    "effort_scale": Range(0.8, 1.25, "log"),
+    "response_s": Range(0.015, 0.04, "log"),
+}
+"""field of Physics -> how it varies"""
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """What lies between a world and a policy; the environment applies it, not the engine."""
+
+    latency_steps: int = 0
+    """control steps by which a command comes late"""
+
+
+def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
+    """(3,) centre of mass of an object whose frame is at the pose (7,)."""
+    found: np.ndarray = Rotation.from_quat(pose[3:]).apply(np.array(body.com_m)) + pose[:3]
+    return found
+
+
+def finger_of_link(hand: HandModel) -> np.ndarray:
+    """(l,) index of the finger that each link belongs to; the number of fingers for the palm and what is before it."""
+    hangs = ancestry(hand.joints)
+    out = np.full(len(hand.links), len(hand.fingers.name))
+    beyond = hangs[:, hand.palm] & (np.arange(len(out)) != hand.palm)
+    for finger, tip in enumerate(hand.fingers.tip_link):
+        out[hangs[tip] & beyond] = finger
+    return out
+
+
+def randomised(scene: Scene, seed: int, ranges: Mapping[str, Range] = RANDOM) -> Scene:
+    """The scene with its physics drawn anew; the same seed gives the same scene. ValueError for a name that Physics lacks."""
+    known = {f.name for f in fields(Physics)}
+    if unknown := sorted(set(ranges) - known):
+        raise ValueError(f"randomised: expected fields of Physics ({', '.join(sorted(known))}), got {', '.join(unknown)}")
+    rng = np.random.default_rng(seed)
+    drawn: dict[str, Any] = {name: ranges[name].draw(rng) for name in sorted(ranges)}
+    return replace(scene, physics=replace(scene.physics, **drawn))
+
+
+def sensing(seed: int, latency_steps: int = 1) -> Sensing:
+    """Latency from 0 to `latency_steps`; of a stream of its own."""
+    return Sensing(int(np.random.default_rng([seed, 1]).integers(latency_steps + 1)))

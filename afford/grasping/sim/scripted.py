@@ -1,0 +1,213 @@
+"""A grasp by script: over a part of an object that lies on the table, down, close, lift, hold. The floor that learning stands on.
+
+The hand comes down over the part's long axis, at the place nearest to the object's centre of mass, thumb towards that centre; the
+palm looks down and sideways. All else is seventeen numbers, found by a search on a few objects (benchmarks/search_grasp.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.hand.coupling import commanded, driven, spread
+from afford.grasping.sim.engine import CONTROL_S, State, World
+from afford.grasping.sim.scene import Scene, centre
+
+SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
+"""control steps of 0.05 s: the object comes to rest, then 0.4 s, 0.5 s, 0.6 s and 0.2 s"""
+ABOVE_M, LIFT_M = 0.12, 0.15
+END_M = 0.04
+"""the aim keeps this far from the ends of the part, or of the object"""
+SLICE_M = 0.025
+"""what is this far along the object, both ways, is grasped with it"""
+NEAR_M = 0.05
+"""held: the object's centre of mass ends this near to its place at rest, lifted by LIFT_M"""
+UP = np.array([0.0, 0.0, 1.0])
+FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ0")
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """The numbers of a grasp."""
+
+    grip_m: tuple[float, float, float]
+    """the point of the hand, in the frame of its palm, that is brought to the aim"""
+    roll_rad: float
+    """how far the fingers point down: pi is straight down"""
+    yaw_rad: float
+    pitch_rad: float
+    open_base_rad: float
+    """J2 of the four fingers on the way down"""
+    open_middle_rad: float
+    """J1"""
+    open_thumb: float
+    """share of the closed thumb's THJ3 and THJ0 on the way down"""
+    base_rad: float
+    """J2 of the four fingers, closed; it is a target: what is in the way holds it off"""
+    middle_rad: float
+    thumb_rad: tuple[float, float, float, float, float]
+    """THJ4 to THJ0, closed"""
+    sink_m: float
+    """how much deeper the wrist goes while closing"""
+
+
+GRASP = Grasp(grip_m=(0.0209, -0.0693, 0.1155), roll_rad=1.8787, yaw_rad=0.101, pitch_rad=-0.0298, open_base_rad=0.3564,
+              open_middle_rad=0.6395, open_thumb=0.8094, base_rad=0.927, middle_rad=1.1046,
+              thumb_rad=(0.4743, 1.2387, 0.0903, 0.1551, -0.7246), sink_m=0.0114)  # fmt: skip
+"""what benchmarks/search_grasp.py printed; MuJoCo's settings have changed a little since, so that a search now ends nearby"""
+
+
+class Aim(NamedTuple):
+    """Where a grasp goes."""
+
+    place: np.ndarray
+    """(3,) m, world"""
+    yaw: float
+    """of what is grasped across; the thumb is on its positive side"""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of it."""
+
+    held: bool
+    gripped: bool
+    """the thumb and another finger press on it when they have closed"""
+    shoved_m: float
+    """how far they moved its centre of mass until then"""
+    rise_m: float
+    """of the centre of mass"""
+    away_m: float
+    """from where it should be"""
+    penetration_m: np.ndarray
+    """(k,) deepest between hand and object, after each control step since they touch"""
+    force: np.ndarray
+    """(p,) N that the hand presses on each part with, at the end"""
+    force_most: np.ndarray
+    """(p,) the most of it at any step"""
+
+
+def targets(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
+    """The commands (m,) of descend, close, lift and hold."""
+    return moves(scene, grasp, _wrist(aim, grasp), UP)
+
+
+def moves(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> Iterator[np.ndarray]:
+    """The same with the wrist (6,) at the grasp; the hand comes against `back` (3,), and lifts straight up."""
+    away = np.concatenate([back, np.zeros(3)])
+    above, sunk = ABOVE_M * away, -grasp.sink_m * away
+    up = np.array([0, 0, LIFT_M, 0, 0, 0])
+    opened, closed = _fingers(scene, grasp, closed=False), _fingers(scene, grasp, closed=True)
+    for s in _ramp(DESCEND):
+        yield np.concatenate([wrist + (1 - s) * above, opened])
+    for s in _ramp(CLOSE):
+        yield np.concatenate([wrist + s * sunk, opened + s * (closed - opened)])
+    for s in _ramp(LIFT):
+        yield np.concatenate([wrist + sunk + s * up, closed])
+    for _ in range(HOLD):
+        yield np.concatenate([wrist + sunk + up, closed])
+
+
+def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
+    """Amid a part of an object at rest at the pose (7,), as near to the centre of mass as the part goes; yaw of the part's long
+    axis, from there to that centre."""
+    found = scene.body
+    spots, weight = _spots(scene, body, found.point_part == part), centre(found, body)
+    middle = spots.mean(0)
+    axis = np.linalg.svd((spots - middle)[:, :2], full_matrices=False)[2][0]
+    axis = axis if axis @ (weight - middle)[:2] >= 0 else -axis
+    reach = (spots - middle)[:, :2] @ axis
+    low, high = min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)
+    place = middle.copy()
+    place[:2] += float(np.clip((weight - middle)[:2] @ axis, low, high)) * axis
+    return Aim(place, float(np.arctan2(axis[1], axis[0])))
+
+
+def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
+    """So far from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees: a place that knows nothing of
+    parts. Kept off the object's ends."""
+    spots, weight = _spots(scene, body, np.ones(len(scene.body.points), bool)), centre(scene.body, body)
+    axis = np.linalg.svd((spots - spots.mean(0))[:, :2], full_matrices=False)[2][0]
+    axis = axis if axis[0] > 0 or (axis[0] == 0 and axis[1] > 0) else -axis
+    reach = (spots - weight)[:, :2] @ axis
+    chosen = float(np.clip(along_m, min(0.0, reach.min() + END_M), max(0.0, reach.max() - END_M)))
+    near = np.abs(reach - chosen) <= SLICE_M
+    place = spots[near if near.any() else np.abs(reach - chosen).argmin()[None]].mean(0)
+    place[:2] += (chosen - (place - weight)[:2] @ axis) * axis
+    return Aim(place, float(np.arctan2(axis[1], axis[0])))
+
+
+def start(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
+    """(d,) joints before the descent."""
+    return before(scene, grasp, _wrist(aim, grasp), UP)
+
+
+def before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """(d,) joints before `moves`."""
+    u = np.concatenate([wrist, _fingers(scene, grasp, closed=False)])
+    u[:3] += ABOVE_M * back
+    A, b = spread(scene.hand.joints)
+    return A @ u + b
+
+
+def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
+    """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
+    state = settled(world, scene, start(scene, at_part(scene, body, part), grasp), body)
+    return carried(world, scene, state, targets(scene, at_part(scene, state.body, part), grasp))
+
+
+def settled(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State:
+    """The object comes to rest from the pose (7,), the hand stays at q (d,)."""
+    state = world.reset(q, body)
+    for _ in range(SETTLE):
+        state = world.step(q[commanded(scene.hand.joints)], CONTROL_S)
+    return state
+
+
+def carried(world: World, scene: Scene, state: State, commands: Iterable[np.ndarray]) -> Outcome:
+    """What comes of the commands (m,) of a grasp, of `moves`, from a state at rest."""
+    rest = centre(scene.body, state.body)
+    states = [state := world.step(u, CONTROL_S) for u in commands]
+    on_parts = np.array([state.force.sum(axis=0) for state in states])
+    closed, end = states[DESCEND + CLOSE - 1], centre(scene.body, states[-1].body)
+    pressed = closed.force[:-1].sum(axis=1) > 0
+    away = float(np.linalg.norm(end - rest - (0, 0, LIFT_M)))
+    return Outcome(
+        held=away < NEAR_M and states[-1].contacts > 0, gripped=bool(pressed[0] and pressed[1:].any()),
+        shoved_m=float(np.linalg.norm(centre(scene.body, closed.body) - rest)), rise_m=float(end[2] - rest[2]), away_m=away,
+        penetration_m=np.array([state.penetration_m for state in states if state.contacts]), force=on_parts[-1],
+        force_most=on_parts.max(axis=0))  # fmt: skip
+
+
+def _spots(scene: Scene, body: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """(k, 3) points of the object at the pose (7,)."""
+    spots: np.ndarray = Rotation.from_quat(body[3:]).apply(scene.body.points[which].astype(float)) + body[:3]
+    return spots
+
+
+def _wrist(aim: Aim, grasp: Grasp) -> np.ndarray:
+    """(6,) of the gantry: its angles turn about z, then y, then x; the palm's x, its thumb, points along the part."""
+    turned = (aim.yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    R = Rotation.from_euler("ZYX", [turned, grasp.pitch_rad, grasp.roll_rad])
+    return np.array([*(aim.place - R.apply(grasp.grip_m)), turned, grasp.pitch_rad, grasp.roll_rad])
+
+
+def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
+    """Targets of the motors of the fingers, in the order of the hand."""
+    share = 1.0 if closed else grasp.open_thumb
+    value = dict(zip(THUMB, np.array(grasp.thumb_rad) * [1.0, share, 1.0, 1.0, share], strict=True))
+    for finger in FINGERS:
+        value[f"{finger}J2"] = grasp.base_rad if closed else grasp.open_base_rad
+        value[f"{finger}J1"] = grasp.middle_rad if closed else grasp.open_middle_rad
+    names = [scene.hand.joints.name[k] for k in driven(scene.hand.joints)][6:]
+    return np.array([value.get(name, 0.0) for name in names])
+
+
+def _ramp(count: int) -> np.ndarray:
+    """1/count to 1, eased at both ends."""
+    s = np.arange(1, count + 1) / count
+    return s * s * (3 - 2 * s)

@@ -1,0 +1,276 @@
+"""Many worlds on mujoco-warp: MuJoCo's models and equations in 32 bits, all worlds of an object in one launch, on a GPU or a CPU.
+The only user of mujoco_warp and warp, which the extra `gpu` installs.
+
+Worlds are grouped by object and by what an engine can only set for all (rate, iterations, gravity). Within a group everything else
+of physics differs world by world: every field of the model in which the scenes of a group differ is given once for each.
+
+Kernels are compiled at the first step, for each kind of scene (tens of seconds), and kept by warp in WARP_CACHE_PATH.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from afford.grasping.hand.kinematics import points
+from afford.common.registry import extra
+from afford.grasping.sim.engine import State, World, solver_steps, world
+from afford.grasping.sim.mujoco_world import Layout, compiled, layout
+from afford.grasping.sim.scene import Scene, held, limits_of
+from afford.grasping.sim.worlds import most_parts
+
+EXTRA = "gpu"
+PACKAGES = ("warp", "mujoco_warp")
+CONTACTS, ROWS = 96, 320
+"""room for each world: contacts (worlds of a group share it) and rows of constraints"""
+MOVING = ("qpos", "qvel", "qacc_warmstart", "ctrl", "time")
+"""what the next step depends on"""
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """A moment of all worlds."""
+
+    numbers: tuple[dict[str, np.ndarray], ...]
+    force: np.ndarray
+    left: np.ndarray
+    state: State
+
+
+class WarpWorlds:
+    """See afford.grasping.sim.worlds.Worlds."""
+
+    def __init__(self, scenes: Sequence[Scene], device: str = "cpu") -> None:
+        """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, for a scene that
+        mujoco-warp does not know how to compute, and as Worlds."""
+        self.scenes, self.parts, n = tuple(scenes), most_parts(scenes), len(scenes)
+        alike: dict[Any, list[int]] = {}
+        for k, scene in enumerate(scenes):
+            physics = scene.physics
+            alike.setdefault((id(scene.body), physics.rate_hz, physics.iterations, physics.gravity_m_s2), []).append(k)
+        self._rows = [np.array(rows) for rows in alike.values()]
+        self._groups = [_Group([scenes[k] for k in rows], self.parts, device) for rows in alike.values()]
+        self._force, self._left = np.zeros((n, 3)), np.zeros(n, int)
+        self._state = self._together([group.state() for group in self._groups])
+
+    def alone(self, k: int) -> World:
+        """MuJoCo's world of scene k: these are only computed together."""
+        return world("mujoco", self.scenes[k])
+
+    def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
+        """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
+        chosen = np.arange(len(self.scenes)) if which is None else np.asarray(which, int)
+        for rows, group in zip(self._rows, self._groups, strict=True):
+            mine = np.flatnonzero(np.isin(chosen, rows))
+            if len(mine):
+                at = np.searchsorted(rows, chosen[mine])
+                group.reset(at, q[mine], body[mine])
+                _put(self._state, chosen[mine], _rows(group.state(), at))
+        self._force[chosen], self._left[chosen] = 0.0, 0
+        return _rows(self._state, chosen)
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """u (n, m). RuntimeError when a world diverges, or has more contacts than there is room for."""
+        for rows, group in zip(self._rows, self._groups, strict=True):
+            self._left[rows] -= group.step(u[rows], control_s, self._force[rows], self._left[rows])
+        self._state = self._together([group.state() for group in self._groups])
+        return self.state()
+
+    def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
+        """force (k, 3) on the objects of worlds `which`, or of all."""
+        chosen = np.arange(len(self.scenes)) if which is None else np.asarray(which, int)
+        self._force[chosen] = force
+        self._left[chosen] = [round(duration_s * self.scenes[k].physics.rate_hz) for k in chosen]
+
+    def state(self) -> State:
+        """What is known now."""
+        return _rows(self._state, np.arange(len(self.scenes)))
+
+    def save(self) -> Saved:
+        """Everything that the next step depends on."""
+        return Saved(tuple(group.save() for group in self._groups), self._force.copy(), self._left.copy(), self.state())
+
+    def restore(self, token: Saved) -> State:
+        """Back to that moment."""
+        for group, numbers in zip(self._groups, token.numbers, strict=True):
+            group.restore(numbers)
+        self._force, self._left = token.force.copy(), token.left.copy()
+        self._state = _rows(token.state, np.arange(len(self.scenes)))
+        return self.state()
+
+    def close(self) -> None:
+        """Nothing is held that the garbage collector does not give back."""
+
+    def _together(self, states: Sequence[State]) -> State:
+        """Rows of the groups, in the order of the worlds."""
+        order = np.argsort(np.concatenate(self._rows))
+        names = (f.name for f in fields(State))
+        whole: dict[str, Any] = {name: np.concatenate([getattr(state, name) for state in states])[order] for name in names}
+        return State(**whole)
+
+
+class _Group:
+    """Worlds that share an object."""
+
+    def __init__(self, scenes: Sequence[Scene], parts: int, device: str) -> None:
+        self.scene, self.parts, self._warp, self._mjw = scenes[0], parts, extra("warp", "gpu"), extra("mujoco_warp", "gpu")
+        self._warp.config.quiet = True
+        self._device = _device(self._warp, device)
+        models = [compiled(scene) for scene in scenes]
+        self._at: Layout = layout(models[0], scenes[0])
+        self._limits = limits_of(self.scene)
+        with self._warp.ScopedDevice(self._device):
+            self._model = _model(self._mjw, models)
+            self._data = self._mjw.make_data(models[0], nworld=len(scenes), nconmax=CONTACTS, njmax=ROWS)
+            self._mjw.forward(self._model, self._data)
+        self._graph: Any = None
+        self._pushed = False
+
+    def reset(self, which: np.ndarray, q: np.ndarray, body: np.ndarray) -> None:
+        """Worlds `which` of the group at rest, joints at q (k, d), motors holding them there."""
+        at, place = self._at, self._at.free[0] + np.arange(7)
+        q, body = _checked("reset, q", q, (len(which), len(at.q))), _checked("reset, body", body, (len(which), 7))
+        mask = np.zeros(self._data.nworld, bool)
+        mask[which] = True
+        with self._warp.ScopedDevice(self._device):
+            self._mjw.reset_data(self._model, self._data, self._warp.array(mask, dtype=bool))
+            qpos, ctrl = self._numbers("qpos"), self._numbers("ctrl")
+            qpos[np.ix_(which, at.q)], qpos[np.ix_(which, place)] = q, body[:, [0, 1, 2, 6, 3, 4, 5]]
+            ctrl[np.ix_(which, at.motors)] = [held(self.scene, joints) for joints in q]
+            self._data.qpos.assign(qpos)
+            self._data.ctrl.assign(ctrl)
+            self._mjw.forward(self._model, self._data)
+
+    def step(self, u: np.ndarray, control_s: float, force: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """Motors follow u (n, m); `force` (n, 3) for the solver steps that are `left` (n,). Gives how many of these are over."""
+        count = solver_steps(control_s, self.scene.physics.rate_hz)
+        over, ctrl = left.clip(max=count), self._numbers("ctrl")
+        ctrl[:, self._at.motors] = _checked("step, u", u, (len(ctrl), len(self._at.motors))).clip(*self._limits.T)
+        with self._warp.ScopedDevice(self._device):
+            self._data.ctrl.assign(ctrl)
+            ends = np.unique([0, count, *over]).tolist()
+            for start, end in pairwise(ends):
+                self._push(np.where((over > start)[:, None], force, 0.0))
+                self._advance(end - start)
+            self._mjw.kinematics(self._model, self._data)
+        self._judge()
+        return over
+
+    def save(self) -> dict[str, np.ndarray]:
+        return {name: self._numbers(name) for name in MOVING}
+
+    def restore(self, numbers: dict[str, np.ndarray]) -> None:
+        for name, array in numbers.items():
+            getattr(self._data, name).assign(array)
+
+    def state(self) -> State:
+        """(n, ...) places are those of now; forces those of the last solver step."""
+        at, hand, n = self._at, self.scene.hand, self._data.nworld
+        place, turn, quaternion = (self._numbers(name).astype(np.float64) for name in ("xpos", "xmat", "xquat"))
+        qpos, qvel = (self._numbers(name).astype(np.float64) for name in ("qpos", "qvel"))
+        T = np.zeros((n, len(at.links), 4, 4))
+        T[..., :3, :3], T[..., :3, 3] = turn[:, at.links], place[:, at.links]
+        q, v = at.free
+        R, palm = turn[:, at.object], at.links[hand.palm]
+        spin = (R @ qvel[:, v + 3 : v + 6, None])[..., 0]
+        force, deepest, contacts = self._touching()
+        return State(
+            q=qpos[:, at.q], qd=qvel[:, at.qd], torque=self._numbers("actuator_force").astype(np.float64)[:, at.motors],
+            tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m),
+            palm=np.concatenate([place[:, palm], quaternion[:, palm][:, [1, 2, 3, 0]]], axis=1),
+            body=qpos[:, q + np.array([0, 1, 2, 4, 5, 6, 3])],
+            velocity=qvel[:, v : v + 3] + np.cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
+            penetration_m=deepest, contacts=contacts)  # type: ignore[arg-type]  # (n,) for numbers  # fmt: skip
+
+    def _touching(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) contacts: of the hand with the object."""
+        n, contact, count = self._data.nworld, self._data.contact, int(self._data.nacon.numpy()[0])
+        geom, of, row, dist = (getattr(contact, name).numpy()[:count] for name in ("geom", "worldid", "efc_address", "dist"))
+        finger, part, row = self._at.finger[geom].max(axis=1), self._at.part[geom].max(axis=1), row[:, 0]
+        touch = (finger >= 0) & (part >= 0) & (row >= 0)
+        of, row = of[touch], row[touch]
+        force, deepest = np.zeros((n, len(self.scene.hand.fingers.name) + 1, self.parts)), np.zeros(n)
+        np.add.at(force, (of, finger[touch], part[touch]), self._data.efc.force.numpy()[of, row])
+        np.maximum.at(deepest, of, -dist[touch].astype(np.float64))
+        return force, deepest, np.bincount(of, minlength=n)
+
+    def _numbers(self, name: str) -> np.ndarray:
+        """A copy."""
+        found: np.ndarray = np.array(getattr(self._data, name).numpy())
+        return found
+
+    def _push(self, force: np.ndarray) -> None:
+        if not force.any() and not self._pushed:
+            return
+        wrench, self._pushed = self._numbers("xfrc_applied"), bool(force.any())
+        wrench[:, self._at.object, :3] = force
+        self._data.xfrc_applied.assign(wrench)
+
+    def _advance(self, count: int) -> None:
+        """Solver steps; on a GPU the launches of one are recorded once, and then played."""
+        if self._device != "cuda":
+            for _ in range(count):
+                self._mjw.step(self._model, self._data)
+            return
+        if self._graph is None:
+            self._mjw.step(self._model, self._data)  # compiles, which a recording must not
+            with self._warp.ScopedCapture() as capture:
+                self._mjw.step(self._model, self._data)
+            self._graph, count = capture.graph, count - 1
+        for _ in range(count):
+            self._warp.capture_launch(self._graph)
+
+    def _judge(self) -> None:
+        """RuntimeError for what did not fit or is not finite."""
+        kinds = self._mjw.OverflowType
+        few = int(kinds.ITERATIONS | kinds.LS_ITERATIONS)  # the solver stopped before it had converged, as engines do
+        if (self._data.overflow.numpy() & ~few).any():
+            raise RuntimeError(f"{self.scene.body.name}: expected at most {CONTACTS} contacts and {ROWS} rows of constraints in a "
+                               "world, got more; raise CONTACTS and ROWS of afford/grasping/sim/warp_worlds.py")
+        if not np.isfinite(self._data.qpos.numpy()).all():
+            physics = self.scene.physics
+            raise RuntimeError(f"{self.scene.body.name}: mujoco-warp diverged; more iterations than {physics.iterations} or a rate "
+                               f"above {physics.rate_hz} Hz are needed")
+
+
+def _checked(name: str, found: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    out = np.asarray(found, np.float64)
+    if out.shape != shape or not np.isfinite(out).all():
+        raise ValueError(f"{name}: expected finite numbers of shape {shape}, got {out}")
+    return out
+
+
+def _device(warp: Any, device: str) -> str:
+    if device not in ("cpu", "cuda"):
+        raise ValueError(f"device: expected cpu or cuda, got {device!r}")
+    if device == "cuda" and not warp.is_cuda_available():
+        raise ValueError("device: expected a GPU that CUDA finds, got none; use cpu")
+    return device
+
+
+def _model(mjw: Any, models: Sequence[Any]) -> Any:
+    """One model for all worlds, with a row for each world of every field in which they differ."""
+    first = models[0]
+    batched = [f.name for f in fields(mjw.Model) if getattr(f.type, "shape", ())[:1] == ("*",) and hasattr(first, f.name)]
+    varied = [name for name in batched if any(not np.array_equal(getattr(first, name), getattr(m, name)) for m in models)]
+    try:
+        model = mjw.put_model(first, batch_sizes=dict.fromkeys(varied, len(models)))
+    except NotImplementedError as error:
+        raise ValueError(f"mujoco-warp: expected a scene that it can compute, got one with {error}; use mujoco") from error
+    for name in varied:
+        getattr(model, name).assign(np.stack([getattr(m, name) for m in models]).astype(np.float32))
+    model.opt.deterministic, model.opt.warn_overflow = int(mjw.DeterminismType.ALL), 0
+    return model
+
+
+def _rows(state: State, which: np.ndarray) -> State:
+    return State(**{f.name: getattr(state, f.name)[which] for f in fields(State)})
+
+
+def _put(state: State, which: np.ndarray, some: State) -> None:
+    for f in fields(State):
+        getattr(state, f.name)[which] = getattr(some, f.name)

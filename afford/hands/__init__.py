@@ -1,1 +1,0 @@
-"""Robot hands: read from MJCF or URDF, written as URDF, moved in numpy."""

@@ -1,1 +1,0 @@
-"""Narrations -> labels of frames."""

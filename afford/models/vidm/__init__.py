@@ -1,1 +1,0 @@
-"""VIDM, a latent diffusion model that fills the holes of one frame from four (Chang et al. 2023, "Look Ma, No Hands!")."""

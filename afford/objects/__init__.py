@@ -1,1 +1,0 @@
-"""Procedural hand tools and household things with exact part truth. See `afford.objects.build`."""

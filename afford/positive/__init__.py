@@ -1,1 +1,0 @@
-"""Where hands belong, from pictures to the surface."""

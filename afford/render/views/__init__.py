@@ -1,0 +1,1 @@
+"""Views of a mesh: plan cameras, draw, cast rays."""

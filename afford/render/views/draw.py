@@ -1,0 +1,83 @@
+"""Pictures of an object with the exact face behind every pixel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from afford.render.batch import batch
+from afford.render.draw import render
+from afford.render.mesh import Mesh, mesh, solid
+from afford.render.model import Camera, Instance, Light, Material
+from afford.render.textures import Textures
+from afford.render.view import View, depth
+from afford.render.views.cameras import Sphere, camera
+from schemas.mesh import ObjectMesh
+
+BACKGROUND = 235
+"""grey of the pictures beside the object"""
+LARGEST_PX = 2048
+"""textures are used up to this size"""
+CREASE_DEG = 40.0
+LAMP = Light(colour=(1.25, 1.2, 1.1), ceiling=(0.1, 0.1, 0.1), sky=(0.62, 0.62, 0.64), ground=(0.5, 0.49, 0.48), softness=0.05,
+             vignette=0.0)  # fmt: skip
+
+
+class Shot(NamedTuple):
+    """A picture: its camera, colours (h, w, 3) uint8, faces (h, w) int32 (-1 beside the object), depth (h, w) float32 metres."""
+
+    camera: Camera
+    rgb: np.ndarray
+    face: np.ndarray
+    depth_m: np.ndarray
+
+
+class Studio:
+    """One object in front of a plain wall, a lamp beside the camera."""
+
+    def __init__(self, thing: ObjectMesh, supersample: int = 2) -> None:
+        self._vertices, self._supersample = thing.vertices.astype(np.float64), supersample
+        self._sphere = Sphere.of(thing.vertices)
+        self._faces = np.flatnonzero(solid(thing.vertices, thing.faces)).astype(np.int32)
+        self._instances = (Instance(drawable(thing), material(thing.texture), entity=0),)
+        self._textures = Textures.of(i.material for i in self._instances)
+
+    def shoot(self, towards: np.ndarray, distance: float, size_px: int) -> Shot:
+        """A square picture from `distance` radii away in the direction `towards` (3,)."""
+        cam = camera(self._vertices, self._sphere, towards, distance, size_px)
+        rgb = render(self._instances, cam, self._light(cam), self._textures, supersample=self._supersample).rgb
+        view = View.of(batch(self._instances, self._textures), cam)
+        seen, near = view.seen(1)[1]
+        covered = view.seen(self._supersample)[1][0] >= 0
+        return Shot(cam, _before_wall(rgb, covered), np.append(self._faces, np.int32(-1))[seen], depth(near))
+
+    def _light(self, cam: Camera) -> Light:
+        """From over the camera's left shoulder, with much light from all around, so that no side is dark."""
+        R = cam.T_world_cam[:3, :3]
+        x, y, z = (R @ np.array([0.35, 0.5, 1.0])).tolist()
+        a, b, c = self._sphere.centre.tolist()
+        return replace(LAMP, direction=(x, y, z), centre=(a, b, c), radius_m=1.2 * self._sphere.radius_m)
+
+
+def drawable(thing: ObjectMesh) -> Mesh:
+    """The object as the renderer takes it: a vertex for each corner of a face, since corners have coordinates of their own."""
+    corners = np.arange(3 * len(thing.faces), dtype=np.int32).reshape(-1, 3)
+    uv = np.stack([thing.uv[..., 0], 1 - thing.uv[..., 1]], -1).reshape(-1, 2)
+    return mesh(thing.vertices[thing.faces.reshape(-1)], corners, uv, crease_deg=CREASE_DEG)
+
+
+def material(texture: np.ndarray) -> Material:
+    """A texture (a, b, 3) uint8 of any size as a material; its sides become powers of two."""
+    tall, wide = (min(1 << (side - 1).bit_length(), LARGEST_PX) for side in texture.shape[:2])
+    same = (tall, wide) == texture.shape[:2]
+    return Material(texture if same else cv2.resize(texture, (wide, tall), interpolation=cv2.INTER_AREA), roughness=0.6)
+
+
+def _before_wall(rgb: np.ndarray, covered: np.ndarray) -> np.ndarray:
+    """The wall in what no sample (h * s, w * s) of a pixel covers."""
+    height, width = rgb.shape[:2]
+    share = covered.reshape(height, covered.shape[0] // height, width, -1).mean((1, 3), dtype=np.float32)
+    return np.asarray(rgb + np.rint((1 - share) * BACKGROUND).astype(np.uint8)[..., None])

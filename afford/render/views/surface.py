@@ -1,0 +1,76 @@
+"""Points on a surface that stand for its area, and how much of it can be seen from outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from schemas.mesh import ObjectMesh
+
+if TYPE_CHECKING:
+    from afford.render.views.rays import Rays
+
+POINTS = 4096
+"""large faces get so many points, evenly over the area, that the whole has at least about this many; every face has one"""
+GRAZING_COS = np.float32(np.cos(np.radians(88)))
+"""directions flatter than this along a surface do not count as seeing it"""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """(n, 3) float32 points and unit normals; (n,) face of each and the area in m^2 that it stands for."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    face: np.ndarray
+    area: np.ndarray
+
+    @staticmethod
+    def of(mesh: ObjectMesh) -> Surface:
+        """One point in the middle of each face; faces larger than a share of the whole are divided first."""
+        corners = mesh.vertices[mesh.faces].astype(np.float64)
+        area, normal = areas(corners)
+        cuts = np.ceil(np.sqrt(area * POINTS / max(area.sum(), 1e-30))).clip(1, 256).astype(int)
+        parts = [_spread(corners[cuts == n], np.flatnonzero(cuts == n), int(n)) for n in np.unique(cuts)]
+        face = np.concatenate([part[1] for part in parts])
+        order = np.argsort(face, kind="stable")
+        points, face = np.concatenate([part[0] for part in parts])[order], face[order]
+        return Surface(points.astype(np.float32), normal[face].astype(np.float32), face, (area / cuts**2)[face])
+
+    def visible(self, rays: Rays, directions: np.ndarray) -> np.ndarray:
+        """(n,) bool: from which points a ray escapes along at least one of the (d, 3) directions."""
+        out = np.zeros(len(self.points), bool)
+        for towards in directions.astype(np.float32):
+            asked = np.flatnonzero(~out & (self.normals @ towards > GRAZING_COS))
+            out[asked] = rays.escape(self.points[asked], self.normals[asked], np.broadcast_to(towards, (len(asked), 3)))
+        return out
+
+
+def sphere(count: int) -> np.ndarray:
+    """(count, 3) float64 unit vectors, evenly spread (Fibonacci lattice)."""
+    n = np.arange(count) + 0.5
+    z, turn = 1 - 2 * n / count, np.pi * (1 + 5**0.5) * n
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], -1)
+
+
+def areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(f,) square metres and (f, 3) unit normals of triangles (f, 3, 3); the normal of what has no area is 0."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    return length / 2, cross / np.maximum(length, 1e-30)[:, None]
+
+
+def _spread(corners: np.ndarray, face: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the n * n equal triangles that each face (f, 3, 3) is cut into, and the face of each."""
+    cells = [(i, j, turned) for i in range(n) for j in range(n - i) for turned in (0, 1) if not turned or i + j < n - 1]
+    weights = np.array([_middle(*cell, n) for cell in cells])
+    points = np.einsum("wk,fkx->fwx", weights, corners)
+    return points.reshape(-1, 3), np.repeat(face, len(weights))
+
+
+def _middle(i: int, j: int, turned: int, n: int) -> tuple[float, float, float]:
+    a, b = (i + (1 + turned) / 3) / n, (j + (1 + turned) / 3) / n
+    return 1 - a - b, a, b

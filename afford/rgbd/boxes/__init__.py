@@ -1,0 +1,1 @@
+"""A detector of single pictures to compare SOR3D-AFF with."""

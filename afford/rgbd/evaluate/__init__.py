@@ -1,0 +1,1 @@
+"""Evaluation on RGB-D interactions and single pictures: metrics, reports, pictures."""

@@ -1,0 +1,1 @@
+"""The SOR3D-AFF model: encoders, ConvLSTM, soft attention, decoders."""

@@ -1,0 +1,1 @@
+"""Prediction on RGB-D video and pictures of a user."""

@@ -1,0 +1,1 @@
+"""Scene flow: regularised 3-D motion between RGB-D frames."""

@@ -1,0 +1,1 @@
+"""Training of the SOR3D-AFF model and of the detector."""

@@ -1,1 +1,0 @@
-"""Reinforcement learning: policies and PPO. Knows no hands and no objects."""

@@ -1,1 +1,0 @@
-"""Scene flow: how the surface behind every pixel moves in space between two RGB-D frames."""

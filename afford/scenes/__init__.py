@@ -1,1 +1,0 @@
-"""The synthetic source: rooms, objects, hands and choreographies that are rendered to clips in the EPIC/VISOR format."""

@@ -1,1 +1,0 @@
-"""Physics. Only `bullet.py` imports pybullet."""

@@ -1,0 +1,1 @@
+"""From mesh and task to negative and positive affordance on its faces."""

@@ -1,0 +1,40 @@
+"""The embedded proposer: the surface is cut where it bends inwards, changes colour or thickness, at all scales."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.surface.segments.borders import Borders, Weights
+from afford.surface.segments.features import Features
+from afford.surface.segments.oversegment import oversegment
+from afford.surface.segments.suppress import collected, suppress
+from afford.surface.segments.tree import Tree, grow
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates
+
+FINEST = 0.0003
+"""scale of the first regions (see oversegment)"""
+
+
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
+    """Reads `least_share`, `most_share` (of the object's area), `least_px`, `nms_iou` and `most` (masks of a view)."""
+    tree = regions(mesh, params.least_share)
+    chosen = np.flatnonzero((tree.share >= params.least_share) & (tree.share <= params.most_share))
+    nodes, quality = tree.members()[chosen], tree.persistence[chosen]
+    found: list[tuple[int, np.ndarray, float]] = []
+    for view, face in enumerate(views.face):
+        region = np.append(tree.leaf, len(nodes.T))[face]
+        size = np.bincount(region.reshape(-1), minlength=len(nodes.T) + 1)[:-1]
+        shown = np.flatnonzero((nodes @ size >= params.least_px) & (nodes @ size <= params.most_share * size.sum()))
+        masks = np.pad(nodes[shown], ((0, 0), (0, 1)))[:, region]
+        found += [(view, masks[k], float(quality[shown[k]])) for k in suppress(masks, quality[shown], params.nms_iou, params.most)]
+    return collected(mesh.name, found, views.face.shape[1:])
+
+
+def regions(mesh: ObjectMesh, least: float) -> Tree:
+    """The tree of regions of a surface."""
+    features = Features.of(mesh)
+    borders = Borders.of(mesh.vertices, mesh.faces, features, Weights())
+    return grow(oversegment(borders, features.area, FINEST, least / 2), borders, features)

@@ -1,0 +1,33 @@
+"""Segment Anything is asked at a grid of points over every view, as AffordDex has it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from afford.models.sam_masks import Grid, everything, grid_points, load_model
+from afford.surface.segments.suppress import collected, suppress
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates
+
+WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-huge"
+
+
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
+    """Reads `model`, `device`, `dtype`, `batch`, `grid`, `least_iou`, `least_stability`, `offset`, `least_px`, `most_share`,
+    `nms_iou` and `most`."""
+    model = load_model(params.model, params.device, params.dtype)
+    grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
+    points = grid_points(grid.points, *views.face.shape[1:])
+    found: list[tuple[int, np.ndarray, float]] = []
+    for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):
+        on = face >= 0
+        asked = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
+        masks, quality = everything(model, rgb, grid, asked) if len(asked) else (np.zeros((0, *on.shape), bool), np.zeros(0))
+        masks &= on
+        size = masks.sum((1, 2))
+        fit = (size >= params.least_px) & (size <= params.most_share * on.sum())
+        masks, quality = masks[fit], quality[fit]
+        found += [(view, masks[n], float(quality[n])) for n in suppress(masks, quality, params.nms_iou, params.most)]
+    return collected(mesh.name, found, views.face.shape[1:])

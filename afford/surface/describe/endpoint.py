@@ -1,0 +1,23 @@
+"""A vision-language model behind an OpenAI-compatible server as a describer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from afford.surface.describe import answer
+from afford.surface.describe.question import question
+from afford.common.encode import jpeg
+from afford.models.chat_endpoint import ask, endpoint
+from afford.render.views.contact import contact_sheet, labels
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartDescription
+
+SERVER = "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` or none"
+QUALITY = 90
+
+
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
+    """Reads what `endpoint` does, and `views`."""
+    asked = question(mesh.category, task, labels(views, params.views))
+    picture = jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
+    return answer.read(ask(endpoint(params), asked, picture), mesh.name, task, "endpoint")

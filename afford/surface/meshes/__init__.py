@@ -1,0 +1,1 @@
+"""Read, repair, texture and label meshes."""

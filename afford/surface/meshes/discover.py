@@ -1,0 +1,98 @@
+"""A folder of meshes -> one file tree per object, with exactly the files it needs. Runs before anything is computed.
+
+An object is a URDF (named by its stem), a mesh file at the top (by its stem), or a folder with one mesh in it (by the name of
+the folder). Meshes that a URDF names, as what is seen or as what collides, are no objects of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from afford.surface.meshes.files import LABELS, URDF
+from afford.surface.meshes.references import collisions, is_mesh, needs
+from afford.common.errors import SourceError
+from afford.common.folders import Entry, entries, refuse_link
+from schemas.files import FileRef, FileTree
+
+Digest = Callable[[Path], str]
+
+
+@dataclass(frozen=True)
+class Refused:
+    """An object that must not or cannot be read; it fails alone."""
+
+    name: str
+    reason: str
+    """one sentence: file, what was expected, what was found, what to do"""
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """The objects of a folder, by name."""
+
+    name: str
+    """name of the folder"""
+    objects: tuple[FileTree, ...]
+    refused: tuple[Refused, ...]
+
+
+def discover(root: Path, digest: Digest) -> Meshes:
+    """Look at `root`. SourceError when it is no folder or holds no mesh."""
+    if not root.is_dir():
+        raise SourceError(str(root), "a folder of meshes", "a file" if root.exists() else "nothing", "give the folder")
+    found = {entry.name: entry for entry in entries(root)}
+    trees: list[FileTree] = []
+    refused: list[Refused] = []
+    for name, mains in _objects(found).items():
+        try:
+            trees.append(_tree(name, mains, found, digest))
+        except (SourceError, OSError) as error:
+            refused.append(Refused(name, str(error)))
+    if not trees and not refused:
+        raise SourceError(str(root), "a mesh (OBJ, PLY, STL, GLB, glTF) or a URDF", "none", "put one there")
+    return Meshes(root.resolve().name, tuple(trees), tuple(refused))
+
+
+def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
+    """Object name -> the files that may be it: exactly one, if all is well."""
+    claimed: set[str] = set()
+    out: dict[str, list[Entry]] = {}
+    for entry in found.values():
+        if entry.suffix == URDF:
+            out.setdefault(entry.stem, []).append(entry)
+            claimed |= _claimed(entry)
+    for entry in found.values():
+        if is_mesh(entry.name) and entry.name not in claimed:
+            out.setdefault(entry.stem if entry.top else entry.name.split("/")[0], []).append(entry)
+    return dict(sorted(out.items()))
+
+
+def _claimed(entry: Entry) -> set[str]:
+    """Meshes that a URDF speaks for; none when it cannot be read, which is said when its own turn comes."""
+    try:
+        return set() if entry.leaves else {*needs(entry.name, entry.path), *collisions(entry.name, entry.path)}
+    except SourceError:
+        return set()
+
+
+def _tree(name: str, mains: list[Entry], found: dict[str, Entry], digest: Digest) -> FileTree:
+    if len(mains) > 1:
+        raise SourceError(name, "one mesh or URDF of that name, or one in the folder", ", ".join(entry.name for entry in mains),
+                          "keep one, rename the others, or join them in a URDF")
+    members, waiting = {}, [mains[0]]
+    while waiting:
+        entry = waiting.pop()
+        if entry.name in members:
+            continue
+        refuse_link(entry)
+        members[entry.name] = entry
+        wanted = [*needs(entry.name, entry.path), entry.name + LABELS]
+        waiting.extend(found[other] for other in wanted if other in found)
+    return FileTree(name, tuple(_refs(members.values(), digest)))
+
+
+def _refs(members: Iterable[Entry], digest: Digest) -> list[FileRef]:
+    ordered = sorted(members, key=lambda entry: entry.name)
+    return [FileRef(e.name, digest(e.path), e.path.stat().st_size, e.path) for e in ordered]

@@ -1,0 +1,149 @@
+"""OBJ files, in the order of their face lines.
+
+Read here and not by a library because the order of the faces and the groups they stand in must survive (part labels refer to
+them), and because a line that cannot be read is an error here. Polygons are cut as fans; curves, normals and smoothing groups
+are left out.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from afford.surface.meshes.files import Pictures, locate, text
+from afford.surface.meshes.mtl import read_mtl
+from afford.surface.meshes.surface import GREY, Surface
+from afford.common.errors import SourceError
+from schemas.files import FileRef, FileTree
+
+INDEX = re.compile(r"[0-9]{1,18}")
+
+
+@dataclass
+class _Lines:
+    """The lines of a file, sorted by what they say."""
+
+    v: list[list[str]] = field(default_factory=list)
+    vt: list[list[str]] = field(default_factory=list)
+    polygons: list[list[str]] = field(default_factory=list)
+    at: list[int] = field(default_factory=list)
+    """line number of each polygon"""
+    material: list[int] = field(default_factory=list)
+    group: list[int] = field(default_factory=list)
+    materials: dict[str, int] = field(default_factory=lambda: {"": 0})
+    groups: dict[str, int] = field(default_factory=lambda: {"": 0})
+    libraries: list[str] = field(default_factory=list)
+
+
+def read_obj(files: FileTree, file: FileRef) -> Surface:
+    """A surface; SourceError with the line for what cannot be read."""
+    lines = _sort(text(file))
+    vertices, has_colour = _vertices(lines.v, file.name)
+    coords = _numbers(lines.vt, 2, file.name, "vt")
+    corner, texel, polygon = _triangles(lines, file.name, len(vertices), len(coords))
+    material, group = np.asarray(lines.material, np.int64)[polygon], np.asarray(lines.group, np.int64)[polygon]
+    images, missing = _images(files, file, lines)
+    uv = np.where(texel[..., None] >= 0, np.concatenate([coords, np.zeros((1, 2))])[texel], 0.0)
+    big = np.array([image.size > 3 for image in images])
+    bare = int((big[material] & (texel < 0).any(axis=1)).sum())
+    notes = (("faces without texture coordinates under an image", bare),) if bare else ()
+    colour = np.round(vertices[corner, 3:] * 255).astype(np.uint8) if has_colour else np.zeros((len(corner), 3, 3), np.uint8)
+    paint = np.where(big[material] | (material != 0), material, -1) if has_colour else material
+    if missing:
+        raise SourceError(file.name, f"the material {missing!r} in {', '.join(lines.libraries)}", "no such material",
+                          "export the MTL file again")
+    return Surface(vertices[:, :3], corner, uv, paint, images, colour, polygon, group, tuple(lines.groups), notes)
+
+
+def _sort(content: str) -> _Lines:
+    out, material, group = _Lines(), 0, 0
+    for number, line in enumerate(content.replace("\\\r\n", " ").replace("\\\n", " ").splitlines(), 1):
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            out.v.append(words[1:])
+        elif words[0] == "vt":
+            out.vt.append(words[1:3] if len(words) > 2 else [*words[1:2], "0"])
+        elif words[0] == "f":
+            named = words[1:]
+            if "-" in line:
+                named = [_absolute(word, len(out.v), len(out.vt)) for word in named]
+            out.polygons.append(named)
+            out.at.append(number)
+            out.material.append(material)
+            out.group.append(group)
+        elif words[0] == "usemtl":
+            material = out.materials.setdefault(" ".join(words[1:]), len(out.materials))
+        elif words[0] in ("g", "o"):
+            group = out.groups.setdefault(" ".join(words[1:]), len(out.groups))
+        elif words[0] == "mtllib":
+            out.libraries.append(line.partition(words[0])[2].strip())
+    return out
+
+
+def _absolute(word: str, vertices: int, coords: int) -> str:
+    """The corner with indices that count backwards made positive."""
+    parts = word.split("/")
+    for k, count in enumerate((vertices, coords)[: len(parts)]):
+        if parts[k].startswith("-"):
+            parts[k] = str(count + 1 + int(parts[k])) if INDEX.fullmatch(parts[k][1:]) else parts[k]
+    return "/".join(parts)
+
+
+def _numbers(rows: list[list[str]], width: int, name: str, word: str) -> np.ndarray:
+    try:
+        return np.array(rows, np.float64).reshape(-1, width)
+    except ValueError as error:
+        got = str(error).splitlines()[0]
+        raise SourceError(name, f"{word} lines with {width} numbers", got, "export the file again") from error
+
+
+def _vertices(rows: list[list[str]], name: str) -> tuple[np.ndarray, bool]:
+    """(v, 3), or (v, 6) with colours 0..1 when every vertex has one."""
+    lengths = {len(row) for row in rows}
+    if lengths == {6}:
+        out = _numbers(rows, 6, name, "v")
+        return np.concatenate([out[:, :3], np.clip(out[:, 3:], 0, 1)], axis=1), True
+    if lengths <= {3, 4}:
+        return _numbers([row[:3] for row in rows], 3, name, "v"), False
+    raise SourceError(name, "v lines with 3 numbers, or all with 6 (position and colour)", f"lines with {sorted(lengths)}",
+                      "export the file again")
+
+
+def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(f, 3) vertex and texture indices from 0 (-1 none), and the polygon that each triangle was cut from."""
+    sizes = np.array([len(polygon) for polygon in lines.polygons], np.int64)
+    if len(sizes) and sizes.min() < 3:
+        raise SourceError(f"{name}, line {lines.at[int(sizes.argmin())]}", "a face with 3 corners or more", f"{sizes.min()}",
+                          "export the file again")
+    split = [word.split("/") for polygon in lines.polygons for word in polygon]
+    try:
+        v = np.array([int(parts[0]) for parts in split], np.int64)
+        vt = np.array([int(parts[1]) if len(parts) > 1 and parts[1] else 0 for parts in split], np.int64)
+    except (ValueError, OverflowError) as error:
+        raise SourceError(name, "f lines with corners v, v/vt, v//vn or v/vt/vn", str(error), "export the file again") from error
+    for index, count, word in ((v, vertices, "v"), (vt, coords, "vt")):
+        bad = (index > count) | (index < (1 if word == "v" else 0))
+        if bad.any():
+            line = lines.at[int(np.searchsorted(np.cumsum(sizes), int(bad.argmax()), side="right"))]
+            raise SourceError(f"{name}, line {line}", f"{word} indices 1..{count}", str(index[bad][0]), "export the file again")
+    polygon = np.repeat(np.arange(len(sizes)), np.maximum(sizes - 2, 0))
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])[polygon] if len(sizes) else np.zeros(0, np.int64)
+    step = np.arange(len(polygon)) - np.concatenate([[0], np.cumsum(sizes - 2)[:-1]])[polygon] if len(sizes) else first
+    corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
+    return v[corners] - 1, vt[corners] - 1, polygon
+
+
+def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.ndarray, ...], str]:
+    """The image of each material that faces use (grey where no library is named), and a name that no library has."""
+    known: dict[str, np.ndarray] = {"": np.asarray(GREY, np.uint8).reshape(1, 1, 3)}
+    pictures = Pictures()
+    for library in reversed(dict.fromkeys(reversed(lines.libraries))):  # each once; of one name the last counts
+        known |= read_mtl(files, locate(files, file.name, library), pictures)
+    used = set(lines.material)
+    wanted = {name for name, index in lines.materials.items() if index in used}
+    missing = next((name for name in lines.materials if name in wanted and name not in known), "") if lines.libraries else ""
+    return tuple(known.get(name, known[""]) for name in lines.materials), missing

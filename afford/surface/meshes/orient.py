@@ -1,0 +1,105 @@
+"""Faces turned so that all of a body agree, and so that bodies look outwards.
+
+Agreement is a two-colouring: every face stands twice in a graph, as it is and turned, and neighbours that agree are joined.
+Outwards is the sign of the volume with every hole closed by a fan. A body within another one turns with it, so that a cavity
+stays a cavity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.surface.meshes.net import Net, components, directed, shared
+
+FLAT = 1e-6
+"""bodies whose volume is below this share of area^1.5 have no inside"""
+
+
+def turned(net: Net) -> np.ndarray:
+    """(f,) bool: faces to turn."""
+    count = len(net.faces)
+    pairs, rim = shared(net.faces)
+    edges, faces = directed(net.faces), pairs // 3
+    agree = edges[pairs[:, 0], 0] == edges[pairs[:, 1], 1]
+    body = components(count, faces)
+    a, b, apart = faces[:, 0], faces[:, 1], count * ~agree
+    double = components(2 * count, np.concatenate([np.stack([a, b + apart], 1), np.stack([a + count, b + count - apart], 1)]))
+    root = np.unique(body, return_index=True)[1]
+    flip = double[:count] != double[root][body]
+    minority = np.bincount(body, flip) * 2 > np.bincount(body)
+    flip ^= minority[body]
+    outward = net.turn(flip)
+    return flip ^ _inverted(outward, body, rim)[body]
+
+
+def twisted(faces: np.ndarray) -> int:
+    """Pairs of neighbours that run along their edge in the same direction: what no turning can mend, as in a Moebius band."""
+    pairs, _ = shared(faces)
+    edges = directed(faces)
+    return int((edges[pairs[:, 0], 0] == edges[pairs[:, 1], 0]).sum())
+
+
+def _inverted(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """(bodies,) bool: bodies that look inwards, or lie in one that does."""
+    volume = _volumes(net, body, rim)
+    size = np.sqrt(np.bincount(body, net.areas))
+    inverted = volume < -FLAT * size**3
+    outer = _containers(net, body)
+    return np.where(outer >= 0, inverted[np.maximum(outer, 0)], inverted)
+
+
+def _volumes(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """(n,) signed volume of each body, m^3, holes closed by fans."""
+    number = int(body.max()) + 1
+    tri = net.vertices[net.faces]
+    centres: np.ndarray = np.stack([np.bincount(body, tri[..., k].mean(axis=1), number) for k in range(3)], axis=1)
+    centres = centres / np.bincount(body, minlength=number)[:, None]
+    out = _determinants(tri - centres[body][:, None], body, number)
+    return out + _fans(net, body, rim, centres, number) if len(rim) else out
+
+
+def _fans(net: Net, body: np.ndarray, rim: np.ndarray, centres: np.ndarray, number: int) -> np.ndarray:
+    """(n,) volume that closing the holes adds; `rim` (m,) are directed edges of one face."""
+    edges = np.stack([net.faces.reshape(-1)[rim], np.roll(net.faces, -1, axis=1).reshape(-1)[rim]], axis=1)
+    owner = body[rim // 3]
+    names, index = np.unique(edges, return_inverse=True)
+    hole = components(len(names), index.reshape(-1, 2))[index.reshape(-1, 2)[:, 0]]
+    middle: np.ndarray = np.stack([np.bincount(hole, net.vertices[edges].mean(axis=1)[:, k]) for k in range(3)], axis=1)
+    middle = middle / np.maximum(np.bincount(hole), 1)[:, None]
+    fan = np.stack([net.vertices[edges[:, 1]], net.vertices[edges[:, 0]], middle[hole]], axis=1)
+    return _determinants(fan - centres[owner][:, None], owner, number)
+
+
+def _determinants(tri: np.ndarray, body: np.ndarray, number: int) -> np.ndarray:
+    return np.bincount(body, (tri[:, 0] * np.cross(tri[:, 1], tri[:, 2])).sum(axis=1) / 6, number)
+
+
+def _containers(net: Net, body: np.ndarray) -> np.ndarray:
+    """(n,) the outermost body around each body, -1 where there is none."""
+    number = int(body.max()) + 1
+    tri = net.vertices[net.faces]
+    order = np.argsort(body, kind="stable")
+    starts = np.searchsorted(body[order], np.arange(number))
+    low = np.minimum.reduceat(tri.min(axis=1)[order], starts)
+    high = np.maximum.reduceat(tri.max(axis=1)[order], starts)
+    point = net.vertices[net.faces[order[starts], 0]]
+    out = np.full(number, -1)
+    largest = np.argsort(-np.prod(high - low, axis=1), kind="stable")
+    for outer in largest:
+        boxed = (low[outer] <= low).all(axis=1) & (high <= high[outer]).all(axis=1) & (out < 0)
+        boxed[outer] = False
+        if out[outer] < 0 and boxed.any():
+            faces = net.faces[body == outer]
+            for inner in np.flatnonzero(boxed):
+                if abs(winding(point[inner], net.vertices, faces)) > 0.5:
+                    out[inner] = outer
+    return out
+
+
+def winding(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> float:
+    """How often a surface winds around a point: 1 inside a closed one, 0 outside (generalised winding number)."""
+    a, b, c = (vertices[faces[:, k]] - point for k in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    return float(np.arctan2((a * np.cross(b, c)).sum(1), below).sum() / (2 * np.pi))
+

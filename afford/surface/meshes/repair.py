@@ -1,0 +1,90 @@
+"""A mesh in order: places merged, empty and repeated faces and dust dropped, windings turned, small holes closed.
+
+Every step is counted. Texture seams stay, because coordinates hang on corners and not on vertices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.surface.meshes.errors import MeshError
+from afford.surface.meshes.holes import fill
+from afford.surface.meshes.net import Net, bodies, cross, start
+from afford.surface.meshes.orient import turned, twisted
+
+SAME_PLACE = 1e-7
+"""vertices nearer than this share of the diagonal are one"""
+NO_AREA = 1e-14
+"""faces below this share of diagonal^2 are empty"""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What repairs may do."""
+
+    hole_edges: int
+    """holes with more edges stay open"""
+    hole_share: float
+    """holes with more than this share of the surface stay open"""
+    dust_share: float
+    """bodies with less than this share of the surface are dropped"""
+
+
+Counts = tuple[tuple[str, int], ...]
+
+
+def repair(vertices: np.ndarray, faces: np.ndarray, limits: Limits) -> tuple[Net, Counts]:
+    """The repaired net, and what was done how often (what was not needed is left out). MeshError when nothing remains."""
+    net, merged = merge(start(vertices, faces))
+    net, empty = drop_empty(net)
+    net, repeated = drop_repeated(net)
+    if not len(net.faces):
+        raise MeshError("faces with an area", f"{len(faces)} that are all empty", "export the mesh again")
+    net, dust = drop_dust(net, limits.dust_share)
+    mask = turned(net)
+    net = net.turn(mask)
+    net, filled, left = fill(net, limits.hole_edges, limits.hole_share)
+    done = (("vertices merged", merged), ("empty faces dropped", empty), ("repeated faces dropped", repeated),
+            ("faces of dust dropped", dust), ("faces turned", int(mask.sum())), ("holes filled", filled),
+            ("holes left open", left), ("edges left twisted", twisted(net.faces)))  # fmt: skip
+    return net.compact(), tuple((what, count) for what, count in done if count)
+
+
+def merge(net: Net) -> tuple[Net, int]:
+    """Vertices at the same place made one; the first stays. Counts the vertices in use that went."""
+    low, size = net.vertices.min(axis=0), np.linalg.norm(np.ptp(net.vertices, axis=0))
+    cells = np.round((net.vertices - low) / max(size * SAME_PLACE, 1e-300)).astype(np.int64)
+    order = np.lexsort(cells.T[::-1])
+    new = np.concatenate([[True], (np.diff(cells[order], axis=0) != 0).any(axis=1)])
+    first = np.minimum.reduceat(order, np.flatnonzero(new))
+    index = np.zeros(len(order), np.int64)
+    index[order] = first[np.cumsum(new) - 1]
+    before = len(np.unique(net.faces))
+    faces = index[net.faces]
+    return Net(net.vertices, faces, net.corner), before - len(np.unique(faces))
+
+
+def drop_empty(net: Net) -> tuple[Net, int]:
+    """Without faces that have no area."""
+    size = np.linalg.norm(np.ptp(net.vertices[np.unique(net.faces)], axis=0))
+    a, b, c = net.faces.T
+    full = (a != b) & (b != c) & (c != a) & (np.linalg.norm(cross(net.vertices, net.faces), axis=1) > NO_AREA * size**2)
+    return net.keep(full), int((~full).sum())
+
+
+def drop_repeated(net: Net) -> tuple[Net, int]:
+    """Without faces over the same three vertices as an earlier one, whichever way they look."""
+    _, first = np.unique(np.sort(net.faces, axis=1), axis=0, return_index=True)
+    kept = np.zeros(len(net.faces), bool)
+    kept[first] = True
+    return net.keep(kept), int((~kept).sum())
+
+
+def drop_dust(net: Net, share: float) -> tuple[Net, int]:
+    """Without bodies whose area is below `share` of the whole; the largest always stays."""
+    body = bodies(net.faces)
+    areas = np.bincount(body, net.areas)
+    kept = (areas >= share * areas.sum()) | (np.arange(len(areas)) == areas.argmax())
+    return net.keep(kept[body]), int((~kept[body]).sum())

@@ -1,0 +1,1 @@
+"""Negative affordance: votes of views on faces, fusion, distance, baselines, score, report."""

@@ -1,0 +1,66 @@
+"""How well negative surfaces agree with exact part truth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from afford.surface.negative import baselines
+from afford.surface.negative.fuse import by_task
+from afford.common.points import sample
+from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
+from schemas.surface import NegativeAffordances, NegativeScore, PartCandidates, PartDescriptions, PartScores
+
+NAN = float("nan")
+POINTS = 2048
+"""points of the visible surface whose recall is counted"""
+METHODS = ("afford", "paper_recipe", "coarse_box", "clip_relevance", "whole_object", "random_candidate")
+
+
+class Scored(NamedTuple):
+    """Masks in views of an object, and how well they fit what is said of its parts."""
+
+    masks: PartCandidates
+    scores: PartScores
+
+
+class Known(NamedTuple):
+    """What is true of an object: its parts, and task -> names of its negative parts."""
+
+    parts: MeshParts
+    truth: dict[str, frozenset[str]]
+
+
+def score(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, candidates: Scored, windows: Scored,
+          found: NegativeAffordances, known: Known, threshold: float, seed: int) -> tuple[NegativeScore, ...]:  # fmt: skip
+    """Rows of all methods and tasks. Faces without a label do not count."""
+    area = np.where(known.parts.part >= 0, views.visible_area, 0).astype(np.float64)
+    face = sample(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
+    rows = list[NegativeScore]()
+    each = zip(by_task(descriptions, candidates.scores), by_task(descriptions, windows.scores), found.tasks, strict=True)
+    for (one, said), (_, fits), told in each:
+        true = np.isin(known.parts.part, [n for n, name in enumerate(known.parts.names) if name in known.truth[one.task]])
+        taken = {
+            "paper_recipe": baselines.paper(candidates.masks, one, said),
+            "coarse_box": baselines.naive(views, candidates.masks, windows.masks, one, fits),
+            "random_candidate": baselines.random_candidate(candidates.masks, np.random.default_rng(seed)),
+        }
+        answers = {
+            "afford": told.probability > threshold,
+            "clip_relevance": baselines.relevant(mesh, views, windows.masks, one, fits),
+            "whole_object": baselines.whole(mesh),
+        } | {method: baselines.splatted(mesh, views, masks) for method, masks in taken.items()}
+        whole = {method: baselines.whole_object_taken(views, masks) for method, masks in taken.items()}
+        rows += [_row(method, one.task, answers[method], true, area, face, whole.get(method, NAN)) for method in METHODS]
+    return tuple(rows)
+
+
+def _row(method: str, task: str, said: np.ndarray, true: np.ndarray, area: np.ndarray, face: np.ndarray,
+         whole: float) -> NegativeScore:  # fmt: skip
+    both, either, right, told = (float(area[m].sum()) for m in (said & true, said | true, true, said))
+    share = told / max(float(area.sum()), 1e-30)
+    if not true[face].any():
+        return NegativeScore(method, task, NAN, NAN, NAN, NAN, share, whole)
+    points = float(said[face][true[face]].mean())
+    return NegativeScore(method, task, both / either, both / told if told else 0.0, both / right, points, share, whole)

@@ -1,0 +1,1 @@
+"""The part scorer: crops, traits, network, training, card."""

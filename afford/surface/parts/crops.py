@@ -1,0 +1,85 @@
+"""What the scorer sees of a candidate: the mask's surroundings close by, and the whole view, each with the mask.
+
+Six channels: brightness with a blurred surround (as the paper shows masks to CLIP), the mask, the object, and the normals in the
+camera's frame. Colours are left out: they say little about parts, and less of an object that training never saw.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from afford.render.views.surface import areas
+from schemas.mesh import ObjectMesh, ObjectViews
+
+SIZE = 48
+CHANNELS = ("brightness", "mask", "object", "normal_x", "normal_y", "normal_z")
+MARGIN = 0.35
+"""of the mask's longer side, around it in the close picture"""
+BLUR = 0.1
+"""sigma of the blurred surround, as a share of the view's side"""
+EVEN = 128
+"""a normal's 0 as uint8"""
+
+
+class Cropper:
+    """Views of one object, ready to be cut; what all masks of a view share is made once."""
+
+    def __init__(self, mesh: ObjectMesh, views: ObjectViews) -> None:
+        normal = areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
+        self._normal, self._views, self._base = np.vstack([normal, [[0, 0, 0]]]), views, dict[int, np.ndarray]()
+
+    def __call__(self, view: int, mask: np.ndarray) -> np.ndarray:
+        """(2, 6, SIZE, SIZE) uint8 of a mask (h, w) bool: close by, then the whole view."""
+        if view not in self._base:
+            self._base[view] = self._whole(view)
+        base = self._base[view]
+        shown = np.dstack([np.where(mask, base[..., 0], base[..., 1]), _ink(mask), base[..., 2:]])
+        return np.stack([_cut(shown, *_around(mask, MARGIN)), _cut(shown, *_around(base[..., 2] > 0, 0.04))])
+
+    def _whole(self, view: int) -> np.ndarray:
+        """(h, w, 6) uint8: brightness, blurred brightness, object, normals."""
+        rgb, face = self._views.rgb[view], self._views.face[view]
+        grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+        blurred = cv2.GaussianBlur(grey, (0, 0), BLUR * grey.shape[1])
+        facing = self._normal[face] @ self._views.T_obj_cam[view][:3, :3]
+        facing *= np.where(facing[..., 2:] > 0, -1, 1)
+        return np.dstack([grey, blurred, _ink(face >= 0), np.rint(EVEN + 127 * facing).astype(np.uint8)])
+
+
+def turned(crops: np.ndarray, turn: int, mirror: bool) -> np.ndarray:
+    """Crops (..., 6, s, s) as if the camera had rolled by `turn` quarter turns counter-clockwise, and in a mirror; normals too."""
+    out = np.rot90(crops, turn, (-2, -1))
+    x, y = out[..., 3, :, :], out[..., 4, :, :]
+    for _ in range(turn % 4):
+        x, y = y, 2 * EVEN - x.astype(np.int16)
+    if mirror:
+        out, x, y = out[..., ::-1], 2 * EVEN - x[..., ::-1].astype(np.int16), y[..., ::-1]
+    out = np.array(out)
+    out[..., 3, :, :], out[..., 4, :, :] = np.clip(x, 0, 255), np.clip(y, 0, 255)
+    return out
+
+
+def _ink(mask: np.ndarray) -> np.ndarray:
+    return np.where(mask, np.uint8(255), np.uint8(0))
+
+
+def _around(mask: np.ndarray, margin: float) -> tuple[float, float, float]:
+    """Centre x, y and side of a square around a mask, with a margin of its own longer side."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
+    return (columns[0] + columns[-1]) / 2, (rows[0] + rows[-1]) / 2, side * (1 + 2 * margin)
+
+
+def _cut(shown: np.ndarray, x: float, y: float, side: float) -> np.ndarray:
+    """(6, SIZE, SIZE) uint8 of a square that may reach beyond the picture; beyond it is nothing."""
+    half, height, width = side / 2, *shown.shape[:2]
+    low = np.floor([y - half + 0.5, x - half + 0.5]).astype(int)
+    high = low + max(1, round(side))
+    pad = [(max(0, -low[k]), max(0, high[k] - (height, width)[k])) for k in range(2)]
+    inside = shown[max(0, low[0]) : high[0], max(0, low[1]) : high[1]]
+    halves = [np.ascontiguousarray(inside[..., part]) for part in (slice(0, 3), slice(3, 6))]
+    squares = [cv2.copyMakeBorder(part, *pad[0], *pad[1], cv2.BORDER_CONSTANT, value=[beyond] * 3)
+               for part, beyond in zip(halves, (0, EVEN), strict=True)]  # fmt: skip
+    small = [cv2.resize(square, (SIZE, SIZE), interpolation=cv2.INTER_AREA) for square in squares]
+    return np.ascontiguousarray(np.dstack(small).transpose(2, 0, 1))

@@ -1,0 +1,1 @@
+"""Positive affordance of the two-hand model projected on a mesh."""

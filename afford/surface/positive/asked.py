@@ -1,0 +1,25 @@
+"""A two-hand model in a file tree, ready to be asked for the region of a thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from afford.common import materialise as folder
+from afford.common.files import empty_folder
+from afford.twohands.model.predictor import Predictor
+from afford.surface.positive.words import in_words
+from schemas.files import FileTree
+
+
+def asker(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
+    """A picture (h, w, 3) of a thing of this category and a task -> (h, w) bool where any hand that the model takes belongs."""
+    predictor = Predictor(folder.unfold(model, "config.json", empty_folder(scratch)))
+
+    def ask(rgb: np.ndarray, task: str) -> np.ndarray:
+        found = predictor.predict(rgb, in_words(task, category))
+        return found.mask(0) | found.mask(1)
+
+    return ask

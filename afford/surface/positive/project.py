@@ -1,0 +1,45 @@
+"""What a two-hand model says of an object's views -> its surface, by the votes that negative affordances take (afford/negative)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.common.points import farthest, sample
+from afford.surface.negative.project import DENSE, on_faces
+from afford.surface.negative.votes import squareness
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PositiveAffordance
+from schemas.benchmark import Prediction
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked of the result."""
+
+    threshold: float
+    points: int
+    seed: int
+
+
+def pixels(said: Sequence[Prediction]) -> np.ndarray:
+    """(2, n, h, w) float32 probability that each hand belongs on a pixel of each view: of its likeliest region, 0 for a hand that
+    is not returned."""
+    best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in said] for side in (0, 1)]
+    return np.array(best, np.float32)
+
+
+def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Prediction], wish: Wish) -> PositiveAffordance:
+    """Where hands belong for one task; `said` is one prediction for each view."""
+    each = pixels(said)
+    square = squareness(mesh, views)
+    hands = [on_faces(mesh, views, value, square) for value in each]
+    probability, evidence = on_faces(mesh, views, 1 - (1 - each).prod(0), square)
+    good = probability > wish.threshold
+    rng = np.random.default_rng((wish.seed, 2))
+    dense, _ = sample(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
+    taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
+    return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
+                              dense[farthest(dense, wish.points)])

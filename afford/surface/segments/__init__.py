@@ -1,0 +1,1 @@
+"""Segment a surface into candidate parts."""

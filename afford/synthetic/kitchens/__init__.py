@@ -1,0 +1,1 @@
+"""Kitchens: rooms, casts, scripts, play, clips."""

@@ -1,0 +1,100 @@
+"""A SceneSpec made into a world: room, people, things and their play; and what of it is there at one moment."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from afford.render.model import Camera, Instance
+from afford.render.textures import Textures
+from afford.synthetic.things.asset import palm_frame
+from afford.render.camera import CALM, PARALLAX, Head, intrinsics
+from afford.synthetic.kitchens.cast import CENTRE, Cast
+from afford.synthetic.kitchens.grasp import Fingers
+from afford.synthetic.people.hand import HandModel
+from afford.synthetic.people.hand_look import person
+from afford.synthetic.kitchens.mats import mats
+from afford.synthetic.kitchens.play import LENGTH, Arm, Play, Thing
+from afford.synthetic.kitchens.rooms import Room
+from afford.synthetic.kitchens.rooms import build as build_room
+from afford.synthetic.kitchens.scripts import STRONG_PARALLAX, script
+from afford.synthetic.kitchens.vocabulary import noun_class
+from afford.synthetic.kitchens.write_epic import hands
+from schemas.video import SIDES
+from schemas.masks import Entity
+from schemas.scene import SceneSpec
+
+WIDTH, HEIGHT = 456, 256
+FIELD_OF_VIEW_DEG = 56.0
+HOMES = {"left": np.array([-0.24, -0.21, 0.11]), "right": np.array([0.24, -0.21, 0.11])}
+EYE = np.array([0.0, -0.16, 0.50])
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything of one clip. Entities 0 and 1 are the hands, then the things in the order of their names."""
+
+    play: Play
+    room: Room
+    hands: tuple[HandModel, HandModel]
+    fingers: tuple[Fingers, Fingers]
+    entities: tuple[Entity, ...]
+    things: tuple[Thing, ...]
+    K: np.ndarray
+
+    @cached_property
+    def textures(self) -> Textures:
+        """The images of everything that is drawn."""
+        return Textures.of(instance.material for instance in self.instances(0.0))
+
+    def camera(self, time: float) -> Camera:
+        """The camera at a play time."""
+        return Camera(self.K, self.play.head.at(time), WIDTH, HEIGHT)
+
+    def instances(self, time: float) -> list[Instance]:
+        """All that can be seen at a play time."""
+        out = list(self.room.instances)
+        for number, thing in enumerate(self.things):
+            out += thing.model.instances(thing.at(time), number + 2, float(thing.opened.at(time)[0]))
+        for number, side in enumerate(SIDES):
+            palm = self.play.arms[side].track.at(time)
+            angles = self.fingers[number].at(time)
+            out += self.hands[number].instances(palm, angles, elbow(side, palm), number)
+        return out
+
+    def touched(self, time: float) -> tuple[int, int]:
+        """Entity that the (left, right) hand touches, -1 for none."""
+        touches = [self.play.arms[side].touch_at(time) for side in SIDES]
+        left, right = (-1 if touch is None else self.things.index(touch.thing) + 2 for touch in touches)
+        return left, right
+
+
+def elbow(side: str, palm: np.ndarray) -> np.ndarray:
+    """Where the elbow of an arm is, (3,) world metres: beside the body, drawn along by the hand."""
+    rest = HOMES[side] + (0.06 if side == "right" else -0.06, -0.23, 0.07)
+    return rest + 0.35 * (palm[:3, 3] - HOMES[side]) * (1, 1, 0.6)
+
+
+def build_world(spec: SceneSpec) -> World:
+    """The world of a spec; the same spec gives the same world. ValueError for an unknown script or setting."""
+    rng = np.random.default_rng([spec.seed, zlib.crc32(f"{spec.setting}/{spec.script}".encode())])
+    act = script(spec.script)
+    style = PARALLAX if spec.script in STRONG_PARALLAX else CALM
+    head = Head(rng, style, EYE + rng.uniform(-0.03, 0.03, 3), LENGTH)
+    play = Play(head, {side: Arm(side, palm_frame(HOMES[side], (0, 0, -1), (0, 1, 0))) for side in SIDES})
+    act(Cast(rng, play, spec.setting, spec.key_gap * LENGTH / spec.frames))
+    return _furnish(spec, play, rng)
+
+
+def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
+    things = tuple(sorted(play.things, key=lambda thing: thing.name))
+    objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
+    room = build_room(spec.setting, rng)
+    room = replace(room, instances=(*room.instances, *mats(spec.setting, rng, CENTRE)))
+    look = person(rng)
+    pair = (HandModel.build("left", look), HandModel.build("right", look))
+    fingers = (Fingers(play.arms["left"]), Fingers(play.arms["right"]))
+    return World(play, room, pair, fingers, (*hands(), *objects), things, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))

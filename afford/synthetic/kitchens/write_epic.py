@@ -1,0 +1,132 @@
+"""One synthetic clip -> the files of an EPIC-KITCHENS-100 / VISOR root: video, sparse annotations, narrations, classes, info.
+
+The readers must not be able to tell the root from a real one: same names, columns and JSON, polygons in 1920 x 1080.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from afford.synthetic.kitchens.polygons import trace
+from afford.synthetic.kitchens.vocabulary import NOUNS, VERBS, WordClass, noun_class, verb_class
+from schemas.video import Narration
+from schemas.video import HAND_CLASS, SIDES
+from schemas.masks import Entity
+
+FPS = 30
+ACTION_COLUMNS = (
+    "narration_id", "participant_id", "video_id", "narration_timestamp", "start_timestamp", "stop_timestamp", "start_frame",
+    "stop_frame", "narration", "verb", "verb_class", "noun", "noun_class", "all_nouns", "all_noun_classes")
+ACTION_FILES = {"train": "EPIC_100_train.csv", "val": "EPIC_100_validation.csv"}
+CLASS_COLUMNS = ("id", "key", "instances", "category")
+INFO_COLUMNS = ("video_id", "duration", "fps", "resolution")
+
+
+@dataclass(frozen=True)
+class KeyMasks:
+    """What an annotator would draw in one key frame."""
+
+    frame: int
+    masks: np.ndarray
+    """(n, h, w) bool visible pixels of each entity; an empty mask is not annotated"""
+    contact: tuple[int, int]
+    """entity index that the (left, right) hand touches, -1 for none"""
+
+
+def write_annotations(path: Path, video_id: str, entities: Sequence[Entity], keys: Sequence[KeyMasks]) -> None:
+    """The VISOR sparse JSON of one video."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    points = [{"image": _image(video_id, key.frame), "annotations": _annotations(video_id, entities, key)} for key in keys]
+    path.write_text(json.dumps({"video_annotations": points}, separators=(",", ":")), encoding="utf-8")
+
+
+def _image(video_id: str, frame: int) -> dict[str, str]:
+    name = f"{video_id}_frame_{frame:010d}.jpg"
+    return {"image_path": f"{video_id}/{name}", "name": name, "subsequence": f"{video_id}_seq_00001", "video": video_id}
+
+
+def _annotations(video_id: str, entities: Sequence[Entity], key: KeyMasks) -> list[dict[str, object]]:
+    seen = [index for index in range(len(entities)) if key.masks[index].any()]
+    ids = {index: _annotation_id(video_id, key.frame, entities[index].entity_id) for index in seen}
+    rows: list[dict[str, object]] = []
+    for index in seen:
+        entity = entities[index]
+        row: dict[str, object] = {"id": ids[index], "name": entity.name, "class_id": entity.class_id, "exhaustive": "y",
+                                  "segments": trace(key.masks[index])}
+        if entity.role == "hand":
+            touched = key.contact[0 if entity.side == "left" else 1]
+            row["in_contact_object"] = ids.get(touched, "hand-not-in-contact" if touched < 0 else "none-of-the-above")
+        rows.append(row)
+    return rows
+
+
+def _annotation_id(video_id: str, frame: int, entity_id: str) -> str:
+    return hashlib.md5(f"{video_id}/{frame}/{entity_id}".encode(), usedforsecurity=False).hexdigest()
+
+
+def write_actions(root: Path, video_id: str, split: str, narrations: Sequence[Narration]) -> None:
+    """The narration CSV of the split, with EPIC's 15 columns."""
+    rows = [_action(video_id, narration) for narration in narrations]
+    write_csv(root / ACTION_FILES[split], ACTION_COLUMNS, rows)
+
+
+def _action(video_id: str, narration: Narration) -> dict[str, object]:
+    start, stop = narration.start_frame / FPS, narration.stop_frame / FPS
+    classes = [noun_class(noun).id for noun in narration.all_nouns]
+    values = (narration.narration_id, video_id.split("_")[0], video_id, _clock(start, 3), _clock(start, 2), _clock(stop, 2),
+              narration.start_frame, narration.stop_frame, narration.text, narration.verb, narration.verb_class, narration.noun,
+              narration.noun_class, str(list(narration.all_nouns)), str(classes))
+    return dict(zip(ACTION_COLUMNS, values, strict=True))
+
+
+def _clock(seconds: float, digits: int) -> str:
+    whole = int(seconds)
+    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{seconds % 60:0{3 + digits}.{digits}f}"
+
+
+def write_classes(root: Path, nouns: Iterable[str]) -> None:
+    """The class files: our part of EPIC's maps, and rows for the clip's nouns that EPIC does not have."""
+    known = {entry.id: entry for entry in (*NOUNS, *map(noun_class, nouns))}
+    write_csv(root / "EPIC_100_verb_classes.csv", CLASS_COLUMNS, [_class_row(entry) for entry in VERBS])
+    write_csv(root / "EPIC_100_noun_classes_v2.csv", CLASS_COLUMNS, [_class_row(known[key]) for key in sorted(known)])
+
+
+def _class_row(entry: WordClass) -> dict[str, object]:
+    return {"id": entry.id, "key": entry.key, "instances": str(list(entry.instances)), "category": entry.category}
+
+
+def write_info(root: Path, video_id: str, frames: int, width: int, height: int) -> None:
+    """The video info CSV of one video."""
+    row = {"video_id": video_id, "duration": f"{frames / FPS:.6f}", "fps": f"{FPS:.2f}", "resolution": f"{width}x{height}"}
+    write_csv(root / "EPIC_100_video_info.csv", INFO_COLUMNS, [row])
+
+
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
+    """A CSV file with a header and Unix line ends."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def narration(video_id: str, number: int, interval: tuple[int, int], text: str, verb: str, nouns: Sequence[str]) -> Narration:
+    """A narration in EPIC's classes; the first of `nouns` is its noun."""
+    action, thing = verb_class(verb), noun_class(nouns[0])
+    return Narration(
+        narration_id=f"{video_id}_{number}", start_frame=interval[0], stop_frame=interval[1], text=text, verb=verb,
+        verb_class=action.id, verb_key=action.key, noun=nouns[0], noun_class=thing.id, noun_key=thing.key,
+        all_nouns=tuple(nouns))
+
+
+def hands() -> tuple[Entity, Entity]:
+    """The two hand entities, as VISOR names them."""
+    left, right = (Entity(f"{side} hand", f"{side} hand", HAND_CLASS[side], "hand", side) for side in SIDES)
+    return left, right

@@ -1,0 +1,1 @@
+"""Procedural meshes of objects with named parts."""

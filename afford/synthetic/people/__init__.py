@@ -1,0 +1,1 @@
+"""Hands and forearms of people: bones, shape, skin, grasp."""

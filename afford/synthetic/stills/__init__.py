@@ -1,0 +1,1 @@
+"""Still pictures of hands and things, with exact labels."""

@@ -1,0 +1,126 @@
+"""A room with a pool of things and a person: what the stills of one spec have in common, and each layout of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from afford.render.mesh import merge
+from afford.render.model import BACKGROUND, Instance, Light
+from afford.render.textures import Textures
+from afford.synthetic.things import objects
+from afford.synthetic.kitchens import rooms
+from afford.synthetic.things.asset import ObjectModel
+from afford.synthetic.kitchens.cast import CENTRE
+from afford.synthetic.people.hand import HandModel
+from afford.synthetic.people.hand_grasp import close_on, distance_to
+from afford.synthetic.people.hand_look import person
+from afford.synthetic.kitchens.mats import mats
+from afford.render.motion import about, pose
+from afford.synthetic.stills.still_layout import Placed, lay_out
+from afford.synthetic.stills.still_sets import NEW, kinds
+from afford.synthetic.stills.still_ways import Way, with_more_grips
+from afford.synthetic.kitchens.world import elbow
+from schemas.video import SIDES
+from schemas.scene import StillSpec
+
+POOL = 9
+"""Things that belong to a room; a layout shows some of them."""
+ON_TABLE = (4, 7)
+BEHIND = 3
+SURFACE_POINTS, CLOSING_STEPS = 1500, 14
+"""Points on a thing that fingers close on, and in how many steps: enough for a hand that is seen at this size."""
+TINT = (0.72, 1.12)
+"""A thing in another layout is another thing: its colours are multiplied by a factor from this range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Things as they lie, the light of the hour, and everything that is drawn."""
+
+    things: tuple[Placed, ...]
+    light: Light
+    instances: tuple[Instance, ...]
+
+
+class StillWorld:
+    """One room, its things and one person."""
+
+    def __init__(self, spec: StillSpec) -> None:
+        self.spec, self.rng = spec, np.random.default_rng(spec.seed)
+        self.models = [with_more_grips(objects.build(kind, self.rng)) for kind in self._pool()]
+        room = rooms.bare(spec.setting, self.rng)
+        self.room = replace(room, instances=(*room.instances, *mats(spec.setting, self.rng, CENTRE)))
+        look = person(self.rng)
+        self.hands: dict[str, HandModel] = {side: HandModel.build(side, look) for side in SIDES}
+        shown = [part.material for model in self.models for part in model.parts]
+        self.textures = Textures.of([*shown, *(instance.material for instance in self.room.instances)])
+        self._closed: dict[tuple[int, str, str, str, int], np.ndarray] = {}
+
+    def _pool(self) -> list[str]:
+        """Kinds of the things, each called by another noun."""
+        allowed = kinds(self.spec.setting, self.spec.asks, self.spec.split)
+        order = [str(kind) for kind in self.rng.permutation(allowed)]
+        if self.spec.asks == "new":
+            order = [*NEW, *(kind for kind in order if kind not in (*NEW, "bottle"))]
+        return order[:POOL]
+
+    def layout(self) -> Layout:
+        """The next layout: some things on the table, others at the back."""
+        rng = self.rng
+        order = [self.models[k] for k in rng.permutation(len(self.models))]
+        if self.spec.asks == "new":
+            order.sort(key=lambda model: model.kind not in NEW)
+        count = int(rng.integers(*ON_TABLE))
+        things = lay_out(order[:count], rng)
+        behind = self._behind(order[count : count + BEHIND])
+        shown = [_tinted(instance, rng) for instance in [*self.room.instances, *behind]]
+        for thing in things:
+            factor = rng.uniform(*TINT, 3)
+            shown += [_with_tint(instance, factor) for instance in thing.model.instances(thing.T_world_obj, thing.number)]
+        return Layout(tuple(things), _relit(self.room.light, rng), tuple(shown))
+
+    def _behind(self, models: Sequence[ObjectModel]) -> list[Instance]:
+        places = self.rng.permutation(np.linspace(-0.55, 0.55, 6))[: len(models)]
+        out: list[Instance] = []
+        for model, x in zip(models, places, strict=True):
+            at = (x, float(self.rng.uniform(0.62, 0.70)), 0.0)
+            out += model.instances(pose(at, about((0, 0, 1), self.rng.uniform(-0.8, 0.8))), BACKGROUND)
+        return out
+
+    def hand(self, way: Way) -> list[Instance]:
+        """A hand on a thing, as it is drawn."""
+        return self.hands[way.side].instances(way.palm, self.fingers(way), elbow(way.side, way.palm), 0)
+
+    def fingers(self, way: Way) -> np.ndarray:
+        """(20,) joint angles closed on the thing; the same for every turn of a thing that looks the same from all sides."""
+        model, grip = way.thing.model, way.grip
+        key = (id(model), grip.name, grip.kind, *(("", 0) if model.spins else (grip.side, way.turn)))
+        if key not in self._closed:
+            shape = merge(*(part.mesh for part in model.parts))
+            distance = distance_to(shape, np.linalg.inv(grip.T_obj_palm), grip.side, samples=SURFACE_POINTS)
+            self._closed[key] = close_on(grip.kind, distance, CLOSING_STEPS)
+        return self._closed[key]
+
+
+def _tinted(instance: Instance, rng: np.random.Generator) -> Instance:
+    return _with_tint(instance, rng.uniform(*TINT, 3))
+
+
+def _with_tint(instance: Instance, factor: np.ndarray) -> Instance:
+    return replace(instance, material=replace(instance.material, tint=_triple(np.asarray(instance.material.tint) * factor)))
+
+
+def _relit(light: Light, rng: np.random.Generator) -> Light:
+    """The same room at another hour: the lamp from another side, stronger or weaker."""
+    x, y, z = light.direction
+    turned = about((0, 0, 1), rng.uniform(-0.5, 0.5)) @ np.array([x * rng.choice([-1.0, 1.0]), y, z])
+    power = rng.uniform(0.85, 1.15)
+    return replace(light, direction=_triple(turned), colour=_triple(np.asarray(light.colour) * power))
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    a, b, c = values.tolist()
+    return a, b, c

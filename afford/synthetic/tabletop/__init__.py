@@ -1,0 +1,1 @@
+"""Table-top RGB-D interactions with exact truth."""

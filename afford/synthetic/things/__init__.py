@@ -1,0 +1,1 @@
+"""Things in kitchens and workshops, and how they are gripped."""

@@ -1,1 +1,0 @@
-"""From annotations that know only their own frame to entities that live through a clip."""

@@ -1,0 +1,127 @@
+"""What a method says of one case, on the case's grid, whichever way it said it: probabilities, or files of masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from afford.twohands.benchmark.cases import Size, grey, resize_mask
+from afford.twohands.benchmark.compat import Grey
+from afford.twohands.model.select import taking
+from schemas.files import FileRef
+from schemas.video import SIDES
+from schemas.benchmark import Prediction
+
+CHOICES = np.array([[True, False], [False, True], [True, True]])
+"""which hands act: left alone, right alone, both"""
+SWAP = (1, 0, 2, 3)
+"""taxonomy with the hands exchanged"""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """l thresholds, k hypotheses; axis 2 is always (left, right)."""
+
+    cuts: np.ndarray
+    """(l, 2, h, w) bool: the first-ranked region of each returned hand at each threshold"""
+    files: tuple[tuple[Grey, Grey], ...]
+    """l pairs of grey masks at the method's own size, as the released code would find them on disk"""
+    top: np.ndarray
+    """(2, h, w) bool: at the method's own threshold"""
+    proposals: np.ndarray
+    """(k, 2, h, w) bool: its most probable ways to do the task, at its own threshold; one pair of regions is one way"""
+    unselected: np.ndarray | None = None
+    """(2, h, w) bool: `top` without the choice of hands"""
+    marginal: np.ndarray | None = None
+    """(2, h, w) float32: probability that the hand goes there, over hypotheses and choices of hands"""
+    taxonomy: np.ndarray | None = None
+    """(4,) probabilities"""
+
+    def swapped(self) -> Answer:
+        """The same with left for right."""
+        return replace(
+            self,
+            cuts=self.cuts[:, ::-1],
+            files=tuple((right, left) for left, right in self.files),
+            top=self.top[::-1],
+            proposals=self.proposals[:, ::-1],
+            unselected=None if self.unselected is None else self.unselected[::-1],
+            marginal=None if self.marginal is None else self.marginal[::-1],
+            taxonomy=None if self.taxonomy is None else self.taxonomy[list(SWAP)],
+        )
+
+
+def nothing(size: Size, levels: tuple[float, ...]) -> Answer:
+    """No prediction for the case: no region, and no file that the released script would count."""
+    return Answer(np.zeros((len(levels), 2, *size), bool), ((None, None),) * len(levels), np.zeros((2, *size), bool),
+                  np.zeros((1, 2, *size), bool))
+
+
+def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...], proposals: int) -> Answer:
+    """Probabilities, resized bilinearly to the grid and cut there; `proposals` is how many ways it may propose."""
+    fine = _resize(said.probability, size)
+    first = [int(rank) for rank in said.score.argmax(axis=1)]
+    best = np.stack([fine[side, first[side]] for side in range(2)])
+    hands = said.hands[:, None, None]
+    files = tuple(_as_files(said, first, level) for level in levels)
+    told = said.taxonomy if np.isfinite(said.taxonomy).all() else None
+    active = said.hands if told is None else taking(told)
+    return Answer(
+        cuts=np.stack([(best > level) & hands for level in levels]),
+        files=files,
+        top=(best > said.threshold) & hands,
+        proposals=_proposed(fine > said.threshold, said.score, hands_told(said.hands, told), proposals),
+        unselected=best > said.threshold,
+        marginal=np.einsum("skhw,sk->shw", fine, said.score) * active.astype(np.float32)[:, None, None],
+        taxonomy=told,
+    )
+
+
+def hands_told(hands: np.ndarray, taxonomy: np.ndarray | None) -> np.ndarray:
+    """(left alone, right alone, both) probabilities; without a taxonomy, the hands that were returned are certain."""
+    if taxonomy is not None:
+        return np.array([taxonomy[0], taxonomy[1], taxonomy[2:].sum()])
+    return np.array([np.array_equal(hands, choice) for choice in CHOICES], float)
+
+
+def _proposed(regions: np.ndarray, score: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
+    """(n, 2, h, w) bool: the `count` most probable pairs of a choice of hands and a hypothesis, fewer when there are fewer.
+
+    regions (2, k, h, w) bool, score (2, k), chosen (3,) probabilities of `CHOICES`. So a model with one region per hand proposes
+    as many ways as one with k: its own region with every choice of hands.
+    """
+    joint = np.sqrt(score[0] * score[1])
+    rank = np.stack([score[0], score[1], joint / max(joint.sum(), 1e-9)])
+    likely = (chosen[:, None] * rank).ravel()
+    best = [n for n in np.argsort(-likely, kind="stable")[:count] if likely[n] > 0]
+    ways = [regions[:, n % score.shape[1]] & CHOICES[n // score.shape[1], :, None, None] for n in best]
+    return np.stack(ways) if ways else np.zeros((1, *regions[:, 0].shape), bool)
+
+
+def of_files(at: dict[float, dict[str, FileRef]], size: Size, levels: tuple[float, ...], chosen: float) -> Answer:
+    """Masks of the released layout: threshold -> side -> file; `chosen` is the threshold of the strict measures."""
+    found = [{side: grey(ref) for side, ref in at.get(level, {}).items()} for level in levels]
+    cuts = np.stack([[_binary(pair.get(side), size) for side in SIDES] for pair in found])
+    top = cuts[levels.index(chosen)]
+    return Answer(cuts, tuple((pair.get("left"), pair.get("right")) for pair in found), top, top[None])
+
+
+def _resize(probability: np.ndarray, size: Size) -> np.ndarray:
+    """(2, k, h, w) float32 at another size."""
+    if probability.shape[2:] == size:
+        return probability
+    flat = probability.reshape(-1, *probability.shape[2:])
+    planes = [cv2.resize(plane, size[::-1], interpolation=cv2.INTER_LINEAR) for plane in flat]
+    return np.stack(planes).reshape(*probability.shape[:2], *size)
+
+
+def _as_files(said: Prediction, first: list[int], level: float) -> tuple[Grey, Grey]:
+    masks = [np.where(said.probability[side, first[side]] > level, np.uint8(255), np.uint8(0)) for side in range(2)]
+    left, right = (mask if hand else None for mask, hand in zip(masks, said.hands, strict=True))
+    return left, right
+
+
+def _binary(mask: Grey, size: Size) -> np.ndarray:
+    return np.zeros(size, bool) if mask is None else resize_mask(mask > 0, size)

@@ -1,0 +1,172 @@
+"""The files of a case -> the case: image, task, valid modes. What is odd about the files is kept and noted, never mended silently.
+
+Masks are anti-aliased grey and read as `> 0` (ActAffordance). A mask of another size than the case is resized to it, nearest.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
+from afford.common.errors import SourceError
+from afford.common.strict_json import entry, parse
+from schemas.affordance import TAKES, TAXONOMY, Taxonomy
+from schemas.benchmark import Case
+from schemas.files import FileRef
+from schemas.video import SIDES
+
+KITCHEN, SHIFT = "kitchen", "shift"
+Size = tuple[int, int]
+Outlines = Callable[[CaseFiles, Any], np.ndarray]
+"""what draws the two true masks of a case from something else than its PNGs: (files, annotation) -> (2, h, w) bool"""
+
+
+def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
+    """The case. SourceError names the file and field that cannot be used."""
+    annotation = _json(files, ANNOTATION)
+    notes: list[str] = []
+    regions, taxonomy = _drawn(files, annotation, outlines) if outlines else _modes(files, annotation)
+    size = _size(files, regions)
+    modes = np.stack([[_fit(mask, size, name, notes) for mask, name in pair] for pair in regions])
+    if not all(mode.any() for mode in modes):
+        raise SourceError(files.where, "aff_left.png or aff_right.png with a region in every mode", "none", "remove the case")
+    notes += [note for mode, said in zip(modes, taxonomy, strict=True) if (note := _disagreement(mode, said))]
+    objects = np.stack([_fit(_mask(files, f"obj_{side}.png"), size, f"obj_{side}.png", notes) for side in SIDES])
+    words = {key: str(annotation.get(key) or "") for key in ("verb", "noun")}
+    data = np.frombuffer(files.files[IMAGE].path.read_bytes(), np.uint8)
+    return Case(files.protocol, files.video, files.frame, _groups(files, annotation), task(files), words["verb"], words["noun"],
+                data, modes, np.array(taxonomy, np.int8), objects, tuple(notes))
+
+
+def task(files: CaseFiles) -> str:
+    """The narration alone."""
+    return str(entry(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
+
+
+def picture(files: CaseFiles) -> np.ndarray:
+    """(h, w, 3) uint8 RGB: the image alone, at its own size."""
+    return _decode(np.frombuffer(files.files[IMAGE].path.read_bytes(), np.uint8), files.where)
+
+
+def image(case: Case) -> np.ndarray:
+    """(h, w, 3) uint8 RGB: the image of a case that was read, at its own size."""
+    return _decode(case.image, case.case_id)
+
+
+def _decode(data: np.ndarray, where: str) -> np.ndarray:
+    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+    if decoded is None:
+        raise SourceError(f"{where}/{IMAGE}", "a PNG or JPEG", "bytes that are none", "get the file again")
+    return np.asarray(decoded)
+
+
+def grey(ref: FileRef) -> np.ndarray:
+    """(h, w) uint8 of a mask file. SourceError when it is no picture."""
+    decoded = cv2.imdecode(np.frombuffer(ref.path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    if decoded is None:
+        raise SourceError(ref.name, "a grey PNG", f"{ref.size} bytes that are none", "get the file again")
+    return np.asarray(decoded)
+
+
+def resize_mask(mask: np.ndarray, size: Size) -> np.ndarray:
+    """(h, w) bool at another size, nearest neighbour with exact pixel centres."""
+    if mask.shape == size:
+        return mask
+    return cv2.resize(mask.view(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
+
+
+def _json(files: CaseFiles, name: str) -> Any:
+    if name not in files.files:
+        raise SourceError(files.where, name, "no such file", "every case needs one")
+    return parse(files.files[name].path.read_bytes(), f"{files.where}/{name}")
+
+
+def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarray | None, str]]], list[int]]:
+    """Every mode's pair of (mask or None, file name), and its taxonomy; one mode without modes.json."""
+    if MODES not in files.files:
+        names = [{side: f"aff_{side}.png" for side in SIDES}]
+        taxonomy = [_taxonomy(annotation, f"{files.where}/{ANNOTATION}")]
+    else:
+        where = f"{files.where}/{MODES}"
+        names = entry(_json(files, MODES), "modes", list, where)
+        if not names or not all(isinstance(mode, dict) for mode in names):
+            raise SourceError(where, "a list of objects, one per mode", repr(names), "list the mode of aff_*.png first")
+        taxonomy = [_taxonomy(mode, where) for mode in names]
+        _check_named(files, names, where)
+    return [[(_mask(files, mode.get(side)), str(mode.get(side))) for side in SIDES] for mode in names], taxonomy
+
+
+def _check_named(files: CaseFiles, modes: list[Any], where: str) -> None:
+    for name in (mode.get(side) for mode in modes for side in SIDES):
+        if name is not None and name not in files.files:
+            raise SourceError(where, "names of files beside it", repr(name), "write the file or name it null")
+
+
+def _drawn(files: CaseFiles, annotation: Any, outlines: Outlines) -> tuple[list[list[tuple[np.ndarray | None, str]]], list[int]]:
+    pair = outlines(files, annotation)
+    return [[(mask, f"outline of the {side} hand") for mask, side in zip(pair, SIDES, strict=True)]], [
+        _taxonomy(annotation, f"{files.where}/{ANNOTATION}")]
+
+
+def _mask(files: CaseFiles, name: str | None) -> np.ndarray | None:
+    return grey(files.files[name]) > 0 if name in files.files else None
+
+
+def _size(files: CaseFiles, regions: list[list[tuple[np.ndarray | None, str]]]) -> Size:
+    """(h, w) on which the case is scored: a crop's own size, else that of its first true mask (855 x 855 as released)."""
+    if files.protocol == "cropped":
+        try:
+            width, height = Image.open(io.BytesIO(files.files[IMAGE].path.read_bytes())).size
+        except OSError as error:
+            raise SourceError(f"{files.where}/{IMAGE}", "a PNG or JPEG", str(error), "get the file again") from error
+        return height, width
+    first = next((mask for pair in regions for mask, _ in pair if mask is not None), None)
+    if first is None:
+        raise SourceError(files.where, "aff_left.png or aff_right.png", "neither", "remove the case")
+    return first.shape[0], first.shape[1]
+
+
+def _fit(mask: np.ndarray | None, size: Size, name: str, notes: list[str]) -> np.ndarray:
+    if mask is None:
+        return np.zeros(size, bool)
+    if mask.shape != size:
+        notes.append(f"{name} resized from {mask.shape[1]}x{mask.shape[0]} to {size[1]}x{size[0]}")
+    elif not mask.any():
+        notes.append(f"{name} is empty")
+    return resize_mask(mask, size)
+
+
+def _taxonomy(record: Any, where: str) -> int:
+    """Class of a one-hot vector, -1 when there is none."""
+    if record.get("taxonomy") is None:
+        return int(Taxonomy.NONE)
+    found = record["taxonomy"]
+    if not isinstance(found, list) or len(found) != len(TAXONOMY) or sorted(found) != [0, 0, 0, 1]:
+        raise SourceError(f"{where}, field 'taxonomy'", "four numbers, one of them 1 and the others 0", repr(found), "correct it")
+    return found.index(1)
+
+
+def _disagreement(mode: np.ndarray, taxonomy: int) -> str:
+    """What to note when the annotated class and the masks that exist do not fit."""
+    seen = tuple(bool(mask.any()) for mask in mode)
+    if taxonomy == Taxonomy.NONE or seen == TAKES[taxonomy]:
+        return ""
+    hands = " and ".join(side for side, here in zip(SIDES, seen, strict=True) if here)
+    return f"taxonomy disagrees: it says {TAXONOMY[taxonomy]}, the masks say {hands}"
+
+
+def _groups(files: CaseFiles, annotation: Any) -> tuple[str, ...]:
+    """Rows of the report: everything, kitchens or other scenes, the source when it is ActAffordance's, and what the file adds."""
+    epic = files.video.startswith("P")
+    scene = str(annotation.get("scene") or (KITCHEN if epic else "other"))
+    source = () if MODES in files.files else ("epic" if epic else "ego4d",)
+    more = annotation.get("groups") or []
+    if not isinstance(more, list) or not all(isinstance(name, str) and name.isidentifier() for name in more):
+        raise SourceError(f"{files.where}/{ANNOTATION}, field 'groups'", "a list of plain words", repr(more), "correct it")
+    return tuple(dict.fromkeys(("all", KITCHEN if scene == KITCHEN else SHIFT, *source, *more)))

@@ -1,0 +1,1 @@
+"""The demo: a local page that prompts the two-hand model."""

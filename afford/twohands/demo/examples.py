@@ -1,0 +1,109 @@
+"""A few pictures to begin with, none of which the model was trained on: stills of a benchmark set, or of the validation part of the
+data set that the model learned from, where these lie in the store."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+
+from afford.dataset.layout import ANNOTATION, IMAGE
+from afford.common.picture import decode, read_image
+from afford.common.errors import SourceError
+from afford.common.pictures import jpeg
+from afford.twohands.train.sources import tables
+from afford.training.written import CARD
+
+COUNT, MANY = 6, 1000
+DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")
+"""how the card of a model names the data set that it learned from"""
+COLUMNS = ("video", "narration", "image")
+MIN_SIDE_PX, MAX_SIDE_PX = 160, 640
+
+
+@dataclass(frozen=True)
+class Example:
+    """A picture and a task that fits it."""
+
+    task: str
+    jpeg: bytes
+
+
+def examples(benchmarks: Path) -> list[Example]:
+    """Up to COUNT stills of the rendered sets below `benchmarks`, each of another room as far as there are so many; none when
+    there is no set."""
+    rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob("*/masks/[!.]*"))]
+    return _chosen(_still(path) for path in _in_turns(rooms))
+
+
+def data_set(model: Path) -> str | None:
+    """Content digest of the data set that the model in a folder learned from, as the card beside it says; None without a card."""
+    card = model.parent / CARD
+    found = DIGEST.search(card.read_text(encoding="utf-8")) if card.is_file() else None
+    return found[1] if found else None
+
+
+def held_out(files: Mapping[str, Path]) -> list[Example]:
+    """Up to COUNT pictures of the part `val` of a data set (name below its folder -> file), each of another video as far as the
+    first MANY samples have so many; none when it has no such part in Parquet files."""
+    videos: dict[str, list[dict[str, Any]]] = {}
+    rows = (row for name in tables(files).get("val", ()) if name.endswith(".parquet") for row in _rows(files[name]))
+    for row in islice(rows, MANY):
+        videos.setdefault(row["video"], []).append(row)
+    return _chosen(_sample(row) for row in _in_turns(list(videos.values())))
+
+
+def _rows(path: Path) -> Iterator[dict[str, Any]]:
+    """SourceError for a file that is no table of pictures with tasks."""
+    try:
+        with pq.ParquetFile(path) as file:
+            missing = [name for name in COLUMNS if name not in file.schema_arrow.names]
+            if missing:
+                raise ValueError(f"no {', '.join(missing)}")
+            for batch in file.iter_batches(64, columns=list(COLUMNS), use_threads=False):
+                yield from batch.to_pylist()
+    except (OSError, ValueError) as error:
+        raise SourceError(str(path), f"a table with {', '.join(COLUMNS)}", str(error), "pack the data set again") from error
+
+
+def _in_turns(rooms: list[list[Any]]) -> list[Any]:
+    """The first of each room, the second of each, ..."""
+    return [room[n] for n in range(max(map(len, rooms), default=0)) for room in rooms if n < len(room)]
+
+
+def _chosen(made: Iterable[Example | None]) -> list[Example]:
+    """The first of each task, COUNT in all."""
+    found: dict[str, Example] = {}
+    for one in made:
+        if one and len(found) < COUNT:
+            found.setdefault(one.task, one)
+        if len(found) == COUNT:
+            break
+    return list(found.values())
+
+
+def _still(path: Path) -> Example | None:
+    """The still without the black bars of its layout; None for a task without words and for a sliver."""
+    task = str(json.loads((path.parent / ANNOTATION).read_text(encoding="utf-8")).get("narration") or "")
+    rgb = read_image(path)
+    seen = rgb.max(axis=(1, 2)).nonzero()[0]
+    return _example(task, rgb[seen[0] : seen[-1] + 1]) if len(seen) else None
+
+
+def _sample(row: dict[str, Any]) -> Example | None:
+    return _example(str(row["narration"] or ""), decode(row["image"]["bytes"] or b"", "column `image`"))
+
+
+def _example(task: str, rgb: np.ndarray) -> Example | None:
+    if not task or min(rgb.shape[:2]) < MIN_SIDE_PX:
+        return None
+    scale = min(1.0, MAX_SIDE_PX / max(rgb.shape[:2]))
+    return Example(task, jpeg(cv2.resize(rgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)))

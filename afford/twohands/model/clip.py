@@ -1,0 +1,91 @@
+"""2HAff-CLIP: CLIP's features of the image and of the task are the prompts of the two mask decoders; nothing reasons between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from transformers import CLIPConfig, CLIPModel, SamModel
+
+from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
+from afford.twohands.model.batch import Batch, Output
+from afford.twohands.model.config import ModelConfig
+from afford.twohands.model.model import TwoHands, for_tower, normalised
+from afford.models.sam import Regions, check_size, tiny_sam
+from afford.models.tokens import Tokens
+
+
+class Clip(TwoHands):
+    """CLIP, two projections and SAM's regions."""
+
+    def __init__(self, config: ModelConfig, clip: Any, tokens: Tokens, regions: Regions, sam_config: Any) -> None:
+        super().__init__()
+        self.config, self.tokens, self.sam_config = config, tokens, sam_config
+        self.clip, self.regions = clip, regions
+        self.frozen = config.frozen
+        width, out = clip.config.projection_dim, sam_config.prompt_encoder_config.hidden_size
+        self.project = nn.ModuleList(nn.Sequential(nn.Linear(width, width), nn.ReLU(), nn.Linear(width, out)) for _ in range(2))
+        if self.frozen:
+            for part in (clip, regions.image_encoder):
+                freeze(part)
+        clip.logit_scale.requires_grad_(False)  # contrastive training alone uses it
+        freeze(regions.prompt_encoder)
+
+    def forward(self, batch: Batch) -> Output:
+        with torch.set_grad_enabled(torch.is_grad_enabled() and not self.frozen):
+            features = self._see(batch.image), self._read(batch.task, batch.image.device)
+        prompt = torch.stack([project(feature) for project, feature in zip(self.project, features, strict=True)], dim=1)
+        logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
+        return Output(logits, score, taxonomy)
+
+    def extra_files(self) -> dict[str, str]:
+        return {"clip/config.json": self.clip.config.to_json_string(), "clip/tokenizer.json": self.tokens.to_json(),
+                "sam/config.json": self.sam_config.to_json_string()}  # fmt: skip
+
+    def _see(self, image: Tensor) -> Tensor:
+        """(b, projection_dim): the image's embedding."""
+        found = self.clip.vision_model(for_tower(image, self.clip.config.vision_config.image_size))
+        return self.clip.visual_projection(found.pooler_output)
+
+    def _read(self, tasks: tuple[str, ...], device: torch.device) -> Tensor:
+        """(b, projection_dim): the embedding of each task, cut to what CLIP reads."""
+        ids, keep = text_batch(self.tokens, self.clip.config.text_config, [task if self.config.text else "" for task in tasks])
+        return self.clip.text_projection(self.clip.text_model(ids.to(device), attention_mask=keep.to(device)).pooler_output)
+
+
+def text_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
+    """(b, n) ids and (b, n) 1 where they count, as CLIP's text tower reads them; what is too long is cut."""
+    rows = [tokens.encode(text)[: config.max_position_embeddings - 2] for text in texts]
+    begin, end = text_ends(tokens, config)
+    longest = max(map(len, rows)) + 2
+    ids = torch.tensor([[begin, *row] + [end] * (longest - 1 - len(row)) for row in rows])
+    lengths = torch.tensor([len(row) + 2 for row in rows])
+    return ids, (torch.arange(longest) < lengths[:, None]).long()
+
+
+def text_ends(tokens: Tokens, config: Any) -> tuple[int, int]:
+    """Ids that begin and end a text. The tokenizer is asked first: old configs of CLIP give 0 and 2, which it never meant."""
+    begin, end = tokens.find("<|startoftext|>"), tokens.find("<|endoftext|>")
+    return config.bos_token_id if begin is None else begin, config.eos_token_id if end is None else end
+
+
+def tiny_clip(size_px: int, width: int, depth: int, heads: int) -> CLIPConfig:
+    """A CLIP that trains on a CPU, with hashed words as its vocabulary."""
+    tower = {"hidden_size": width, "intermediate_size": 2 * width, "num_hidden_layers": depth, "num_attention_heads": heads}
+    return CLIPConfig(
+        text_config={**tower, "vocab_size": TINY_VOCABULARY, "max_position_embeddings": 32, "pad_token_id": 0, "bos_token_id": 1,
+                     "eos_token_id": 2, "hidden_act": "gelu"},
+        vision_config={**tower, "image_size": size_px, "patch_size": 16, "hidden_act": "gelu"}, projection_dim=width,
+    )  # fmt: skip
+
+
+def assemble(config: ModelConfig, pretrained: bool) -> Clip:
+    """A `Clip` over config.backbones, or a tiny one from nothing."""
+    size, width = config.size_px[0], config.widths[2]
+    clip = backbone(CLIPModel, config.backbones, "clip", lambda: tiny_clip(size, width, 2, config.heads), pretrained=pretrained)
+    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained)
+    check_size(config.size_px, sam.config)
+    regions = Regions(sam, config.decoders, config.hypotheses)
+    return Clip(config, clip, tokens_of(config.backbones, "clip"), regions, sam.config)

@@ -1,0 +1,126 @@
+"""2HandedAfforder: a vision-language model answers with [SEG]; its state there is the prompt of two SAM mask decoders.
+
+Trained are the low-rank updates (LoRA, Hu et al. 2022) of q_proj and v_proj, the embeddings and the output layer of the
+language model, the projection, both mask decoders and the taxonomy head. All else stays as loaded.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import torch
+from peft import LoraConfig, inject_adapter_in_model
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy
+from transformers import LlavaConfig, LlavaForConditionalGeneration, SamModel
+
+from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
+from afford.twohands.model.batch import Batch, Output
+from afford.twohands.model.config import ModelConfig
+from afford.twohands.model.dialogue import IGNORE, Dialogue, dialogue, seg_positions
+from afford.twohands.model.model import TwoHands, for_tower, normalised
+from afford.twohands.model.prompts import ANSWERS, FRAMED, QUESTIONS, question
+from afford.models.sam import Regions, check_size, tiny_sam
+from afford.models.tokens import IMAGE, SEG, HashedTokens, Tokens
+
+ADAPTED = r".*language_model\..*\.(q_proj|v_proj)"
+TRAINED = re.compile(r"(^|\.)(lora_[AB]\.|lm_head\.|embed_tokens\.)")
+
+
+class Vlm(TwoHands):
+    """Vision-language model, projection and SAM's regions."""
+
+    def __init__(self, config: ModelConfig, vlm: Any, tokens: Tokens, regions: Regions, sam_config: Any) -> None:
+        super().__init__()
+        self.config, self.tokens = config, tokens
+        self.files = {"vlm/config.json": vlm.config.to_json_string(), "vlm/tokenizer.json": tokens.to_json(),
+                      "sam/config.json": sam_config.to_json_string()}  # fmt: skip
+        width, out = vlm.config.text_config.hidden_size, sam_config.prompt_encoder_config.hidden_size
+        self.vlm = with_lora(vlm, config)
+        self.project = nn.Sequential(nn.Linear(width, width), nn.ReLU(), nn.Linear(width, out))
+        self.regions = regions
+        freeze(regions.image_encoder)
+        freeze(regions.prompt_encoder)
+        for name, parameter in self.vlm.named_parameters():
+            parameter.requires_grad_(bool(TRAINED.search(name)))
+
+    def forward(self, batch: Batch) -> Output:
+        talk = self._talk(batch)
+        hidden = self._hidden(batch.image, talk)
+        where = seg_positions(talk.ids, self.tokens.id(SEG), self.config.seg_state)
+        prompt = self.project(hidden[torch.arange(len(hidden), device=hidden.device), where])[:, None]
+        loss = self._text_loss(hidden, talk.labels) if self.training else None
+        logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
+        return Output(logits, score, taxonomy, loss)
+
+    def extra_files(self) -> dict[str, str]:
+        return self.files
+
+    def _talk(self, batch: Batch) -> Dialogue:
+        """The conversation about each image. In training, questions and answers are drawn from torch's random state; outside it,
+        the model is asked the one question and given the first answer, whose [SEG] it has learned to fill."""
+        tasks = [task if self.config.text else "" for task in batch.task]
+        image = IMAGE if self.tokens.find("<im_start>") is None else FRAMED
+        if self.training:
+            pairs = [(question(task, _draw(QUESTIONS), image), _draw(ANSWERS)) for task in tasks]
+        else:
+            pairs = [(question(task, image=image), ANSWERS[0]) for task in tasks]
+        text = self.vlm.config.text_config
+        pad = text.pad_token_id if text.pad_token_id is not None else text.eos_token_id
+        talk = dialogue(self.tokens, pairs, image_tokens(self.vlm.config), text.bos_token_id, text.eos_token_id, pad)
+        return Dialogue(*(one.to(batch.image.device) for one in talk))
+
+    def _hidden(self, image: Tensor, talk: Dialogue) -> Tensor:
+        """(b, n, width): the language model's last hidden states."""
+        pixels = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.dtype)
+        found = self.vlm.model(input_ids=talk.ids, pixel_values=pixels, attention_mask=talk.keep.long(), use_cache=False)
+        hidden: Tensor = found.last_hidden_state
+        return hidden
+
+    def _text_loss(self, hidden: Tensor, labels: Tensor) -> Tensor:
+        """Mean cross-entropy of the answers' words, each predicted from the place before it."""
+        wanted = labels[:, 1:] != IGNORE
+        return cross_entropy(self.vlm.lm_head(hidden[:, :-1][wanted]).float(), labels[:, 1:][wanted])
+
+
+def with_lora(vlm: Any, config: ModelConfig) -> Any:
+    """The model with low-rank updates beside q_proj and v_proj of its language model, not of its image tower."""
+    lora = LoraConfig(r=config.lora_rank, lora_alpha=config.lora_alpha, lora_dropout=config.lora_dropout, target_modules=ADAPTED)
+    return inject_adapter_in_model(lora, vlm)
+
+
+def image_tokens(config: Any) -> int:
+    """How many tokens one image becomes: the patches of the tower, and its class token where that is kept."""
+    tower = config.vision_config
+    side: int = tower.image_size // tower.patch_size
+    return side * side + int(config.vision_feature_select_strategy == "full")
+
+
+def tiny_llava(size_px: int, width: int, heads: int) -> LlavaConfig:
+    """A LLaVA that runs on a CPU in milliseconds, with hashed words as its vocabulary."""
+    shape = {"hidden_size": width, "intermediate_size": 2 * width, "num_hidden_layers": 2, "num_attention_heads": heads}
+    text = {**shape, "model_type": "llama", "vocab_size": TINY_VOCABULARY, "num_key_value_heads": heads, "pad_token_id": 0,
+            "bos_token_id": 1, "eos_token_id": 2}  # fmt: skip
+    vision = {**shape, "model_type": "clip_vision_model", "image_size": size_px, "patch_size": 16, "projection_dim": width}
+    return LlavaConfig(text_config=text, vision_config=vision, image_token_index=HashedTokens.SPECIAL[IMAGE])
+
+
+def assemble(config: ModelConfig, pretrained: bool) -> Vlm:
+    """A `Vlm` over config.backbones, or a tiny one from nothing."""
+    size, width = config.size_px[0], config.widths[2]
+    vlm = backbone(LlavaForConditionalGeneration, config.backbones, "vlm", lambda: tiny_llava(size, width, config.heads),
+                   pretrained=pretrained)  # fmt: skip
+    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained)
+    check_size(config.size_px, sam.config)
+    tokens = tokens_of(config.backbones, "vlm")
+    if tokens.id(IMAGE) != vlm.config.image_token_id:
+        raise ValueError(f"{config.backbones}/vlm: <image> is id {tokens.id(IMAGE)} of the tokenizer and "
+                         f"{vlm.config.image_token_id} of the model")  # fmt: skip
+    if tokens.size > vlm.config.text_config.vocab_size:
+        vlm.resize_token_embeddings(tokens.size, mean_resizing=False)
+    return Vlm(config, vlm, tokens, Regions(sam, config.decoders, config.hypotheses), sam.config)
+
+
+def _draw(texts: tuple[str, ...]) -> str:
+    return texts[int(torch.randint(len(texts), ()))]

@@ -1,0 +1,1 @@
+"""Prediction on pictures of a user."""

@@ -1,0 +1,102 @@
+"""The card of a trained model: what it learned from, how, how well it did, and what it cannot do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from afford.training.curves import at_best, table
+from schemas.affordance import TAXONOMY
+from schemas.files import FileTree
+from schemas.training import TrainingLog
+
+if TYPE_CHECKING:
+    from afford.twohands.train.hands_job import HandsJob
+
+LIMITS = """- It has learned to find regions in pictures like those it was trained on. Rendered pictures are tidier than kitchens.
+- A region says where hands were seen to act, in the image; it promises neither a stable grasp nor that touching is safe.
+- Words that training did not contain are read by their letters alone, unless a pretrained language model reads them.
+- The validation figures above chose the step and the threshold, so they flatter; the benchmark's held-out objects do not."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a model learned from."""
+
+    name: str
+    digest: str
+    licence: str
+    parts: dict[str, dict[str, Any]]
+    """train and val -> what they hold"""
+
+
+def licence_of(dataset: FileTree) -> str:
+    """The licence on the data set's own card, 'unknown' where it says none."""
+    found = dataset.find("README.md")
+    line = re.search(r"^license: *(\S+)", found.path.read_text(encoding="utf-8"), re.MULTILINE) if found else None
+    return line[1] if line else "unknown"
+
+
+def text(name: str, source: Source, job: HandsJob, threshold: float, count: int, curves: TrainingLog) -> str:
+    """The whole card, Markdown with the header that model hubs read."""
+    return f"""---
+license: {source.licence}
+library_name: afford
+pipeline_tag: image-segmentation
+tags:
+- affordance
+- bimanual
+---
+
+# {name}
+
+A two-hand affordance model of afford, variant `{job.config.variant}` with {count:,} parameters: an image and a task in words go
+in; where the left and the right hand act, whether both are needed, and {job.config.hypotheses} hypotheses for each hand come out.
+
+```python
+from afford.twohands.model.predictor import Predictor
+said = Predictor("model").predict(image, "pour tea from kettle")
+said.mask("left"), said.mask("right"), said.taxonomy
+```
+
+## Data
+
+`{source.name}`, content digest `{source.digest}`, divided by `{job.division.by}` (seed {job.division.seed}).
+
+| | {' | '.join(source.parts)} |
+|---|{'--:|' * len(source.parts)}
+{_rows(source.parts)}
+
+## Training
+
+{curves.steps} of {job.plan.steps} steps of {job.batch * job.plan.accumulate} samples a process, seed {job.seed}; the weights of
+step {curves.best_step} were kept. Learns the {job.target} of each hand.
+
+```json
+{json.dumps(dataclasses.asdict(job), indent=1, sort_keys=True)}
+```
+
+## Validation
+
+{table(at_best(curves))}
+
+On {min(job.val_samples, source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
+{job.config.size_px[1]} x {job.config.size_px[0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
+hand by the model's own taxonomy. The threshold {threshold} was chosen here.
+
+## Limits
+
+{LIMITS}
+
+The licence is that of the data set.
+"""
+
+
+def _rows(parts: dict[str, dict[str, Any]]) -> str:
+    plain = [(key, [str(part[key]) for part in parts.values()]) for key in ("samples", "video", "verb", "noun")]
+    hands = [(label.replace("_", " "), [str(part["taxonomy"].get(number, 0)) for part in parts.values()])
+             for number, label in enumerate(TAXONOMY)]  # fmt: skip
+    return "\n".join(f"| {label} | {' | '.join(cells)} |" for label, cells in [*plain, *hands])

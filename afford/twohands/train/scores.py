@@ -1,0 +1,63 @@
+"""How well a two-hand model does on validation: at the size of the model, one truth per sample, strict definitions.
+
+The benchmark (`afford/benchmark`) measures more, and at the image's own size; here it must be quick, and choose a threshold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from afford.twohands.model.predictor import ranked
+from afford.twohands.model.select import select_hands
+
+THRESHOLDS = tuple(round(0.05 * n, 2) for n in range(1, 20))
+
+
+@dataclass(frozen=True)
+class Said:
+    """What the model said of one sample, and what is true."""
+
+    regions: np.ndarray
+    """(k, 2, h, w) float32: probability inside the region of each hand that is used, 0 for an idle one; best ranked first"""
+    truth: np.ndarray
+    """(2, h, w) bool"""
+    right: bool
+    """whether the taxonomy is"""
+
+    @classmethod
+    def of(cls, probability: np.ndarray, score: Tensor, taxonomy: np.ndarray, truth: np.ndarray, label: int) -> Said:
+        """probability (2, k, h, w), score logits (2, k), taxonomy probabilities (4,)."""
+        hands = select_hands(taxonomy)
+        order = (-ranked(score, bool(hands.all())).numpy()).argsort(1, kind="stable")
+        sorted_ = np.take_along_axis(probability, order[:, :, None, None], 1) * hands[:, None, None, None]
+        return cls(sorted_.swapaxes(0, 1), truth, int(taxonomy.argmax()) == label)
+
+
+def measure(said: Sequence[Said]) -> dict[str, float]:
+    """Means over samples: iou and precision of both hands' union at the threshold with the best iou, best_iou of the best of
+    the k hypotheses there, taxonomy, threshold."""
+    table = np.array([scores(one.regions[0], one.truth) for one in said])
+    iou, precision = table.mean(0)
+    best = int(iou.argmax())
+    several = [max(scores(region, one.truth)[0][best] for region in one.regions) for one in said]
+    return {"iou": float(iou[best]), "precision": float(precision[best]), "threshold": THRESHOLDS[best],
+            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in said]))}
+
+
+def scores(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """(2, h, w) probabilities and truth -> (2, thresholds): IoU and precision of the union of both hands, 0 where the union of
+    truth and prediction, or the prediction, is empty."""
+    height, true = region.max(0), truth.any(0)
+    found, hit = _above(height.ravel()), _above(height[true])
+    union = np.maximum(found + np.count_nonzero(true) - hit, 1)
+    return np.stack([hit / union, hit / np.maximum(found, 1)])
+
+
+def _above(values: np.ndarray) -> np.ndarray:
+    """How many values are above each threshold."""
+    passed = np.searchsorted(np.array(THRESHOLDS, np.float32), values, side="left")
+    return np.bincount(passed, minlength=len(THRESHOLDS) + 1)[::-1].cumsum()[::-1][1:]

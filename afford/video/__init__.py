@@ -1,1 +1,0 @@
-"""Video files and frame folders -> frames with exact numbers and times."""

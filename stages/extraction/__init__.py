@@ -1,0 +1,1 @@
+"""Stages from video to a two-hand affordance data set."""

@@ -1,0 +1,61 @@
+"""samples of all clips -> the data set: Parquet shards that `datasets` reads alone, with card, statistics and pictures.
+
+Reads   Samples of every clip
+Writes  data/<split>-NNNNN-of-NNNNN.parquet, README.md, croissant.json, manifest.json,
+        statistics.json, plots/, contact_sheet.png
+Method  rows are written as they come (one row group in memory); classes emerge from the narrations; splits by video, the
+        source's own when it names one for every video, else by a seeded hash of the video (or participant)
+Fails   when no clip gives a sample, when two samples share an id, when a video is in two splits
+Paper   2HandedAfforder, 2HANDS: the same content; flips, crops and colours are left to load time (afford/dataset/augment.py)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.affordance import Samples
+
+LIBRARIES = ("numpy", "pyarrow", "pycocotools", "blake3", "matplotlib", "pillow", "opencv-python-headless")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    name: str = "afford-2hands"
+    """name of the data set, on its card"""
+    version: str = "1.0.0"
+    """version of the data set, in croissant.json"""
+    license: str = ""
+    """licence id on the card; '' = that of the source: cc-by-nc-4.0 for EPIC-KITCHENS and VISOR (which refuse any other),
+    apache-2.0 for clips rendered here, other for videos of which nobody has said it"""
+    made: str = "extracted"
+    """how the samples came to be, for the card: extracted from video, or rendered"""
+    split_by: str = "video"
+    """what a split keeps together where the source has no split: video or participant"""
+    val_fraction: float = 0.1
+    """share of videos (participants) for validation where the source has no split"""
+    test_fraction: float = 0.1
+    """share of videos (participants) for testing where the source has no split"""
+    seed: int = 0
+    """seed of the split by hash"""
+    samples_per_shard: int = 10_000
+    """rows per Parquet file"""
+    sheet_samples: int = 18
+    """samples on the contact sheet"""
+
+
+def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
+    """Write the data set into the scratch folder and return it as files."""
+    from afford.common import files
+    from afford.dataset import pack
+    from afford.dataset.split import Rule
+
+    root = files.empty_folder(ctx.scratch / "dataset")
+    rule = Rule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
+    plan = pack.plan(samples, rule)
+    writing = pack.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
+    pack.describe(root, writing, params.name, params.license, params.version, params.made)
+    return files.tree(params.name, root)

@@ -1,0 +1,36 @@
+"""scores of many clips -> the quality report: table, plots, picture sheet and a flat dict of metrics.
+
+Reads   ClipScores of standard and hard clips
+Writes  metrics.json, report.md, scores.png, sheet.jpg
+Method  means over all items of the standard clips; the same over the hard clips under the prefix `hard.`
+Fails   when there is no standard clip
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.benchmark import ClipScores
+
+LIBRARIES = ("numpy", "opencv-python-headless", "matplotlib", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    eval_seed: int = 20261
+    """seed of the clips that are rendered for the report; the floors must hold for any"""
+    standard_clips: int = 8
+    """number of standard clips"""
+    hard_clips: int = 6
+    """number of hard clips (never unoccluded, out of plane, articulated, entering or leaving between key frames)"""
+
+
+def run(scores: tuple[ClipScores, ...], params: Params, ctx: Context) -> FileTree:
+    """Merge the scores of all clips into one report."""
+    from afford.extraction.report import summary
+
+    return summary.write(scores, ctx.scratch)

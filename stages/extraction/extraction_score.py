@@ -1,0 +1,58 @@
+"""extraction outputs + ground truth -> scores of one clip.
+
+Reads   the truth folder of a rendered clip, and what every extraction stage made of the clip (tracks at two key gaps)
+Writes  ClipScores: sums and counts by name, baselines beside them, and a row of pictures
+Method  definitions in afford/extraction/report/score.py; no stage reads the truth but this one
+Fails   when the truth does not cover the frames of the clip
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from schemas.affordance import Affordances
+from schemas.video import Clip
+from schemas.files import FileTree
+from schemas.masks import CompleteObjects, Tracks
+from schemas.benchmark import ClipScores
+from schemas.video import Frames, Inpainted
+
+LIBRARIES = ("numpy", "opencv-python-headless", "safetensors", "zstandard", "av", "pycocotools", "blake3", "matplotlib",
+             "pillow")
+THREADS = 1
+MEMORY_GIB = 1.5
+
+
+@dataclass(frozen=True)
+class Params:
+    sheet_width_px: int = 300
+    """width of one picture in the sheet"""
+
+
+def run(
+    truth: FileTree,
+    clip: Clip,
+    frames: Frames,
+    tracks: Tracks,
+    tracks_sparse: Tracks,
+    inpainted: Inpainted,
+    complete: CompleteObjects,
+    affordances: Affordances,
+    params: Params,
+) -> ClipScores:
+    """Score one clip; `tracks` come from every key frame (gap 15), `tracks_sparse` from every second one (gap 30)."""
+    from afford.extraction.intersection import intersect
+    from afford.extraction.report import score, sheet
+    from afford.extraction.report.tally import Tally
+    from afford.extraction.report.truth_files import load_truth
+
+    aligned = score.align(load_truth(truth), frames.frame)
+    tally = Tally()
+    score.score_densify(tally, aligned, tracks, "gap15")
+    score.score_densify(tally, aligned, tracks_sparse, "gap30")
+    score.score_inpaint(tally, aligned, frames, inpainted)
+    score.score_completion(tally, aligned, tracks, complete)
+    cut = replace(affordances, masks=intersect(tracks, complete, affordances.object_index))  # before the data set's dilation
+    score.score_affordance(tally, aligned, cut)
+    picture = sheet.clip_row(aligned, frames, tracks, inpainted, complete, affordances, params.sheet_width_px)
+    return ClipScores(clip.clip_id, aligned.truth.hard, len(frames.frame), tally.scores(), picture)

@@ -1,0 +1,82 @@
+"""visible object masks + frames with and without hands -> complete (amodal) object masks.
+
+Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands);
+        files of a model (sam2)
+Writes  CompleteObjects: every object that a hand ever touches, complete in every frame, with confidence
+Method  `template` follows each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the
+        baselines; `sam2` is learned (weights needed, GPU advised). Deterministic. A complete mask holds the visible one;
+        the rest lies behind other masks
+Fails   when the inputs are not of the same frames and size
+Paper   2HandedAfforder, object completion (SAM2 from the frame to its inpainted twin)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.files import FileTree
+from schemas.masks import CompleteObjects, Tracks
+from schemas.video import Frames, Inpainted
+
+if TYPE_CHECKING:
+    import numpy as np
+
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "transformers", "safetensors")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {
+    "template": "afford.extraction.complete.template:complete",
+    "hull": "afford.extraction.complete.hull:complete",
+    "visible": "afford.extraction.complete.visible:complete",
+    "sam2": "afford.extraction.complete.sam2:complete",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "template"
+    """template, hull, visible or sam2"""
+    model: str = ""
+    """sam2: local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
+    device: str = "cpu"
+    """sam2: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """sam2: float32, bfloat16 or float16"""
+
+
+def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, weights: FileTree | None = None) -> CompleteObjects:
+    """Complete every touched object. Only pixels that another entity covers are ever added to the visible mask."""
+    import numpy as np
+
+    from afford.extraction.layers import regions
+    from afford.models.weights import placed
+    from afford.common.registry import load
+
+    _check(frames, tracks, inpainted)
+    complete, indices, params = load(BACKENDS, params.backend), regions.touched_indices(tracks), placed(params, weights)
+    masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
+    confidence = np.zeros(masks.shape[:2], np.float32)
+    for row, index in enumerate(indices):
+        found = complete(frames, tracks, inpainted, index, params)
+        visible = tracks.masks[index]
+        masks[row] = visible | (found.masks & regions.others(tracks, index))
+        whole = (masks[row] == visible).all(axis=(1, 2)) & ~_hidden_nearby(visible, regions.others(tracks, index))
+        confidence[row] = np.where(whole, 1, found.confidence)
+    return CompleteObjects(tracks.clip_id, tuple(tracks.entities[i] for i in indices), tracks.frame, masks, confidence)
+
+
+def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
+    from afford.common.morphology import dilate
+
+    touching = (dilate(visible, 3) & others).any(axis=(1, 2))
+    return touching | ~visible.any(axis=(1, 2))
+
+
+def _check(frames: Frames, tracks: Tracks, inpainted: Inpainted) -> None:
+    sizes = {"Frames": frames.rgb.shape[:3], "Tracks": tracks.masks.shape[1:], "Inpainted": inpainted.mask.shape}
+    numbers = {tuple(noun.frame.tolist()) for noun in (frames, tracks, inpainted)}
+    if len(set(sizes.values())) > 1 or len(numbers) > 1:
+        raise ValueError(f"object_completion of {tracks.clip_id}: expected the same frames and size everywhere, got {sizes}")

@@ -1,0 +1,62 @@
+"""everything extracted from a clip -> samples: image without hands, affordances, complete objects, task, motion.
+
+Reads   Clip, Frames, Inpainted, Tracks, CompleteObjects, Affordances, FrameLabels of one clip, all on the same frames
+Writes  Samples: one per accepted and narrated frame (per narration under the policy `all`), and why the others gave none
+Method  keeps frames by rejection, narration, distance to the key frame, quality and stride, in this order; the image is JPEG;
+        motion = mask centroids of each hand and its object at equal steps after the sample, NaN when unseen
+Fails   when the inputs disagree about the frames
+Paper   2HandedAfforder, data set extraction: samples keep inpainted image, object and affordance masks, and text
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.affordance import Affordances, FrameLabels
+from schemas.video import Clip
+from schemas.masks import CompleteObjects, Tracks
+from schemas.affordance import Samples
+from schemas.video import Frames, Inpainted
+
+LIBRARIES = ("numpy", "opencv-python-headless")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    stride_frames: int = 1
+    """smallest distance between two samples of a clip; 1 keeps every frame, as the paper does"""
+    max_key_distance: int = 0
+    """farthest a mask may be from its key frame, in frames; 0 = no limit, 10 = as the released code"""
+    min_quality: float = 0.0
+    """lowest quality of a sample, 0..1"""
+    jpeg_quality: int = 95
+    """quality of the image, 1..100"""
+    motion_s: float = 1.0
+    """how long after the sample the motion is followed, in seconds"""
+    motion_steps: int = 11
+    """points of each path, the first at the sample itself, the last at motion_s"""
+
+
+def run(
+    clip: Clip,
+    frames: Frames,
+    inpainted: Inpainted,
+    tracks: Tracks,
+    complete: CompleteObjects,
+    affordances: Affordances,
+    labels: FrameLabels,
+    params: Params,
+) -> Samples:
+    """The samples of one clip, by frame."""
+    from afford.dataset import assemble
+    from afford.dataset.motion import Paths
+
+    extraction = assemble.Extraction(clip, frames, inpainted, tracks, complete, affordances, labels)
+    extraction.check()
+    choice = assemble.Choice(params.stride_frames, params.max_key_distance, params.min_quality)
+    rows, reasons = assemble.choose(extraction, choice)
+    paths = Paths(tracks, complete, frames.time_ns, params.motion_s, params.motion_steps)
+    made = list(assemble.samples(extraction, rows, paths, params.jpeg_quality))
+    return assemble.bundle(extraction, made, reasons)

@@ -1,0 +1,1 @@
+"""Stages from hand motion and bodies to grasps."""

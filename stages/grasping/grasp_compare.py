@@ -1,0 +1,68 @@
+"""an object, its parts, tasks and a two-hand model -> how grasps from affordance masks go against those from the whole object.
+
+Reads   HandModel; ObjectMesh, MeshParts, GraspObject and PartDescriptions of one object; a model: config.json and
+        model.safetensors, as model_train writes them (a tree without files: its rows are left out)
+Writes  GraspComparison: for each kind of mask, engine, task and look whether it was held, and what was pressed
+Method  the object lies on a table at random and is rendered from before and above, with noise on its depth; the best candidate from
+        each mask is done by the script's fingers under strict physics. Masks: the true parts where a hand belongs, the whole
+        object, and what the model says of the picture; each without and with the negative parts
+Fails   when no task has a positive part that the object has, or the object does not lie still
+Paper   2HandedAfforder, robot experiment: grasps from predicted regions against those from whole objects
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.grasp import GraspComparison
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.grasp import GraspObject
+from schemas.hand import HandModel
+from schemas.mesh import MeshParts, ObjectMesh
+from schemas.surface import PartDescriptions
+
+LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "trimesh", "mujoco", "pybullet", "torch", "safetensors",
+             "transformers", "tokenizers", "peft", "blake3", "embreex")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    engines: tuple[str, ...] = ("mujoco", "bullet")
+    """in which grasps are tried; the object comes to rest in the first"""
+    looks: int = 2
+    """poses of the object, each of which is looked at once for each task"""
+    xy_m: float = 0.05
+    """how far from the origin the object lies, along x and y; its yaw is any"""
+    down_deg: float = 55.0
+    """how far the camera looks down"""
+    noise_m: float = 0.002
+    """standard deviation of depth"""
+    span_m: float = 0.07
+    """the widest that the script's fingers span"""
+    places: int = 48
+    """places that are tried in each region"""
+    seed: int = 0
+    """seed of poses, of the table's wood and of noise"""
+
+    def __post_init__(self) -> None:
+        """Numbers have ranges; engines are checked where they are made."""
+        if not self.engines or self.looks < 1 or self.places < 1 or self.span_m <= 0 or self.noise_m < 0:
+            raise ValueError(f"grasp_compare: expected an engine, 1 look and place or more, a span above 0 and noise of 0 or more, "
+                             f"got {self}")
+
+
+def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, descriptions: PartDescriptions, model: FileTree,
+        params: Params, ctx: Context) -> GraspComparison:  # fmt: skip
+    """Try them all."""
+    from afford.grasping.candidates.compare import Subject, Trials, compare
+    from afford.grasping.candidates.find import Wish
+    from afford.grasping.candidates.look import Eye
+    from afford.surface.positive.asked import asker
+
+    ask = asker(model, mesh.category, ctx.scratch / "model") if model.files else None
+    eye, wish = Eye(down_deg=params.down_deg, noise_m=params.noise_m), Wish(places=params.places, span_m=params.span_m, count=1)
+    trials = Trials(params.engines, params.looks, params.xy_m, eye, wish, params.seed)
+    return compare(Subject(hand, mesh, parts, body), descriptions, ask, trials)

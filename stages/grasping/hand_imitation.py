@@ -1,0 +1,123 @@
+"""a hand, objects and how people grasp them -> the prior: a policy that moves as they do (AffordDex, stage 1: HTI).
+
+Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of the clips that were made or read for them, each clip named
+        <target>_<number> and in the frame of its target's world
+Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/; curves
+Method  clips that do not lift their object when they are followed are dropped; then DAgger (the expert follows the clip, and
+        along the object it follows whoever moves the hand), then PPO for the rewards of imitation. The object is there and is
+        seen as AffordanceGrasp shows it to a prior; parts are not. Killed, it goes on to the same weights
+Fails   ValueError, one sentence: no clip that lifts, clips without a target or an object, a parameter out of range
+Paper   AffordDex, HTI: PPO alone, imitation and smoothness; clips of OakInk2; the prior is frozen afterwards
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.grasp import GraspObject
+from schemas.hand import HandModel
+from schemas.hand import GraspTarget, ReferenceSet
+from schemas.training import Trained
+
+LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
+THREADS = 2
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    seed: int = 0
+    """of weights, episodes and noise"""
+    cloning: int = 60
+    """updates of DAgger, one episode of every world each"""
+    alone: int = 20
+    """from this update on the policy acts; before, more and more often instead of the expert"""
+    memory: int = 12
+    """episodes of every world that are learned from"""
+    passes: int = 2
+    """over them in an update"""
+    batch: int = 512
+    """rows of a step of Adam"""
+    lr: float = 1e-3
+    """of Adam in DAgger; it falls to a tenth"""
+    noise: float = 0.08
+    """standard deviation of what is added to actions there"""
+    nudged: float = 0.5
+    """share of episodes in which somebody moves the hand along the object on its way down"""
+    reinforcing: int = 0
+    """updates of PPO; 30 of them made the prior worse (docs/imitation.md)"""
+    critic: int = 6
+    """the first of them, in which only the critic learns"""
+    ppo_lr: float = 1e-4
+    """learning rate of PPO; it falls to 0"""
+    reward: str = "paper"
+    """paper: fingers and power; code: what AffordDex's code has (docs/grasp-environments.md)"""
+    worlds: int = 24
+    """worlds; objects are taken in turn"""
+    steps: int = 40
+    """control steps of an episode"""
+    lift_m: float = 0.20
+    """how high clips lift"""
+    hidden: tuple[int, ...] = (256, 256)
+    """widths of the network"""
+    std: float = 0.12
+    """spread of actions when PPO begins"""
+    proofs: int = 1
+    """a clip is kept when so many episodes that follow it end with the object held, in each of the engines; 0 keeps all"""
+    proof_engines: tuple[str, ...] = ("mujoco", "bullet")
+    """those engines"""
+    shift_m: float = 0.03
+    """clips are shifted along their object by up to this, both ways"""
+    astray: tuple[float, float, float] = (0.006, 0.04, 0.06)
+    """standard deviations of the hand's beginning: m and rad of the wrist, rad of the fingers"""
+    engine: str = "mujoco"
+    """in which it is trained: mujoco or bullet"""
+
+
+def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTarget, ...], references: ReferenceSet,
+        params: Params, ctx: Context) -> Trained:  # fmt: skip
+    """Train in the scratch folder, where a killed training goes on."""
+    from afford.common.files import tree
+    from afford.grasping.imitation import prior_files
+    from afford.grasping.imitation.prior import train
+    from afford.training import curves, events
+    from afford.training.repeatable import repeatable
+    from afford.training.state import State
+
+    _check(params)
+    with repeatable(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
+        lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
+                                      params.proof_engines, params.worlds, params.seed)
+        model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
+        points = [*lessons.points, *train(lessons.core, model, _plan(params), ctx.scratch, ctx.progress)]
+        lessons.core.close()
+    root = prior_files.write(ctx.scratch / "out", model, lessons)
+    events.write(root / "tensorboard", points)
+    done = params.cloning + params.reinforcing
+    return Trained(tree("prior", root), curves.log("prior", State(step=done, points=points, best_step=done)))
+
+
+def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a leaf's type, and leafs load inside `run`
+    from afford.grasping.imitation.rehearse import Rehearsal
+
+    return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray,
+                     threads=THREADS)
+
+
+def _plan(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.imitation.prior import Plan
+    from afford.grasping.rl import ppo
+
+    return Plan(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch, lr=p.lr,
+                nudged=p.nudged, noise=p.noise, critic=p.critic,
+                ppo=ppo.Config(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
+
+
+def _check(p: Params) -> None:
+    for name, least in (("cloning", 1), ("memory", 1), ("passes", 1), ("batch", 1), ("worlds", 1), ("steps", 1), ("reinforcing", 0),
+                        ("alone", 0), ("critic", 0), ("proofs", 0), ("noise", 0), ("shift_m", 0)):  # fmt: skip
+        if not getattr(p, name) >= least:
+            raise ValueError(f"hand_imitation, {name}: expected {least} or more, got {getattr(p, name)}")
+    if not 0 <= p.nudged <= 1:
+        raise ValueError(f"hand_imitation, nudged: expected a share of 0 to 1, got {p.nudged}")

@@ -1,0 +1,72 @@
+"""files of a robot hand -> the hand: a table of links and joints, its fingers, and a URDF that physics engines read.
+
+Reads   FileTree: the Shadow Hand's MJCF and meshes as installed with gymnasium-robotics, or one URDF with its meshes
+Writes  HandModel: joints (6 of the wrist's gantry, motors, coupled), fingertips and keypoints, palm axes, URDF, meshes
+Method  `shadow` takes MuJoCo's compiled model apart; `urdf` reads any hand with limits, and finds fingers by the names of links.
+        Cut at the palm (or above it), put on three slides and three hinges; passive joints follow their driver (<mimic>)
+Fails   SourceError, one sentence: a mesh, limit, mass or finger that is missing, joints in a circle
+Paper   AffordDex: Shadow Hand, 24 actions = 6 of the wrist + 18 motors; 22 finger joints, 4 of them coupled
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.hand import HandModel
+
+LIBRARIES = ("numpy", "scipy", "mujoco", "trimesh", "pillow", "opencv-python-headless")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+BACKENDS = {
+    "shadow": "afford.grasping.hand.mjcf:read",
+    "urdf": "afford.grasping.hand.read_urdf:read",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "shadow"
+    """shadow: the files of gymnasium-robotics; urdf: any hand"""
+    root: str = ""
+    """link that the hand starts at, e.g. forearm; '' = the palm, the last link that carries all fingers"""
+    wrist: str = "gantry"
+    """gantry: a 6-DoF wrist carries the root; none: the root is free"""
+    reach_m: float = 2.0
+    """gantry: the slides go this far both ways"""
+    wrist_force_n: float = 200.0
+    """gantry: largest force of a slide"""
+    wrist_torque_nm: float = 30.0
+    """gantry: largest torque of a hinge"""
+    gantry_mass_kg: float = 0.05
+    """gantry: mass of each of its six parts"""
+    capsules: str = "capsule"
+    """capsule: as one solid, which PyBullet and MuJoCo read; parts: a cylinder and two spheres, standard URDF"""
+    fingers: tuple[str, ...] = ()
+    """urdf: finger=last link of thumb, index, middle, ring, little, where names of links do not tell"""
+    coupled: tuple[str, ...] = ()
+    """urdf: follower=driver of joints without a motor that have no <mimic>"""
+
+
+def run(files: FileTree, params: Params) -> HandModel:
+    """Build the hand; ValueError when a parameter or the source cannot be used."""
+    from afford.grasping.hand.coupling import coupled
+    from afford.grasping.hand.gantry import Gantry
+    from afford.grasping.hand.model import Wishes, model
+    from afford.common.registry import load
+
+    _check(params)
+    gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)
+    wishes = Wishes(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", params.fingers)
+    return model(coupled(load(BACKENDS, params.backend)(files), params.coupled), wishes)
+
+
+def _check(params: Params) -> None:
+    for name, allowed in (("wrist", ("gantry", "none")), ("capsules", ("capsule", "parts"))):
+        if getattr(params, name) not in allowed:
+            raise ValueError(f"hand_model, {name}: expected {' or '.join(allowed)}, got {getattr(params, name)!r}")
+    positive = ("reach_m", "wrist_force_n", "wrist_torque_nm", "gantry_mass_kg")
+    wrong = next((name for name in positive if getattr(params, name) <= 0), None)
+    if wrong:
+        raise ValueError(f"hand_model, {wrong}: expected a number above zero, got {getattr(params, wrong)}")

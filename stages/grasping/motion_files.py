@@ -1,0 +1,36 @@
+"""motions in a robot hand's joints, and what was dropped -> files for people and for other programs.
+
+Reads   ReferenceSet
+Writes  FileTree: references/<clip>.npz (plain arrays, docs/motion.md), verdicts.csv (every clip), metrics.json, report.md
+Method  as they are; nothing is rounded but in the report
+Fails   ValueError when there is no reference
+Paper   AffordDex, HTI: what a policy imitates
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.hand import ReferenceSet
+
+LIBRARIES = ("numpy", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    name: str = "motions"
+    """what the set is called in the report"""
+
+
+def run(references: ReferenceSet, params: Params, ctx: Context) -> FileTree:
+    """One folder of all."""
+    from afford.common.files import empty_folder, tree
+    from afford.grasping.motion.written import write
+
+    if not references.references:
+        raise ValueError(f"{params.name}: expected a motion that can be imitated, got none of {len(references.report.verdicts)}")
+    return tree(params.name, write(empty_folder(ctx.scratch / "motions"), params.name, references))

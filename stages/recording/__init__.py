@@ -1,0 +1,1 @@
+"""Stages that record what other stages made."""

@@ -1,0 +1,66 @@
+"""a data set of RGB-D interactions, a trained model -> what the model says frame by frame, as recordings and sheets.
+
+Reads   FileTree that interaction_pack wrote (sequences with their scene flow); FileTree of a model: what model_train (backend
+        sor3d) writes
+Writes  FileTree of <name>.mcap (docs/recordings.md) and <name>.png for each of some sequences: frames, motion, depth, affordances,
+        attention, truth
+Method  frame i is answered as the end of the sequence of frames 1 to i; media time from the rate of the sequence
+Fails   when the data set has no such part, or the model is of another kind
+Paper   SOR3D-AFF: attention maps, confidence above 0.75
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "mcap", "mcap-protobuf-support",
+             "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    split: str = "val"
+    """which part of the data set"""
+    shown: int = 9
+    """sequences that are recorded, spread over the part; 0 for all"""
+    rate_hz: float = 10.0
+    """frames a second, which a packed sequence does not say"""
+    threshold: float = 0.75
+    """probability above which an affordance counts as confident"""
+    device: str = "cpu"
+    """cpu, or cuda for a GPU"""
+
+
+def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Ask the model about every frame of each sequence, and write both files."""
+    from afford.common import materialise as folder
+    from afford.dataset.sor3d import sequences
+    from afford.common.files import empty_folder, tree
+    from afford.rgbd.model.predictor import Predictor
+    from afford.recording.files import write
+    from afford.recording.interaction_strips import strips_of
+    from afford.recording.of_interaction import record
+    from afford.recording.provenance import of_files
+    from afford.common.tiles import write_page
+    from afford.rgbd.model.sequence_batches import fitted
+    from afford.rgbd.train.sor3d_job import spread
+
+    if params.rate_hz <= 0 or params.shown < 0:
+        raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")
+    predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
+    part = sequences.part({file.name: file.path for file in dataset.files}, params.split)
+    chosen, root = spread(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
+    for n, path in enumerate(chosen, 1):
+        shown = fitted(sequences.read(path, "3d"), predictor.config.size_px)
+        found = predictor.every_frame(predictor.sees(sequences.read(path, predictor.config.flow)))
+        out = root / f"{shown.name}.mcap"
+        recording = record(shown, found, params.rate_hz, params.threshold)
+        write(out, of_files(of_files(recording, "interaction_pack", dataset), "model_train", model))
+        write_page(out.with_suffix(".png"), strips_of(out))
+        ctx.progress(n, len(chosen))
+    return tree(model.name, root)

@@ -1,0 +1,36 @@
+"""what a run of all clips came to (a data set, a report) -> its recording: numbers, words and pictures.
+
+Reads   FileTree that the stage wrote
+Writes  FileTree of one file, <stage>.mcap: JSON and Markdown as documents, paragraphs as a log, pictures as they are
+Method  one topic per file below /<stage>; log time is the fixed base of all recordings, a millisecond between two lines
+Fails   when there is neither text nor picture, or a text is no UTF-8
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+
+LIBRARIES = ("numpy", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf",
+             "zstandard", "blake3")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    stage: str
+    """the stage that wrote the files; its name is the first word of every topic"""
+
+
+def run(files: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Write the recording of one run; ValueError when there is nothing to show."""
+    from afford.recording.files import as_tree, write
+    from afford.recording.of_files import record
+    from afford.recording.provenance import of_files
+
+    path = ctx.scratch / f"{params.stage}.mcap"
+    write(path, of_files(record(files, params.stage), params.stage, files))
+    return as_tree(params.stage, path)

@@ -1,0 +1,57 @@
+"""what a stage made of one clip -> its recording: an MCAP file that Foxglove and Rerun open.
+
+Reads   the output of the stage; Frames, for the media time of every frame number
+Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas where there is one, media time as log time
+Method  one recorder per stage (afford/recording/of_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
+        the content digests of what is recorded stand in its metadata
+Fails   when a frame of the output was not decoded (key frames of the source apart: those are left out)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.affordance import Affordances, FrameLabels
+from schemas.video import Clip
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.masks import CompleteObjects, Tracks
+from schemas.affordance import Samples
+from schemas.video import Frames, Inpainted
+
+LIBRARIES = ("numpy", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf",
+             "zstandard", "blake3")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 1.0
+
+STAGES = {
+    "source_read": "afford.recording.of_clip:record",
+    "hand_detect": "afford.recording.of_found:record",
+    "frame_decode": "afford.recording.of_frames:record",
+    "mask_densify": "afford.recording.of_tracks:record",
+    "hand_inpaint": "afford.recording.of_inpainted:record",
+    "object_completion": "afford.recording.of_complete:record",
+    "affordance_intersect": "afford.recording.of_affordances:record",
+    "narration_labelling": "afford.recording.of_labels:record",
+    "sample_assemble": "afford.recording.of_samples:record",
+}
+
+Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
+
+
+@dataclass(frozen=True)
+class Params:
+    stage: str
+    """the stage whose output is recorded, a key of STAGES"""
+
+
+def run(value: Recorded, frames: Frames, params: Params, ctx: Context) -> FileTree:
+    """Write the recording of one stage of one clip; ValueError when a frame has no time."""
+    from afford.recording.files import as_tree, write
+    from afford.recording.provenance import with_provenance
+    from afford.common.registry import load
+
+    path = ctx.scratch / f"{value.clip_id}.mcap"
+    recording = load(STAGES, params.stage)(value, frames)
+    write(path, with_provenance(recording, params.stage, value, frames))
+    return as_tree(value.clip_id, path)

@@ -1,0 +1,1 @@
+"""Stages from RGB-D interaction to affordance of the last frame."""

@@ -1,0 +1,41 @@
+"""files of an RGB-D sequence -> a clip: colours, depth, the label of its last frame.
+
+Reads   FileTree of one sequence in the layout of SOR3D-AFF, rendered or recorded (docs/interaction-data.md)
+Writes  InteractionClip; no depth in the files: depth 0 everywhere
+Method  the folder's name says affordance and thing; the colour of the affordance in the mask is the label, all else background
+Fails   SourceError, one sentence: file, field, expected, got, what to do
+Paper   SOR3D-AFF, section 6; its released code (STCAE) for layout, colours and which frames are shown
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.interaction import InteractionClip
+
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    frames: str = "all"
+    """all; or slots: ten frames, every second of 20 slots, black ones in front of short sequences (as the released code)"""
+    grid: str = "native"
+    """native: pictures as they are; stcae: shrunk to 640 x 360, then rows 0 to 300 and columns 200 to 500 (as the released code)"""
+    rate_hz: float = 10.0
+    """frames a second where the files do not say it"""
+    focal_px: float = 1081.4
+    """focal length at a width of 1920 px where the files do not say it: nominal for the colour camera of a Kinect 2"""
+
+
+def run(files: FileTree, params: Params) -> InteractionClip:
+    """Read one sequence."""
+    from afford.rgbd.readers.read import Rules, read
+
+    if params.frames not in ("all", "slots") or params.grid not in ("native", "stcae"):
+        raise ValueError("interaction_read: expected frames 'all' or 'slots' and grid 'native' or 'stcae', "
+                         f"got {params.frames!r} and {params.grid!r}")
+    return read(files, Rules(params.frames, params.grid, params.rate_hz, params.focal_px))

@@ -1,0 +1,62 @@
+"""an RGB-D clip -> how everything in it moves between its frames, in space and on the image.
+
+Reads   InteractionClip
+Writes  SceneFlow: metres and pixels per frame, and both as colours
+Method  optical flow (DIS, also from a search of large shifts) and measured depth, spread within surfaces by a fast global
+        smoother (weighted least squares) from where both directions agree; holes filled; for every surface the guess that
+        explains the next frame best, rest unless motion does so by a margin. Deterministic.
+        backend `difference`: optical flow and the difference of depths alone
+Fails   when the clip is smaller than 32 px, a parameter is not positive, or the colours are not a known kind
+Paper   SOR3D-AFF, 3-D flow (there PD-Flow on pairs of frames, each axis normalised to 0..255); the camera stands, as there
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from afford.common.registry import load
+from schemas.interaction import InteractionClip
+from schemas.interaction import SceneFlow
+
+LIBRARIES = ("numpy", "opencv-python-headless", "numba")
+THREADS = 1
+MEMORY_GIB = 0.5
+SMALLEST_PX = 32
+
+BACKENDS = {
+    "regularised": "afford.rgbd.scene_flow.regularised:between",
+    "difference": "afford.rgbd.scene_flow.difference:between",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "regularised"
+    """regularised, or difference: optical flow with the difference of depths, for comparison"""
+    smoothness: float = 60.0
+    """how far motion spreads within a surface: the weight of smoothness against data"""
+    still_margin: float = 0.5
+    """what moves must explain the second frame better than rest does, by so many standard deviations of the noise"""
+    colour: str = "fixed"
+    """fixed: no motion has the same colour everywhere; clip: least to largest motion of each clip, as the paper says"""
+    range_m: float = 0.05
+    """fixed: motion in metres per frame that has full colour"""
+    range_share: float = 0.08
+    """fixed: motion on the image that has full colour, as a share of the width, per frame"""
+
+
+def run(clip: InteractionClip, params: Params) -> SceneFlow:
+    """Estimate the flow of all pairs of frames."""
+    from afford.rgbd.scene_flow.clip import scene_flow
+    from afford.rgbd.scene_flow.view import Settings
+
+    for name in ("smoothness", "range_m", "range_share"):
+        if getattr(params, name) <= 0:
+            raise ValueError(f"scene_flow.{name}: expected more than 0, got {getattr(params, name)}")
+    if params.colour not in ("fixed", "clip"):
+        raise ValueError(f"scene_flow.colour: expected fixed or clip, got {params.colour!r}")
+    if min(clip.label.shape) < SMALLEST_PX:
+        raise ValueError(f"{clip.name}: expected frames of at least {SMALLEST_PX} x {SMALLEST_PX} px, got {clip.label.shape}; "
+                         "read it at a larger size")
+    return scene_flow(clip, load(BACKENDS, params.backend), Settings(params.smoothness, params.still_margin), params.colour,
+                      params.range_m, params.range_share)

@@ -1,0 +1,33 @@
+"""scene flow, and that of optical flow with the difference of depths alone, against the truth of a rendered sequence.
+
+Reads   SceneFlow twice, InteractionTruth
+Writes  FlowScore: sums of end-point errors over all pixels with a surface and over those that move, of both, in m and in px
+Method  length of the difference of motion in space, as Vedula et al. (1999) measure it, and of motion on the image; sums, so that
+        sequences pool
+Fails   when a flow is another sequence's
+Paper   SOR3D-AFF, 3-D flow (not measured there)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.interaction import InteractionTruth
+from schemas.interaction import FlowScore
+from schemas.interaction import SceneFlow
+
+LIBRARIES = ("numpy",)
+THREADS = 1
+MEMORY_GIB = 0.3
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing to choose."""
+
+
+def run(flow: SceneFlow, plain: SceneFlow, truth: InteractionTruth, params: Params) -> FlowScore:
+    """Score one sequence."""
+    from afford.rgbd.evaluate.flow import score
+
+    return score(flow, plain, truth)

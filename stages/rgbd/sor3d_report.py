@@ -1,0 +1,59 @@
+"""scores of SOR3D-AFF's model, or of the rows of its ablation -> the report beside the paper's figures.
+
+Reads   the Recipes that were planned; InteractionScores of those that are trained and examined, named as their recipe; FlowScores
+        where the truth is known
+Writes  metrics.json (video.iou, static.f, flow.epe_ratio, action.accuracy, ...; of an ablation <row>.video.iou, ...), report.md,
+        scores.json (seed by seed), sheet.png
+Method  pixels pooled over sequences, then a mean over categories (docs/sor3d.md); percentile intervals by resampling sequences; a
+        row is the mean over its seeds, with the sample standard deviation
+Fails   when nothing was scored, or a score belongs to no recipe
+Paper   SOR3D-AFF, tables of results and ablations
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.interaction import FlowScore, InteractionScores
+from schemas.training import Recipe
+
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "matplotlib", "blake3")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    rows: tuple[str, ...] = ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d",
+                             "pretrained")
+    """sor3d_ablation: what is trained; pretrained is the whole model on an encoder that learned actions before"""
+    seeds: int = 3
+    """sor3d_ablation: trainings of each row, with the seeds first_seed, first_seed + 1, ..."""
+    first_seed: int = 0
+    """sor3d_ablation: where the seeds begin; another on each of several machines, whose scores.json tell them apart"""
+    steps: int = 0
+    """sor3d_ablation: steps of each training; 0: as many as sor3d_train has"""
+    pretrained: bool = False
+    """sor3d: whether its encoder learns actions before"""
+    actions: str = ""
+    """folder of UTKinect-Action3D to learn actions from; '': the sequences themselves"""
+    resamples: int = 1000
+    """of the intervals"""
+    seed: int = 0
+    """of the intervals"""
+    ablation: bool = False
+    """figures by row; the target sets it"""
+
+
+def run(recipes: tuple[Recipe, ...], scores: tuple[InteractionScores, ...], params: Params, ctx: Context,
+        more: tuple[InteractionScores, ...] = (), flows: tuple[FlowScore, ...] = ()) -> FileTree:  # fmt: skip
+    """One report of all; `more` are scores of a second group of trainings."""
+    from afford.common.files import empty_folder, tree
+    from afford.rgbd.evaluate.report import Found, write
+
+    root = empty_folder(ctx.scratch / "report")
+    found = Found(recipes, (*scores, *more), flows)
+    write(root, found, params.ablation, params.resamples, params.seed)
+    return tree("sor3d", root)

@@ -1,0 +1,74 @@
+"""pictures with affordance labels + a trained model -> how well it tells them in static mode.
+
+Reads   StaticSet (static_read: UMD, IIT-AFF), or InteractionClip, of which the last frame is taken; FileTree of a model: what
+        model_train (backend sor3d, or boxes for the box-supervised baseline) writes
+Writes  FileTree: metrics.json (iou, f, fw, by class; closed.*: the model may only say what the set has), report.md
+        (with the pictures that could not be read), sheet.png (a row for each of a few pictures: truth, likeliest, what has a
+        confidence above 0.75, attention)
+Method  the middle square of every picture, at the model's size; probabilities are enlarged to the grid of the labels
+Fails   when no picture of the split is there, or none has an affordance
+Paper   SOR3D-AFF: static images of its own data, UMD and IIT-AFF; AffordanceNet (Do, Nguyen and Reid 2018) for comparison
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.interaction import InteractionClip, StaticSet
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.5
+
+BACKENDS = {
+    "sor3d": "afford.rgbd.model.static:teller",
+    "boxes": "afford.rgbd.boxes.static:teller",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "sor3d"
+    """which kind of model it is"""
+    name: str = "static"
+    """what the set is called in the report"""
+    split: str = ""
+    """train, val or test; '' for every picture"""
+    true_boxes: bool = False
+    """boxes: the thing's true box is given, instead of the model's own proposals"""
+    threshold: float = 0.75
+    """confidence above which the sheet shows a region"""
+    shown: int = 12
+    """pictures in the sheet, spread evenly"""
+    device: str = "cpu"
+    """cpu, or cuda for a GPU"""
+
+
+def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Ask the model about every picture of the split."""
+    import numpy as np
+
+    from afford.common import materialise as folder
+    from afford.common.files import empty_folder, tree
+    from afford.rgbd.model.static import last_picture
+    from afford.common.registry import load
+    from afford.rgbd.evaluate.static_sets import Scored, Tally, write
+
+    given = samples if isinstance(samples, StaticSet) else StaticSet(tuple(last_picture(one) for one in samples), ())
+    pictures = [one for one in given.samples if params.split in ("", one.split)]
+    if not pictures or params.shown < 1:
+        raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
+                         f"{len(pictures)} of {len(given.samples)} and {params.shown}")
+    tell = load(BACKENDS, params.backend)(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
+                                          params.true_boxes)  # fmt: skip
+    tally, shown = Tally.of(pictures), []
+    chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())
+    for n, picture in enumerate(pictures):
+        one = Scored(picture, tell(picture))
+        tally.add(one)
+        shown += [one] if n in chosen else []
+        ctx.progress(n + 1, len(pictures))
+    root = empty_folder(ctx.scratch / "static")
+    return tree(params.name, write(root, params.name, tally, len(pictures), shown, params.threshold, given.refused))

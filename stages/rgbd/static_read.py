@@ -1,0 +1,52 @@
+"""files of pictures with affordance labels -> samples for static evaluation.
+
+Reads   FileTree of UMD part affordance or IIT-AFF (docs/interaction-data.md)
+Writes  StaticSet: of every picture that was asked for its middle, depth where there is, label in our nine classes; a sentence for
+        each that cannot be read
+Method  classes are mapped to ours by name (afford/rgbd/readers/umd.py, iit_aff.py); those that we do not have become background
+Fails   SourceError, one sentence: file, field, expected, got, what to do; when the root is of another kind, has no such split, or
+        none of its pictures can be read
+Paper   SOR3D-AFF, section 6 (results on UMD and IIT-AFF, centre crop of 300 x 300)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.interaction import StaticSet
+
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+BACKENDS = {
+    "umd": "afford.rgbd.readers.umd:listed",
+    "iit-aff": "afford.rgbd.readers.iit_aff:listed",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "umd"
+    """umd: UMD part affordance; iit-aff: IIT-AFF"""
+    crop_px: int = 300
+    """side of the middle that is cut out, of a smaller picture the largest square; 0 for whole pictures. A sample takes 8 bytes a
+    pixel (5 without depth), and all are held at once, here and in static_evaluate"""
+    split_file: str = "category_split.txt"
+    """umd: category_split.txt (tools held out) or novel_split.txt (categories held out)"""
+    every: int = 1
+    """take every n-th picture; 3 for UMD's labels by people"""
+    split: str = ""
+    """train, val or test: no other picture is decoded; '' for all"""
+
+
+def run(files: FileTree, params: Params) -> StaticSet:
+    """Samples of a source, by name."""
+    from afford.rgbd.readers.static_set import gathered
+    from afford.common.registry import load
+
+    if params.crop_px < 0 or params.every < 1:
+        raise ValueError(f"static_read: expected crop_px of 0 or more and every of 1 or more, got {params}")
+    listed = load(BACKENDS, params.backend)(files, params.crop_px, params.split_file, params.every)
+    return gathered(files.name, listed, params.split)

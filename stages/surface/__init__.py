@@ -1,0 +1,1 @@
+"""Stages from mesh and task to affordance on its faces."""

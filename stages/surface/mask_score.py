@@ -1,0 +1,49 @@
+"""candidates and descriptions -> how well each candidate fits each part that is spoken of.
+
+Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer; of a model (clip)
+Writes  PartScores: which share of each candidate shows the part, and how well they overlap
+Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all; `clip` is the paper's
+        recipe, with a local model
+Fails   when the scorer's files cannot be read
+Paper   AffordDex, negative affordance: CLIP picks the mask that fits best, one in every view
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates, PartDescriptions, PartScores
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "embreex", "transformers", "tokenizers")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {"parts": "afford.surface.score.parts:score", "clip": "afford.surface.score.clip:score"}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "parts"
+    """parts or clip"""
+    model: str = ""
+    """clip: folder of save_pretrained with its tokenizer.json, or one that holds it as clip/; or a hub id"""
+    least_cosine: float = -1.0
+    """clip: a candidate that fits no part better fits nothing; -1 for none"""
+    batch: int = 32
+    """clip: candidates in one pass; 0.6 GB at the published size"""
+    device: str = "cpu"
+    """clip: cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """clip: float32, bfloat16 or float16"""
+
+
+def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
+        params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
+    """Score every candidate."""
+    from afford.models.weights import placed
+    from afford.common.registry import load
+
+    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, placed(params, weights))
+    return found

@@ -1,0 +1,51 @@
+"""files of one object -> its mesh in metres, repaired, with one texture; the parts that a label file names; what was done.
+
+Reads   FileTree: OBJ (MTL, images), PLY, STL, GLB, glTF or URDF, and `<mesh file>.parts.json` (docs/mesh-format.md)
+Writes  ReadMesh: ObjectMesh, MeshParts, MeshReport; each is an artifact of its own
+Method  places merged, empty faces and dust dropped, windings turned, small holes filled; images packed into one texture without
+        touching a texel; more than max_faces simplified by quadric collapse and painted anew from the nearest place
+Fails   SourceError, one sentence: file, expected, got, what to do; other objects are not affected
+Paper   AffordDex, NAA (its input is a mesh; nothing is said of repairing one)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.mesh import ReadMesh
+
+LIBRARIES = ("numpy", "scipy", "trimesh", "pillow", "opencv-python-headless", "numba", "fast_simplification")
+THREADS = 1
+MEMORY_GIB = 3.0
+
+
+@dataclass(frozen=True)
+class Params:
+    unit: str = "auto"
+    """m, cm, mm or inch; auto: what the format says (glTF, URDF: m), else m, or the only one that makes the diagonal 2 cm to 2 m"""
+    categories: tuple[str, ...] = ()
+    """categories that are looked for in the name of an object whose label file says none"""
+    max_texture_px: int = 2048
+    """longest side of the texture, a power of two; images are halved until they fit"""
+    max_faces: int = 60_000
+    """meshes of more faces are simplified"""
+    hole_edges: int = 64
+    """holes with more edges stay open"""
+    hole_share: float = 0.01
+    """holes with more than this share of the surface stay open"""
+    dust_share: float = 0.0001
+    """bodies with less than this share of the surface are dropped"""
+
+
+def run(files: FileTree, params: Params) -> ReadMesh:
+    """Read one object; ValueError when a parameter is out of range."""
+    from afford.surface.meshes.mend import Wishes, read_mended
+    from afford.surface.meshes.repair import Limits
+
+    side = params.max_texture_px
+    if params.max_faces < 100 or side < 64 or side & (side - 1):
+        raise ValueError("mesh_read: expected max_faces of 100 or more and max_texture_px a power of two of 64 or more, got "
+                         f"{params.max_faces} and {side}")
+    limits = Limits(params.hole_edges, params.hole_share, params.dust_share)
+    return read_mended(files, Wishes(params.unit, params.categories, side, params.max_faces, limits))

@@ -1,0 +1,34 @@
+"""where a hand must not go -> files that viewers and other programs open.
+
+Reads   ObjectMesh, PartDescriptions and NegativeAffordances of one object
+Writes  for each task: surface.glb and surface.ply (red where a hand must not go), points.ply, N_t.ply, distance.npz (the grid of
+        distances), negative.json (parts, roles, reasons, N_t)
+Method  colours from green to red by probability; faces have corners of their own, so that colours are exact
+Fails   never
+Paper   AffordDex, negative affordance: segmented.ply and description.txt
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.mesh import ObjectMesh
+from schemas.surface import NegativeAffordances, PartDescriptions
+
+LIBRARIES = ("numpy", "trimesh", "opencv-python-headless", "blake3")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing to choose."""
+
+
+def run(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, params: Params, ctx: Context) -> FileTree:
+    """Write the files of one object."""
+    from afford.surface.negative import files
+
+    return files.write(mesh, descriptions, found, ctx.scratch)

@@ -1,0 +1,49 @@
+"""scored candidates of all views -> where on the surface a hand must not go.
+
+Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions and PartScores of one object
+Writes  NegativeAffordances: for each task the probability of every face, labels of points, N_t, and a grid of distances to it
+Method  every pixel knows its face, so that votes are exact: weighted by the angle of sight and by how sure the candidates are;
+        faces that nobody saw take the values of their neighbours; N_t by farthest-point sampling
+Fails   when the inputs are not of one object
+Paper   AffordDex, negative affordance: one mask in each of six views, points splatted into a coarse z-buffer, the union of all
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "embreex")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    threshold: float = 0.35
+    """probability above which a face is negative"""
+    points: int = 2048
+    """points of the object that are labelled"""
+    negative_points: int = 100
+    """points of N_t; AffordDex's metric takes 100"""
+    spacing_m: float = 0.005
+    """between the nodes of the grid of distances"""
+    margin_m: float = 0.05
+    """of the grid around the object"""
+    seed: int = 0
+    """seed of the points"""
+
+
+def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
+        params: Params) -> NegativeAffordances:  # fmt: skip
+    """Put what the views say back on the surface."""
+    from afford.surface.negative.project import Wish, project
+
+    expected, faces = (len(candidates.view), len(descriptions.notes)), len(mesh.faces)
+    if scores.share.shape != expected or len(views.visible_area) != faces:
+        raise ValueError(f"{mesh.name}: expected scores {expected} and views of {faces} faces, got {scores.share.shape} and "
+                         f"{len(views.visible_area)}; all inputs must be of one object")
+    wish = Wish(params.threshold, params.points, params.negative_points, params.spacing_m, params.margin_m, params.seed)
+    return project(mesh, views, candidates, descriptions, scores, wish)

@@ -1,0 +1,33 @@
+"""scores of many objects -> the report: tables, a flat dict of metrics, a sheet of pictures.
+
+Reads   NegativeScores
+Writes  metrics.json (<split>.<measure>, <method>.<split>.<measure>, seen_area.six, seen_area.adaptive), report.md, sheet.jpg
+Method  means over objects of their means over tasks in which something is negative
+Fails   when nothing was scored
+Paper   AffordDex, negative affordance (no figures there)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.files import FileTree
+from schemas.surface import NegativeScores
+
+LIBRARIES = ("numpy", "opencv-python-headless", "blake3")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    per_category: int = 1
+    """objects of each category and split in the sheet"""
+
+
+def run(scores: tuple[NegativeScores, ...], params: Params, ctx: Context) -> FileTree:
+    """One report of all objects."""
+    from afford.surface.negative import report
+
+    return report.write(scores, params.per_category, ctx.scratch)

@@ -1,0 +1,53 @@
+"""a negative surface and exact part truth -> scores, beside those of simpler recipes.
+
+Reads   mesh, parts, views, descriptions, candidates and windows (mask_propose `grid`) of one object and the scores of both;
+        NegativeAffordances; ObjectSpec of a procedural one
+Writes  NegativeScores: IoU, precision, recall and point recall of every method and task, and how often those that take a mask in
+        each view took the whole object; a row of pictures
+Method  faces are weighted by the area that can be seen from outside; `paper_recipe` has the same candidates and scores, six views,
+        one mask in each and a z-buffer of points; `coarse_box` puts a box around the windows that fit and takes the mask that
+        fills it best, `clip_relevance` is the mean fit of the windows at each pixel; `whole_object` and `random_candidate` need
+        no scorer
+Fails   never: what has no labels, or is in no table, has no scores
+Paper   AffordDex evaluates grasps, not its negative affordances: these measures are ours
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.surface import NegativeAffordances, NegativeScores, PartCandidates, PartDescriptions, PartScores
+
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless")
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    threshold: float = 0.35
+    """probability above which a face is negative; the pipeline gives that of negative_affordance_projection"""
+    seed: int = 0
+    """seed of the random candidate and of the points that are counted"""
+
+
+def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions,
+        scores: PartScores, windows: PartCandidates, window_scores: PartScores, found: NegativeAffordances, params: Params,
+        spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
+    """Score one object; `spec` is that of a procedural one."""
+    from afford.surface.describe.lexicon import truth
+    from afford.surface.describe.rules import known
+    from afford.common.encode import jpeg
+    from afford.surface.negative.score import Known, Scored, score
+    from afford.surface.negative.sheet import QUALITY, row
+
+    kind, split, look = known(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
+    true = {one.task: truth(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
+    rows = score(mesh, views, descriptions, Scored(candidates, scores), Scored(windows, window_scores), found, Known(parts, true),
+                 params.threshold, params.seed)  # fmt: skip
+    six, every = float(views.seen_area[5]), float(views.seen_area[-1])
+    said = f"{(kind or 'unknown').replace('_', ' ')}, {found.tasks[0].task or 'any use'}"
+    measured = f"IoU {rows[0].iou:.2f}" if rows[0].iou == rows[0].iou else "no truth"
+    picture = jpeg(row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
+    return NegativeScores(mesh.name, kind or "unknown", split, look, six, every, rows, picture)

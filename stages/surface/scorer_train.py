@@ -1,0 +1,67 @@
+"""lessons of many objects -> the embedded scorer of parts.
+
+Reads   PartLessons of objects to learn from and of objects that judge (their `split`: train or val)
+Writes  Trained: files (config.json, model.safetensors, card.md, tensorboard/) and the TrainingLog
+Method  a dual encoder: convolutions over what a candidate shows, hashed pieces of words over what is asked; cross-entropy of the
+        share of a candidate that shows the part, and of their IoU. AdamW, linear warm-up and decay; the weights of the best
+        validation are kept. The same loop as model_train: killed, it goes on to the same weights
+Fails   when there is nothing to learn from or nothing that judges
+Paper   takes the place of CLIP (ViT-L/14@336), AffordDex, negative affordance
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.surface import PartLessons
+from schemas.training import Trained
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    steps: int = 2400
+    """steps of the optimiser"""
+    objects: int = 8
+    """objects in a step"""
+    candidates: int = 8
+    """candidates of each of them"""
+    lr: float = 2e-3
+    """learning rate after the warm-up; it falls linearly to 0"""
+    warmup: int = 50
+    """steps of linear warm-up"""
+    weight_decay: float = 0.05
+    """of AdamW"""
+    validate_every: int = 500
+    """steps between two validations"""
+    seed: int = 0
+    """seed of weights, order, words and views"""
+
+
+def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Trained:
+    """Train in the scratch folder, where a killed training goes on."""
+    from afford.common.files import tree
+    from afford.surface.parts import files
+    from afford.surface.parts.model import PartsConfig
+    from afford.training import curves
+    from afford.surface.parts import train as parts, card as parts_card
+    from afford.training.loop import seed_of, train
+    from afford.training.repeatable import repeatable
+
+    with repeatable(THREADS, "cpu"):
+        model = parts.seeded(PartsConfig(), seed_of(params.seed))
+        state = train(parts.task(model, lessons, params.seed, params.objects, params.candidates), _plan(params), ctx.scratch,
+                      ctx.progress)
+    root = files.write(ctx.scratch, model, parts_card.text(lessons, state))
+    return Trained(tree("part-scorer", root), curves.log("part-scorer", state))
+
+
+def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
+    from afford.training.task import Plan
+
+    return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,
+                validate_every=min(p.validate_every, p.steps))  # fmt: skip

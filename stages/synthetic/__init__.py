@@ -1,0 +1,1 @@
+"""Stages that render worlds with exact ground truth."""

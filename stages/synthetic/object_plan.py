@@ -1,0 +1,59 @@
+"""a seed and numbers -> the procedural objects to build: for training, validation and evaluation.
+
+Reads   nothing
+Writes  ObjectSpec of every object; splits train and val (trained categories), seen (trained categories in new shapes) and
+        unseen (categories that training never shows, afford/synthetic/objects/split.py)
+Method  every split and category has a stream of seeds of its own; looks alternate, so that half of the evaluation objects
+        are of one material
+Fails   when there is nothing to build
+Paper   AffordDex, NAA, takes meshes of OakInk2 and UniDexGrasp; these take their place where they are absent
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.mesh import ObjectSpec
+
+LIBRARIES = ("numpy",)
+THREADS = 1
+MEMORY_GIB = 0.2
+
+
+@dataclass(frozen=True)
+class Params:
+    splits: tuple[str, ...] = ("train", "val", "seen", "unseen")
+    """which splits"""
+    categories: tuple[str, ...] = ()
+    """which categories; none: all"""
+    seed: int = 20264
+    """seed of all objects; each draws its own from it"""
+    train_per_category: int = 8
+    """objects of each trained category to learn from"""
+    val_per_category: int = 1
+    """objects of each trained category for validation"""
+    seen_per_category: int = 2
+    """evaluation objects of each trained category"""
+    unseen_per_category: int = 4
+    """evaluation objects of each category that training never shows"""
+    train_plain_every: int = 4
+    """every n-th training and validation object is of one material; 0 for none"""
+
+
+def run(params: Params) -> tuple[ObjectSpec, ...]:
+    """The objects of all splits."""
+    from afford.synthetic.objects.split import TRAINED, UNSEEN, specs
+
+    plain = params.train_plain_every
+    rows = (("train", TRAINED, params.train_per_category, plain), ("val", TRAINED, params.val_per_category, plain),
+            ("seen", TRAINED, params.seen_per_category, 2), ("unseen", UNSEEN, params.unseen_per_category, 2))  # fmt: skip
+    if min(count for _, _, count, _ in rows) < 0 or plain < 0 or not any(count for _, _, count, _ in rows):
+        raise ValueError(f"object_plan: expected numbers of 0 or more, and one object at least, got {params}")
+    if unknown := set(params.splits) - {split for split, *_ in rows}:
+        raise ValueError(f"object_plan.splits: expected train, val, seen or unseen, got {', '.join(sorted(unknown))}")
+    if unknown := set(params.categories) - {*TRAINED, *UNSEEN}:
+        known = ", ".join((*TRAINED, *UNSEEN))
+        raise ValueError(f"object_plan.categories: expected some of {known}, got {', '.join(sorted(unknown))}")
+    return tuple(spec for split, categories, count, every in rows if split in params.splits
+                 for spec in specs(split, categories, count, params.seed, every)
+                 if spec.category in (params.categories or categories))  # fmt: skip

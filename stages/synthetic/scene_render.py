@@ -1,0 +1,44 @@
+"""a scene spec -> one EPIC/VISOR clip on disk, with the truth of every frame beside it.
+
+Reads   SceneSpec: script, setting, seed, length, distance of key frames.
+Writes  RenderedClip: files (video H.264 456 x 256 at 30 fps, sparse annotations, narrations, classes, video info as in an
+        EPIC root) and truth/<video_id>/ (ClipTruth; docs/truth-format.md).
+Method  objects, hands and camera follow a seeded choreography; a software renderer draws each frame with hands, without
+        hands, and without hands but with their shadows, at one pixel-exact id map; noise and compression go on the video
+        only. Hand = skin, sleeve and whatever is worn, so that removing it removes the arm. Deterministic.
+Fails   when the script, setting or split is unknown, or an object offers no grip that the script needs.
+Paper   takes the place of EPIC-KITCHENS-100 and VISOR where they are absent; no paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.spec import Context
+from schemas.scene import RenderedClip, SceneSpec
+
+LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
+             "pycocotools", "zstandard", "pybullet", "gymnasium")
+THREADS = 1
+MEMORY_GIB = 2.0
+
+
+@dataclass(frozen=True)
+class Params:
+    seed: int = 1
+    """seed of the clips that `make dataset` renders; each clip draws its own from it"""
+    supersample: int = 2
+    """samples per pixel and axis of the colour images"""
+    crf: int = 23
+    """H.264 quality of the video; lower is better"""
+
+
+def run(spec: SceneSpec, params: Params, ctx: Context) -> RenderedClip:
+    """Render the clip into the scratch folder."""
+    from afford.synthetic.kitchens.clip_files import write_clip
+    from afford.synthetic.kitchens.record import record
+    from afford.synthetic.kitchens.world import build_world
+
+    world = build_world(spec)
+    recording = record(spec, world, params.supersample, ctx.progress)
+    return write_clip(ctx.scratch / "root", spec, world.play, recording, params.crf)

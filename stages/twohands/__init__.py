@@ -1,0 +1,1 @@
+"""Stages from image and task to a region for each hand."""

@@ -1,0 +1,64 @@
+"""cases -> what a method without a network says of each: the rulers of the benchmark.
+
+Reads   a benchmark in ActAffordance's layout; a data set of dataset_pack (an empty tree where the baseline learns nothing)
+Writes  predictions.parquet, as predict_cases does
+Method  whole_object and object_box are oracles (they see the annotated objects); centre is a Gaussian; class_mean is where hands
+        went in the training split for the same verb and noun; extraction looks the frame up in a data set made from its video
+Fails   when a baseline that learns is given no data set
+Paper   2HandedAfforder, benchmark: AffExtract; the others are ours
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from schemas.spec import Context
+from schemas.files import FileTree
+
+if TYPE_CHECKING:
+    from schemas.benchmark import Prediction
+
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "pycocotools", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+BACKENDS = {
+    "whole_object": "afford.twohands.benchmark.baselines:whole_object",
+    "object_box": "afford.twohands.benchmark.baselines:object_box",
+    "centre": "afford.twohands.benchmark.baselines:centre",
+    "class_mean": "afford.twohands.benchmark.class_mean:class_mean",
+    "extraction": "afford.twohands.benchmark.extracted:extraction",
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    backend: str = "whole_object"
+    """whole_object, object_box, centre, class_mean or extraction; also its name in the report"""
+
+
+def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> FileTree:
+    """Ask the baseline about every case; a case it has nothing to say of gets no row."""
+    from afford.common import materialise as folder
+    from afford.dataset import layout
+    from afford.twohands.benchmark import stored
+    from afford.twohands.benchmark.cases import read
+    from afford.common.files import empty_folder, tree
+    from afford.common.registry import load
+
+    root = folder.unfold(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
+    answer = load(BACKENDS, params.backend)(root)
+    listed = layout.cases(cases)
+
+    def rows() -> Iterator[tuple[str, Prediction]]:
+        for n, files in enumerate(listed):
+            said = answer(read(files))
+            if said is not None:
+                yield files.where, said
+            ctx.progress(n + 1, len(listed))
+
+    out = empty_folder(ctx.scratch / "out")
+    stored.write(out / stored.NAME, rows())
+    return tree(params.backend, out)

@@ -1,0 +1,39 @@
+"""scores of all methods -> the report: tables, plots, sheets and a flat dict of metrics.
+
+Reads   MethodScores of every method, all on the same cases
+Writes  metrics.json, report.md, tables.tex, cases.json, plots/, sheets/
+Method  means over cases with bootstrap intervals; kitchens, other scenes, EPIC and Ego4D, cropped and whole images in rows of
+        their own; the published rows beside ours
+Fails   when two methods share a name, or were scored on different cases
+Paper   2HandedAfforder, ActAffordance benchmark
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.benchmark import MethodScores
+from schemas.spec import Context
+from schemas.files import FileTree
+
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "pillow", "matplotlib", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    predictions: tuple[str, ...] = ()
+    """folders with masks of other methods to score as well; read when the graph is built (docs/benchmark.md)"""
+    resamples: int = 1000
+    """resampled sets of cases behind every interval"""
+    seed: int = 0
+    """seed of the resampling"""
+
+
+def run(scores: tuple[MethodScores, ...], others: tuple[MethodScores, ...], params: Params, ctx: Context) -> FileTree:
+    """One report of our methods and of `others`, in this order."""
+    from afford.twohands.benchmark import report
+    from afford.common.files import empty_folder
+
+    return report.write(scores + others, empty_folder(ctx.scratch / "report"), params.resamples, params.seed)

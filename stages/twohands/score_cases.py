@@ -1,0 +1,68 @@
+"""predictions + the cases they are for -> every measure, case by case.
+
+Reads   a benchmark in ActAffordance's layout (docs/benchmark.md); predictions: what `predict_cases` or `baseline_cases` wrote, or
+        masks of any method in the released layout
+Writes  MethodScores: strict measures and the released script's own, taxonomy, reliability, sheets of best, median and worst
+Method  strict counts every case and every pixel, takes the valid mode that fits best, and looks at each hand as well; compat is
+        what the released script computes, bit for bit, with what it skips
+Fails   when a case cannot be read, or a folder of predictions holds none
+Paper   2HandedAfforder, ActAffordance benchmark: IoU, precision, directed Hausdorff distance, mAP over five thresholds
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from schemas.benchmark import Case, MethodScores
+from schemas.files import FileTree
+
+if TYPE_CHECKING:
+    from afford.twohands.benchmark.answers import Answer
+
+LIBRARIES = ("numpy", "opencv-python-headless", "scipy", "pyarrow", "pillow", "scikit-image")
+THREADS = 1
+MEMORY_GIB = 1.0
+
+
+@dataclass(frozen=True)
+class Params:
+    levels: tuple[float, ...] = (0.1, 0.2, 0.3, 0.5, 0.7)
+    """thresholds of mAP, where the method gives probabilities; folders of masks have their own"""
+    level: float = 0.5
+    """the threshold that strict measures take of a folder with several; methods with probabilities bring their own"""
+    protocol: Literal["cropped", "masks"] = "cropped"
+    """which set a folder of predictions without a folder `cropped` or `masks` is for"""
+    truth: Literal["png", "toras"] = "png"
+    """png: aff_*.png (or modes.json) of each case; toras: outlines of the *toras_anns.json files in the benchmark's folder"""
+    swap: bool = False
+    """score left as right and right as left: what telling the hands apart is worth"""
+    proposals: int = 3
+    """ways to do the task (a choice of hands and a hypothesis) that best_mode_iou looks at: the most probable ones of any method"""
+    calibration_floor: float = 0.05
+    """pixels of lower predicted probability do not count for calibration"""
+
+
+def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
+    """Score one method; its name is that of its tree."""
+    from afford.dataset import layout
+    from afford.twohands.benchmark import methods, score, sheet
+    from afford.twohands.benchmark.cases import read
+    from afford.twohands.benchmark.toras import of_tree
+
+    outlines = of_tree(cases) if params.truth == "toras" else None
+    method = methods.open_method(predictions, params.levels, params.level, params.protocol, params.proposals)
+    listed = {files.where: files for files in layout.cases(cases)}
+
+    def answer(case: Case) -> Answer:
+        said = method.answer(case)
+        return said.swapped() if params.swap else said
+
+    def fetch(case_id: str) -> tuple[Case, Answer]:
+        case = read(listed[case_id], outlines)
+        return case, answer(case)
+
+    name = f"{predictions.name}_swapped" if params.swap else predictions.name
+    found = (read(files, outlines) for files in listed.values())
+    return score.score(name, found, method.levels, answer, params.calibration_floor,
+                       lambda ids, iou: sheet.sheets(ids, iou, fetch))

@@ -1,0 +1,116 @@
+"""`pipeline.py backends`: every registry of every stage, and what stands in the way of each backend here."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from commands import backends, registries
+from tests.helpers.command import call
+
+ROOT = Path(__file__).resolve().parents[2]
+LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propose", "sam"), ("mask_score", "clip"),
+           ("part_describe", "vlm"), ("grasp_judge", "vlm"), ("hand_detect", "sam3")}  # fmt: skip
+
+
+def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:
+    told = call("backends", "--json", *words)
+    assert told.code == 0, told.words
+    return {(row["stage"], row["backend"]): row for row in told.json}
+
+
+def test_every_entry_of_every_registry_is_listed_with_a_sentence() -> None:
+    """Those of the stages as Python sees them; each says what it does, and no two of a stage say the same."""
+    rows = found()
+    for path in (ROOT / "stages").glob("[!_]*.py"):
+        module = importlib.import_module(f"stages.{path.stem}")
+        for name in getattr(module, "BACKENDS", {}):
+            assert len(str(rows[path.stem, name]["about"]).split()) > 2, (path.stem, name)
+        told = [row["about"] for (stage, _), row in rows.items() if stage == path.stem]
+        assert len(set(told)) == len(told), path.stem
+
+
+def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
+    """Those that read weights say so, and Params of their stages have a model, a device and a type of numbers."""
+    rows = found()
+    assert {key for key, row in rows.items() if "weights" in str(row["needs"])} >= LEARNED
+    for stage, name in LEARNED:
+        params = importlib.import_module(f"stages.{stage}").Params(backend=name)
+        assert (params.model, params.device, params.dtype) == ("", "cpu", "float32")
+
+
+def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No weights named, a folder that is empty, weights that are there; no server, no key, a key; the key is not shown."""
+    empty, full = tmp_path / "empty", tmp_path / "full"
+    empty.mkdir()
+    full.mkdir()
+    (full / "config.json").write_text("{}")
+    (full / "model.safetensors").write_bytes(b"")
+    key = ("mask_score", "clip")
+    assert "--set mask_score.model=FOLDER" in str(found("mask_score")[key]["why_not"])
+    sets = ("mask_score", "--set", "mask_score.backend=clip", "--set")
+    assert "got none" in str(found(*sets, f"mask_score.model={empty}")[key]["why_not"])
+    assert "no such folder" in str(found(*sets, "mask_score.model=/nowhere/at/all")[key]["why_not"])
+    assert found(*sets, f"mask_score.model={full}")[key]["usable"] is True
+    asked = ("part_describe", "--set", "part_describe.url=http://127.0.0.1:1/v1",
+             "--set", "part_describe.key_variable=SOME_KEY_HERE")  # fmt: skip
+    monkeypatch.delenv("SOME_KEY_HERE", raising=False)
+    assert found(*asked)["part_describe", "endpoint"]["why_not"] == "environment variable SOME_KEY_HERE is not set"
+    monkeypatch.setenv("SOME_KEY_HERE", "sk-secret-123")
+    assert found(*asked)["part_describe", "endpoint"]["usable"] is True
+    assert "sk-secret" not in call("backends", *asked).words
+
+
+def test_packages_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With how to get them."""
+    monkeypatch.setattr(backends.importlib.util, "find_spec", lambda name: None if name == "transformers" else name)
+    why = str(found("mask_densify")["mask_densify", "sam2"]["why_not"])
+    assert why.startswith("not installed: transformers; make setup")
+    assert found("mask_densify")["mask_densify", "nearest"]["usable"] is True
+
+
+def test_an_unknown_stage_is_refused() -> None:
+    told = call("backends", "mask_densfy")
+    assert told.code == 2 and "did you mean 'mask_densify'?" in told.err
+
+
+def test_nothing_heavy_is_imported() -> None:
+    """The table is read from source."""
+    code = ("import sys\nfrom commands.cli import main\nmain(['backends', 'mask_densify'])\n"
+            "print([name for name in ('torch', 'transformers', 'cv2', 'numba') if name in sys.modules])")  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
+def test_the_page_shows_the_table_that_the_command_writes(tmp_path: Path) -> None:
+    """docs/backends.md is written by `backends --out`; a page without marks is left alone."""
+    page = tmp_path / "backends.md"
+    page.write_text((ROOT / "docs" / "backends.md").read_text(encoding="utf-8"), encoding="utf-8")
+    assert call("backends", "--out", page).code == 0
+    written = (ROOT / "docs" / "backends.md").read_text()
+    assert page.read_text() == written, "run `python pipeline.py backends --out docs/backends.md`"
+    page.write_text("# no marks\n")
+    assert call("backends", "--out", page).code == 2 and page.read_text() == "# no marks\n"
+
+
+def test_sentences_end_where_they_end() -> None:
+    assert registries._sentence("One thing. Two\nthings.\n\nThree.") == "One thing."
+    assert registries._sentence("One\nthing") == "One thing."
+    assert registries._sentence("UMD (Myers et al. 2015), e.g. cups. More.") == "UMD (Myers et al. 2015), e.g. cups."
+    assert registries._sentence("Medical. More.") == "Medical."
+
+
+def test_what_chooses_a_row_can_be_set() -> None:
+    """STAGE.PARAMETER is a field of the Params of a stage; anything else names its registry. No choice is told twice."""
+    for row in found().values():
+        stage, _, field = str(row["parameter"]).partition(".")
+        if ":" in str(row["parameter"]):
+            module, _, registry = str(row["parameter"]).partition(":")
+            assert row["backend"] in getattr(importlib.import_module(module), registry)
+        else:
+            assert field in importlib.import_module(f"stages.{stage}").Params.__dataclass_fields__
+    assert not [stage for stage, _ in found() if stage == "afford.training.job"]

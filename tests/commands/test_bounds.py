@@ -1,0 +1,81 @@
+"""What a parameter may be: refused on the command line, before anything runs; what the project itself chooses is never refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from afford.dataset.card import MADE
+from afford.rgbd.model.config import ROWS, VARIANTS
+from afford.twohands.model import build
+from afford.grasping.sim import engine
+from commands.bounds import EVERYWHERE, WORDS, check, registry
+from commands.errors import UsageError
+from commands.settings import settings
+from maps.settings import PRESETS, Settings
+
+
+def test_what_the_project_chooses_is_never_refused() -> None:
+    """Defaults of every stage, and presets."""
+    chosen = [(field.name, getattr(Settings(), field.name)) for field in dataclasses.fields(Settings)]
+    for stage, params in [*chosen, *((stage, params) for (stage, _, _), params in PRESETS.items())]:
+        for field in dataclasses.fields(params):
+            check(stage, field.name, getattr(params, field.name), params)
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("mask_densify.radius=-1", r"mask_densify\.radius: expected 0 or more, got -1"),
+        ("mask_densify.search_px=-1", "expected 0 or more"),
+        ("mask_densify.max_step_frames=-3", "expected 0 or more"),
+        ("frame_decode.width_px=0", r"frame_decode\.width_px: expected 1 or more, got 0"),
+        ("frame_decode.height_px=-5", "expected 1 or more"),
+        ("source_read.max_gap_s=nan", r"source_read\.max_gap_s: expected a finite number, got nan"),
+        ("affordance_intersect.max_area_px855=inf", "expected a finite number, got inf"),
+        ("score_cases.levels=0.1,nan", "expected a finite number, got nan"),
+        ("motion_synthesise.reach_s=-1,2", "expected 0 or more, got -1"),
+        ("motion_synthesise.rate_hz=0", "expected more than 0, got 0"),
+        ("mask_densify.device=gpu", "expected cpu, cuda or cuda:N, got 'gpu'"),
+        ("narration_labelling.policy=lst", "did you mean 'last'"),
+        ("dataset_pack.split_by=vidoe", "did you mean 'video'"),
+        ("dataset_pack.val_fraction=1.5", "expected a share below 1"),
+        ("model_train.variant=smal", "did you mean 'small'"),
+        ("sor3d_train.row=rgbdd", "did you mean 'rgbd'"),
+        ("model_train.steps=0", "expected 1 or more"),
+        ("boxes_train.batch=-1", "expected 1 or more"),
+        ("grasp_report.engines=bullet,mujco", "did you mean 'mujoco'"),
+        ("train_plan.seed=-1", "expected 0 or more"),
+        ("mask_densify.backend=flw", "unknown backend of mask_densify 'flw'; did you mean 'flow'"),
+    ],
+)
+def test_what_cannot_be_is_refused(word: str, hint: str) -> None:
+    """Each refusal names the parameter, what was expected and what was said."""
+    with pytest.raises(UsageError, match=hint):
+        settings([word], None)
+
+
+@pytest.mark.parametrize("word", ["mask_densify.radius=0", "mask_densify.max_step_frames=0", "hand_inpaint.window_px=0",
+                                  "mask_densify.device=cuda:1", "sor3d_report.steps=0", "hand_inpaint.ddim_eta=0",
+                                  "grasp_report.engines=mujoco", "dataset_pack.val_fraction=0"])  # fmt: skip
+def test_what_can_be_is_taken(word: str) -> None:
+    """0 where it means none, or any."""
+    settings([word], None)
+
+
+def test_the_words_are_those_of_the_code() -> None:
+    """A word that is added there is missed here."""
+    assert set(WORDS["model_train", "variant"]) == {*VARIANTS, *build.VARIANTS} and WORDS["model_train", "row"] == tuple(ROWS)
+    assert set(WORDS["dataset_pack", "made"]) == set(MADE) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)
+
+
+def test_registries_are_named_after_what_chooses_from_them() -> None:
+    assert [registry(name) for name in ("backend", "policy")] == ["BACKENDS", "POLICIES"]
+
+
+@pytest.mark.parametrize("word", ["static_read.crop_px=0", "model_train.validate_every=0"])
+def test_where_nothing_has_a_meaning_it_is_taken(word: str) -> None:
+    """Whole pictures; no validation."""
+    stage, name = word.partition("=")[0].split(".")
+    assert getattr(getattr(settings([word], None), stage), name) == 0

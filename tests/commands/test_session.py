@@ -1,0 +1,39 @@
+"""The command line knows how much of the machine it may use, also on systems that tell less than Linux does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from commands import session
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_system_that_tells_little_is_used_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No affinity and no count of free pages: every core, and memory by the number of workers alone."""
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.delitem(os.sysconf_names, session.FREE_PAGES, raising=False)
+    assert session.cores() == os.cpu_count()
+    assert session._memory_gib() == max(2.0, 3.0 * session.DEFAULT_JOBS)
+
+
+def test_memory_is_bounded_by_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three quarters of it; 2 GiB at least."""
+    monkeypatch.setitem(os.sysconf_names, session.FREE_PAGES, -1)
+    monkeypatch.setattr(session, "DEFAULT_JOBS", 8)
+    for free_gib, budget in ((1, 2.0), (8, 6.0), (100, 24.0)):
+        told = {session.FREE_PAGES: free_gib * 2**18, "SC_PAGE_SIZE": 4096}
+        monkeypatch.setattr(os, "sysconf", told.__getitem__)
+        assert session._memory_gib() == budget
+
+
+def test_the_command_line_starts_without_affinity() -> None:
+    """As on macOS: importing it asks nothing that is not there."""
+    code = ("import os; del os.sched_getaffinity; os.sysconf_names.pop('SC_AVPHYS_PAGES'); "
+            "import commands.session as s; s._memory_gib()")  # fmt: skip
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

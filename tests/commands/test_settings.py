@@ -1,0 +1,88 @@
+"""Parameters from the command line fit their types, or are refused with the nearest valid name."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from commands.errors import UsageError
+from commands.settings import described, settings
+from maps.settings import Settings
+from stages.twohands.model_train import SOR3D_PAPER
+
+
+def test_nothing_said_gives_the_defaults() -> None:
+    """No --set and no file: the defaults."""
+    assert settings([], None) == Settings()
+
+
+def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+    """The file changes a default, --set changes it again."""
+    file = tmp_path / "p.toml"
+    file.write_text("[extraction_report]\neval_seed = 5\nhard_clips = 2\n")
+    chosen = settings(["extraction-report.eval_seed=7"], file).extraction_report
+    assert (chosen.eval_seed, chosen.hard_clips) == (7, 2)
+
+
+def test_lists_are_written_with_commas_or_as_json() -> None:
+    """Both ways mean the same; what begins as JSON and is none is refused."""
+    plain = settings(["grasp_report.rows=teacher, student"], None).grasp_report.rows
+    assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasp_report.rows == ("teacher", "student")
+    with pytest.raises(UsageError, match=r"grasp_report\.rows: expected"):
+        settings(['grasp_report.rows=["teacher"'], None)
+
+
+def test_a_variant_brings_its_schedule() -> None:
+    """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
+    besides holds, from the command line as from a file."""
+    paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
+    assert paper.sor3d_train == dataclasses.replace(SOR3D_PAPER, steps=7, device="cpu") and paper.sor3d_pretrain.variant == "small"
+    usual = settings(["sor3d_train.variant=paper"], None).sor3d_train
+    assert (usual.lr, usual.batch, usual.steps, usual.turn, usual.decay) == (2e-5, 2, 200 * 481, 0.75, False)
+    assert (usual.dice_weight, usual.foreground_weight, usual.static_share, usual.height_px) == (0.0, 1.0, 0.0, 300)
+    before = settings(["sor3d_pretrain.variant=paper"], None).sor3d_pretrain
+    assert (before.backend, before.steps * before.batch) == ("sor3d_actions", 50 * 160)
+    assert settings(["sor3d_train.variant=small"], None) == Settings()
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("mask_densfy.radius=1", "did you mean 'mask_densify'"),
+        ("extraction_report.eval_sed=1", "did you mean 'eval_seed'"),
+        ("extraction_report.eval_seed=x", "expected int, got 'x'"),
+        ("extraction_report.eval_seed=1.5", "expected int"),
+        ("extraction_report", "expected STAGE.PARAM=VALUE"),
+        ("motion_synthesise.reach_s=0.5", r"motion_synthesise\.reach_s: expected .*float, float"),
+    ],
+)
+def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
+    """Each refusal names the field and what to do."""
+    with pytest.raises(UsageError, match=hint):
+        settings([word], None)
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    """The file is named."""
+    file = tmp_path / "p.toml"
+    file.write_text("[extraction_report\n")
+    with pytest.raises(UsageError, match=r"p\.toml"):
+        settings([], file)
+
+
+@pytest.mark.parametrize(("text", "got"), [("[1, 2]", "list"), ("7", "int"), ("null", "NoneType"), ('{"mask_densify": 3}', "int")])
+def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -> None:
+    """JSON may be a list or a number; the file is named, and what was there."""
+    file = tmp_path / "p.json"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=rf"p\.json: .*expected .*table.*, got {got}"):
+        settings([], file)
+
+
+def test_every_parameter_has_a_doc_line() -> None:
+    """`python pipeline.py params` has something to say about each parameter of each stage."""
+    for field in dataclasses.fields(Settings):
+        for name, kind, _, doc in described(field.default):
+            assert doc, f"{field.name}.{name} ({kind}) has no doc line"

@@ -1,0 +1,169 @@
+"""Weights of stages: found once, digested into the keys of those that read them, read where they lie."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from afford.models.hub import files, find
+from afford.models.weights import placed, root, stamp
+from commands import backends
+from commands.errors import UsageError
+from commands.settings import settings
+from commands.weights import reads_weights, weighed
+from maps.settings import Origin, Settings
+from maps.weights import Weighed, weights
+from pipeline import build
+from runner import Graph
+from schemas.files import FileRef, FileTree
+from stages.extraction import mask_densify
+from tests.helpers.tiny_root import digest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    folder = tmp_path / "model"
+    (folder / "sub").mkdir(parents=True)
+    (folder / "config.json").write_text("{}")
+    (folder / "sub" / "model.safetensors").write_bytes(b"weights")
+    (folder / "README.md").write_text("words")
+    return folder
+
+
+def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
+    """By name and content; words about it do not count, and neither does where it lies."""
+    found = files(str(model), digest)
+    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and root(found) == model
+    (model / "README.md").write_text("other words")
+    moved = Path(shutil.copytree(model, tmp_path / "elsewhere"))
+    other = files(str(moved), digest)
+    assert [(one.name, one.digest) for one in other.files] == [(one.name, one.digest) for one in found.files]
+    assert other.name == found.name and root(other) == moved
+    single = files(str(model / "config.json"), digest)
+    assert root(single) == model / "config.json"
+
+
+def test_params_say_where_the_files_lie(model: Path) -> None:
+    params = mask_densify.Params("sam2", "label")
+    assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
+
+
+def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
+    """As in the cache of a hub, where files are called by their digests; twice the same folder."""
+    for name in ("0a1b", "2c3d"):
+        (tmp_path / name).write_text(name)
+    refs = (FileRef("config.json", "0", 4, tmp_path / "0a1b"), FileRef("sub/x.safetensors", "1", 4, tmp_path / "2c3d"))
+    folder = root(FileTree("weights", refs))
+    assert (folder / "config.json").read_text() == "0a1b" and (folder / "sub" / "x.safetensors").read_text() == "2c3d"
+    assert root(FileTree("weights", refs)) == folder
+    assert root(FileTree("weights", refs[:1])).read_text() == "0a1b"
+
+
+def test_a_stamp_tells_changed_files(model: Path) -> None:
+    before = stamp(model)
+    (model / "sub" / "model.safetensors").write_bytes(b"weightz")
+    assert stamp(model) != before and stamp(model) == stamp(model)
+
+
+def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
+    """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
+    chosen = settings(["mask_densify.backend=sam2", f"mask_densify.model={model}", f"object_completion.model={model}",
+                       "part_describe.backend=endpoint", "part_describe.model=gpt"], None)  # fmt: skip
+    found = weighed(chosen, digest)
+    assert isinstance(found, Weighed) and [stage for stage, _ in found.weights] == ["mask_densify"]
+    assert (found.mask_densify.model, found.part_describe.model) == ("model", "gpt")
+    assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
+    assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
+
+
+def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
+    """A changed checkpoint is another training; where it lies is none. A backend without pretrained parts refuses it."""
+    plain = build("train", Origin("x"), Settings())
+    chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
+    found = weighed(chosen, digest)
+    assert isinstance(found, Weighed) and found.model_train.backbones == found.sor3d_train.backbones == "model"
+    for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
+        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith("model_train")]
+        assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
+    assert not any("weights" in dict(node.inputs) for node in plain.stages())
+    with pytest.raises(UsageError, match=r"boxes_train\.backbones: .*got nothing there"):
+        weighed(settings(["boxes_train.backbones=/no/such/place"], None), digest)
+
+
+@pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
+def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: Path) -> None:
+    """The parameter is named."""
+    name = str(tmp_path) if name == "EMPTY" else name
+    with pytest.raises(UsageError, match=f"mask_densify.model: .*{said}"):
+        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+
+
+def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
+    """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
+    with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.model=MODEL, a Sam2VideoModel"):
+        weighed(settings(["mask_densify.backend=sam2"], None), digest)
+    assert reads_weights(Settings().grasp_judge) and weighed(Settings(), digest) == Settings()
+
+
+def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
+    """What was downloaded before is found; what was not says how to get it."""
+    code = ("from afford.models.hub import find\ntry:\n    find('some-owner/some-model')\n"
+            "except ValueError as error:\n    print(error)")  # fmt: skip
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "expected a local folder, or a hub id that is in the cache" in done.stdout and done.stdout.count("\n") == 1
+    cached = tmp_path / "hub" / "models--some-owner--some-model"
+    (cached / "refs").mkdir(parents=True)
+    (cached / "refs" / "main").write_text("0123456789abcdef0123456789abcdef01234567")
+    (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567").mkdir(parents=True)
+    (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567" / "config.json").write_text("{}")
+    done = subprocess.run([sys.executable, "-c", code.replace("    find(", "    print(find(").replace("model')", "model'))")],
+                          cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
+    assert done.stdout.strip().endswith("snapshots/0123456789abcdef0123456789abcdef01234567"), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("name", "repository", "revision"), [
+    ("owner/model", "owner/model", None), ("model@v1.0", "model", "v1.0"), ("owner/model@refs/pr/1", "owner/model", "refs/pr/1"),
+    ("owner/model@0123456789abcdef0123456789abcdef01234567", "owner/model", "0123456789abcdef0123456789abcdef01234567")])
+def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
+    name: str, repository: str, revision: str | None, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without one, the newest; the whole name stays in the parameters, so that a run states its revision."""
+    called = []
+
+    def download(repository: str, *, revision: str | None, allow_patterns: list[str]) -> str:
+        called.append((repository, revision))
+        return str(model)
+
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
+    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+    assert called == [(repository, revision)] and chosen.mask_densify.model == name
+
+
+@pytest.mark.parametrize("name", ["owner/model@", "owner/model@-x", "owner/model@a b", "owner/model@a@b", "@main"])
+def test_what_is_no_revision_is_no_hub_id(name: str) -> None:
+    """Refused before anything is downloaded."""
+    with pytest.raises(ValueError, match=r"OWNER/NAME or OWNER/NAME@REVISION\), got nothing there"):
+        find(name)
+
+
+def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By `pipeline.py backends`: another revision of the same model is not here."""
+    commit = "0123456789abcdef0123456789abcdef01234567"
+    snapshot = tmp_path / "models--owner--model" / "snapshots" / commit
+    snapshot.mkdir(parents=True)
+    (snapshot / "config.json").write_text("{}")
+    monkeypatch.setattr("huggingface_hub.file_download.constants.HF_HUB_CACHE", str(tmp_path))
+    assert backends._in_cache(f"owner/model@{commit}") and not backends._in_cache("owner/model@v2")
+
+
+def test_local_places_are_taken_as_they_are(model: Path) -> None:
+    assert find(str(model)) == model

@@ -1,0 +1,161 @@
+"""The rooms of the house and what each may import (docs/decisions/002)."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("pipeline", "commands", "maps", "stages", "runner", "afford", "schemas", "benchmarks", "tests")
+MAY_IMPORT = {
+    "schemas": {"schemas"},
+    "afford": {"schemas", "afford"},
+    "stages": {"schemas", "afford"},
+    "runner": {"runner"},
+    "maps": {"schemas", "afford", "stages", "runner", "maps"},
+    "commands": {"schemas", "afford", "stages", "runner", "maps", "pipeline", "commands"},
+    "pipeline": {"afford", "runner", "maps", "commands"},
+}
+HEAVY = ("torch", "cv2", "trimesh", "pybullet", "mujoco", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
+
+
+def sources(room: str) -> list[Path]:
+    return [ROOT / "pipeline.py"] if room == "pipeline" else sorted((ROOT / room).rglob("*.py"))
+
+
+def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
+    """Full names of everything a file imports, also inside functions; imports for type checkers apart when asked."""
+    tree = ast.parse(path.read_text())
+    skipped = set()
+    if runtime_only:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                skipped.update(id(child) for statement in node.body for child in ast.walk(statement))
+    names = set()
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+@pytest.mark.parametrize("room", MAY_IMPORT)
+def test_a_room_imports_only_what_the_table_allows(room: str) -> None:
+    """No file imports to its right in schemas <- afford <- stages <- maps <- pipeline <- commands; runner stands alone."""
+    for path in sources(room):
+        found = {name.split(".")[0] for name in imported(path)} & set(ROOMS)
+        assert found <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {sorted(found - MAY_IMPORT[room])}"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_is_imported_of_ours_is_there(room: str) -> None:
+    """Modules, and what is taken out of them; also in scripts that no test runs."""
+    for path in sources(room):
+        missing = {name for name in imported(path, runtime_only=False) if name.split(".")[0] in ROOMS and not there(name)}
+        assert not missing, f"{path.relative_to(ROOT)} imports {sorted(missing)}"
+
+
+def there(name: str) -> bool:
+    """Whether a full name is that of a file, of a folder, or of something that a file names at its outermost level."""
+    path = ROOT.joinpath(*name.split("."))
+    if path.is_dir() or path.with_suffix(".py").is_file():
+        return True
+    homes = [file for file in (path.parent.with_suffix(".py"), path.parent / "__init__.py") if file.is_file()]
+    return any(path.name in outermost(home) for home in homes)
+
+
+@cache
+def outermost(path: Path) -> set[str]:
+    """What a file defines or imports outside of functions and classes."""
+    names = set[str]()
+    nodes = list[ast.AST](ast.parse(path.read_text()).body)
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        else:
+            nodes += ast.iter_child_nodes(node)
+    return names
+
+
+def test_stages_never_import_each_other() -> None:
+    """A stage reaches another one only through the graph."""
+    for path in sources("stages"):
+        assert not {name for name in imported(path) if name.split(".")[0] == "stages"}, path.name
+
+
+HOMES = {"pybullet": ("afford/common/bullet.py",), "mujoco": ("afford/grasping/sim/mujoco_world.py", "afford/grasping/hand/mjcf.py"),
+         "rerun": ("afford/recording",), "mujoco_warp": (), "warp": ()}  # fmt: skip
+
+
+@pytest.mark.parametrize(("package", "home"), HOMES.items())
+def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tuple[str, ...]) -> None:
+    """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder; what an
+    extra installs is never imported by a statement: see registry.extra."""
+    for room in MAY_IMPORT:
+        for path in sources(room):
+            if package in {name.split(".")[0] for name in imported(path)}:
+                assert path.relative_to(ROOT).as_posix().startswith(home), path
+
+
+def test_one_home_for_the_extra_engine() -> None:
+    """One file asks for mujoco_warp and warp."""
+    users = {path.relative_to(ROOT).as_posix() for room in MAY_IMPORT for path in sources(room) if '"gpu")' in path.read_text()}
+    assert users == {"afford/grasping/sim/warp_worlds.py"}
+
+
+@pytest.mark.parametrize("package", ["torch", "cv2", "numpy", "mcap", "trimesh", "pybullet", "gymnasium", "rerun"])
+def test_every_declared_package_is_really_used(package: str) -> None:
+    """Each of the eight packages that the project stands on has an importer outside the tests."""
+    users = [path for room in MAY_IMPORT for path in sources(room) if package in {n.split(".")[0] for n in imported(path)}]
+    assert users, f"nothing imports {package}"
+
+
+def test_torchvision_is_nowhere() -> None:
+    """No file imports torchvision, or what drags it in; it breaks beside the pinned torch."""
+    banned = {"torchvision", "timm", "segmentation_models_pytorch", "open_clip", "lerobot", "sam2", "ptlflow"}
+    for room in ROOMS:
+        for path in sources(room):
+            found = {name.split(".")[0] for name in imported(path, runtime_only=False)} & banned
+            assert not found, f"{path.relative_to(ROOT)} imports {sorted(found)}"
+    pinned = (ROOT / "constraints.txt").read_text().lower()
+    assert not any(line.split("==")[0] in banned for line in pinned.splitlines())
+    assert "torch==2.13.0\n" in pinned
+
+
+def loaded_by(statements: str) -> set[str]:
+    """What is loaded after them."""
+    code = f"import sys\n{statements}\nprint(*sys.modules)"
+    return set(subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_importing_the_map_loads_nothing_heavy() -> None:
+    """`import pipeline` and the command line load none of the heavy packages, no stage and no map, so that --help is quick; nor do
+    all the maps load what is heavy."""
+    found = loaded_by("import pipeline, commands.cli")
+    assert not found & set(HEAVY) and not [name for name in found if name.startswith(("stages", "maps"))]
+    every = ", ".join(f"maps.{path.stem}" for path in sources("maps") if path.stem != "__init__")
+    found = loaded_by(f"import {every}")
+    assert not found & set(HEAVY) and "stages.twohands.model_train" in found
+
+
+def test_the_rules_can_fail(tmp_path: Path) -> None:
+    """A planted cheat is seen: an import inside a function counts, one for type checkers does not."""
+    cheat = tmp_path / "cheat.py"
+    hidden = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\n"
+    cheat.write_text(hidden + "def f():\n    import stages.extraction.mask_densify\n")
+    assert "stages.extraction.mask_densify" in imported(cheat)
+    assert "torch" not in imported(cheat)

@@ -1,0 +1,195 @@
+"""Every schema comes back from disk as it was, to the bit, and its digest says what it means and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+import typing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from blake3 import blake3
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from afford.codecs import CODEC, digest, load, load_folder, save
+from afford.codecs.kinds import BUNDLES, kinds, schema_version
+from afford.codecs.shelf import Shelf
+from runner.store import Store, prepare_store
+from schemas.video import Annotation, Clip, KeyFrame, Polygon
+from schemas.files import FileRef, FileTree
+from schemas.scene import RenderedClip
+from schemas.video import Frames
+
+ROOT = Path(__file__).resolve().parents[2]
+SIZES = {"t": 3, "h": 6, "w": 8, "n": 2, "m": 4, "s": 5, "b": 7}
+
+
+LIMITS = {("HandLessons", "labels"): 5}
+"""(schema, field) -> values are below it, where a schema checks that"""
+
+
+def example(kind: type, seed: int) -> Any:
+    """A value of any schema, filled from its own field declarations."""
+    rng = np.random.default_rng(seed)
+    hints = typing.get_type_hints(kind, vars(sys.modules[kind.__module__]) | {"np": np})
+    fields = dataclasses.fields(kind)
+    limit = {f.name: LIMITS.get((kind.__name__, f.name), 100) for f in fields}
+    return kind(**{f.name: array(f.metadata, rng, limit[f.name]) if "shape" in f.metadata else plain(hints[f.name], seed)
+                   for f in fields})  # fmt: skip
+
+
+def array(meta: Any, rng: np.random.Generator, limit: int) -> np.ndarray:
+    shape = [int(word) if word.isdigit() else SIZES.get(word, 2) for word in meta["shape"].split()]
+    if meta["dtype"] == "bool":
+        return rng.random(shape) < 0.5
+    values = rng.integers(0, limit, shape).astype(meta["dtype"])
+    if values.dtype.kind == "f" and values.size:
+        values.flat[0] = np.nan
+    return values
+
+
+def plain(hint: Any, seed: int) -> Any:
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        inner = parts[:1] * 2 if parts[-1] is Ellipsis else parts
+        return tuple(plain(part, seed + i) for i, part in enumerate(inner))
+    if origin is typing.Literal:
+        return parts[0]
+    if dataclasses.is_dataclass(hint):
+        return example(hint, seed)
+    return {str: f"tëxt {seed}", int: seed, float: 0.1 + seed, bool: True}[hint]
+
+
+PLAIN = sorted(set(kinds()) - set(BUNDLES) - {"FileRef", "FileTree"})
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_every_schema_comes_back(name: str, tmp_path: Path) -> None:
+    """Save and load: the same content digest, read-only arrays, and the digest of another value differs."""
+    value = example(kinds()[name], 1)
+    save(value, tmp_path)
+    again = load_folder(tmp_path)
+    assert digest(again) == digest(value) != digest(example(kinds()[name], 2))
+    for field in dataclasses.fields(value):
+        found = getattr(again, field.name)
+        if isinstance(found, np.ndarray):
+            assert not found.flags.writeable
+            np.testing.assert_array_equal(found, getattr(value, field.name))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.integers(1, 33), st.integers(1, 33))
+def test_frames_are_lossless_at_any_size(seed: int, t: int, h: int, w: int) -> None:
+    """Noise, odd sizes, one pixel: every frame comes back to the bit."""
+    import tempfile
+
+    rgb = np.random.default_rng(seed).integers(0, 256, (t, h, w, 3), np.uint8)
+    frames = Frames("c", np.arange(t), np.arange(t, dtype=np.int64), rgb)
+    with tempfile.TemporaryDirectory() as folder:
+        save(frames, Path(folder))
+        assert load_folder(Path(folder)).rgb.tobytes() == rgb.tobytes()
+
+
+def test_no_frames_at_all(tmp_path: Path) -> None:
+    """An empty stack keeps its shape."""
+    empty = Frames("c", np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 6, 3), np.uint8))
+    save(empty, tmp_path)
+    assert load_folder(tmp_path).rgb.shape == (0, 4, 6, 3)
+
+
+def tree(folder: Path, name: str = "v") -> FileTree:
+    folder.mkdir(parents=True)
+    (folder / "a.txt").write_text("hello")
+    return FileTree(name, (FileRef("sub/a.txt", "d1", 5, folder / "a.txt"),))
+
+
+def test_a_file_is_its_name_and_digest(tmp_path: Path) -> None:
+    """A tree that lies elsewhere is the same tree; its files are linked, not copied."""
+    one, two = tree(tmp_path / "one"), tree(tmp_path / "two")
+    assert digest(one) == digest(two)
+    (tmp_path / "out").mkdir()
+    save(one, tmp_path / "out")
+    assert (tmp_path / "out" / "files" / "sub" / "a.txt").is_symlink()
+    again = load("FileTree", {p.relative_to(tmp_path / "out").as_posix(): p for p in (tmp_path / "out").rglob("*") if p.is_file()})
+    assert again.files[0].path.read_text() == "hello" and digest(again) == digest(one)
+
+
+def test_bundles_split_into_their_fields(tmp_path: Path) -> None:
+    """A rendered clip is three artifacts, and comes together again."""
+    bundle = RenderedClip(*(tree(tmp_path / name, "P91_01") for name in ("files", "media", "truth")))
+    parts = CODEC.children(bundle)
+    assert parts is not None and [name for name, _ in parts] == ["files", "media", "truth"]
+    assert CODEC.combine("RenderedClip", parts) == bundle
+    assert CODEC.children((bundle,)) == [("P91_01", bundle)]
+
+
+def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None:
+    """It is moved out of the scratch folder for the first, and found again for the second."""
+    scratch = tmp_path / "scratch"
+    part = tree(scratch, "P91_01")
+    file = replace(part.files[0], digest=blake3(b"hello").hexdigest())
+    part = replace(part, files=(file,))
+    store = Store(tmp_path / "store", CODEC)
+    prepare_store(store.root)
+    again = store.load(store.put(RenderedClip(part, part, replace(part, files=())), scratch))
+    assert isinstance(again, RenderedClip) and again.files == again.media
+    assert again.media.files[0].path.read_text() == "hello" and not file.path.exists()
+
+
+def test_a_long_list_stays_on_disk_until_it_is_walked(tmp_path: Path) -> None:
+    """It is as long, holds what it held in the same order, may be walked again, and is saved again with the same digest."""
+    value = example(kinds()["Samples"], 1)
+    (tmp_path / "a").mkdir()
+    save(value, tmp_path / "a")
+    again = load_folder(tmp_path / "a")
+    assert isinstance(again.samples, Shelf) and len(again.samples) == len(value.samples) == 2
+    for _ in range(2):
+        assert [digest(sample) for sample in again.samples] == [digest(sample) for sample in value.samples]
+    assert digest(again.samples[-1]) == digest(again.samples[::-1][0]) == digest(value.samples[1])
+    with pytest.raises(IndexError):
+        again.samples[2]
+    (tmp_path / "b").mkdir()
+    save(again, tmp_path / "b")
+    assert digest(load_folder(tmp_path / "b")) == digest(value)
+
+
+def test_a_thousand_polygons_stay_a_few_files(tmp_path: Path) -> None:
+    """Arrays are pooled: the number of files does not grow with the number of arrays."""
+    polygons = tuple(Polygon(np.full((5, 2), i, np.float32)) for i in range(1000))
+    key = KeyFrame(1, 1920, 1080, (Annotation("a", "mug", 13, "", "", "y", polygons),))
+    clip = Clip("c", "c", "P", "", ("v.mp4",), "video", 30.0, False, 1, 2, (key,), (), ())
+    save(clip, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
+    assert digest(load_folder(tmp_path)) == digest(clip)
+
+
+def test_digests_do_not_depend_on_the_process() -> None:
+    """Another process with another hash seed gives the same digest and the same schema version."""
+    code = "from tests.common.test_codecs import *; print(digest(example(Clip, 3)), schema_version('Clip'))"
+    found = {
+        subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True,
+                       env={"PYTHONHASHSEED": seed, "PATH": "", "PYTHONPATH": str(ROOT)}).stdout
+        for seed in ("0", "1")
+    }  # fmt: skip
+    assert found == {f"{digest(example(Clip, 3))} {schema_version('Clip')}\n"}
+
+
+def test_what_is_no_schema_is_refused(tmp_path: Path) -> None:
+    """A path, a list and a foreign object have no digest and are not saved."""
+    for value in (tmp_path, [1], object()):
+        with pytest.raises(TypeError):
+            digest(value)
+    with pytest.raises(TypeError):
+        CODEC.kind([1])
+
+
+def test_the_wrong_kind_is_refused(tmp_path: Path) -> None:
+    """Files of one schema are not taken for another."""
+    save(example(Clip, 1), tmp_path)
+    with pytest.raises(ValueError, match="expected a Frames, got Clip"):
+        load("Frames", {path.name: path for path in tmp_path.iterdir()})

@@ -1,0 +1,34 @@
+"""Labels in pictures can be read on any ground."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from afford.common.lettering import label
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("text", ["P93_01 #112 hard: dark, blurred", "κουζίνα ложка naïve"])
+@pytest.mark.parametrize("ground", [0, 128, 255])
+def test_every_letter_stands_on_its_own_edge(text: str, ground: int) -> None:
+    """No white pixel touches the picture itself, and the letters are neither lost nor written over by their edge."""
+    picture = np.full((24, 320, 3), (ground, ground, 90), np.uint8)
+    before = picture.copy()
+    label(picture, text, (6, 4), 13)
+    letters = (picture > 200).all(-1)
+    beside = cv2.dilate(letters.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert letters.sum() > 10 * len(text) and (picture[beside] != before[beside]).any(-1).all()
+
+
+def test_no_label_is_written_twice_by_opencv() -> None:
+    """OpenCV 5 widens letters with their thickness, so that a thick edge and thin letters do not fit each other."""
+    for path in [path for room in ("afford", "stages", "benchmarks") for path in sorted((ROOT / room).rglob("*.py"))]:
+        loops = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.For)]
+        twice = [loop for loop in loops if "putText" in ast.unparse(loop) and "thick" in ast.unparse(loop.target)]
+        assert not twice, f"{path.relative_to(ROOT)}:{twice[0].lineno}"

@@ -1,0 +1,151 @@
+"""Every stage is a pure function: run again elsewhere, later and under watch, it gives the same bytes and opens nothing else."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from afford.codecs import CODEC
+from afford.common.worker import FONTS, use_kernel_cache
+from runner import RunReport
+from runner.fingerprint import fingerprint
+from runner.modules import Modules
+from runner.store import Store, prepare_store
+from runner.traces import Trace, Traces
+from tests.helpers import impure_stages, landlock
+from tests.helpers.command import Made
+from tests.helpers.impure_stages import CHEATS
+from tests.helpers.purity_probe import blobs
+from tests.helpers.purity_stores import ELSEWHERE, Maker, with_fonts
+
+ROOT = Path(__file__).resolve().parents[2]
+STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
+OTHER_ENVIRONMENT = {
+    "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
+    "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
+    "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
+EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data", "torch._dynamo"], "h5py": ["h5py"],
+         "mujoco": ["mujoco"]}
+"""what loads before the watch begins: built on datetime and its layout in C; asks for a temporary folder (dill, a cache for
+compiled code that every optimiser of torch loads); asks `uname` for the kind of processor (h5py);
+starts a process to look for a library of windows (mujoco)"""
+MACHINE_KIND = ("OPENBLAS_CORETYPE",)
+"""which vector units linear algebra is told to use: that is the kind of machine, for which alone bytes are promised"""
+COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
+"""stages that other tests run as well"""
+OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Maker], Path]:
+    """The store that a maker fills when it is first asked for."""
+
+    @cache
+    def store(maker: Maker) -> Path:
+        place, folder = (tmp_path_factory.mktemp(f"{maker.__name__}_{what}") for what in ("store", "files"))
+        use_kernel_cache(ROOT, place)
+        maker(place, folder)
+        return place
+
+    return store
+
+
+@pytest.fixture(scope="module")
+def benchmarked(compared: tuple[Path, RunReport]) -> Path:
+    """A store in which methods were compared."""
+    store, report = compared
+    assert report.ok, report.failures
+    return with_fonts(store)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], request: pytest.FixtureRequest,
+                         tmp_path: Path) -> None:  # fmt: skip
+    """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
+    bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing."""
+    store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
+    if stage in COMPARED:
+        store = request.getfixturevalue("benchmarked")
+    traces = one_of_each(Traces(store).all(), f"stages.{stage}:run")
+    assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
+    answers = replay(list(map(task, traces)), sources(traces), store, tmp_path)
+    for trace, answer in zip(traces, answers, strict=True):
+        assert not answer["problems"], "\n".join([trace.stage, *answer["problems"]])
+        before = blobs(Store(store, CODEC), trace.output)
+        other = [name for (name, blob), (_, again) in zip(before, answer["blobs"], strict=False) if blob != again]
+        assert answer["output"] == trace.output, f"{trace.stage} of shard {trace.shard!r}: another output, differs in {other}"
+        assert answer["blobs"] == before, f"{trace.stage}: the same value in other bytes, {other}"
+
+
+def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
+    """One run of every node of the graph that calls the function."""
+    mine = sorted((trace for trace in traces if trace.function == function), key=lambda trace: trace.shard)
+    return list({trace.stage: trace for trace in mine}.values())
+
+
+def test_what_is_impure_is_caught(made: Made, tmp_path: Path) -> None:
+    """Every way of cheating gives another output or is seen. (What libraries open by themselves is seen with Landlock only.)"""
+    store = Store(tmp_path / "store", CODEC)
+    prepare_store(store.root)
+    trace = next(trace for trace in Traces(made.store).all() if trace.stage == "key_thin")
+    clip = Store(made.store, CODEC).load(trace.inputs["clip"])
+    given = {"clip": store.put_leaf(clip)}
+    functions = [f"tests.helpers.impure_stages:{cheat.__name__}" for cheat in CHEATS]
+    tasks = [task(replace(trace, function=function, inputs=given)) | {"params": {}} for function in functions]
+    before = [store.put_leaf(cheat(deepcopy(clip), impure_stages.Params())) for cheat in CHEATS]
+    answers = replay(tasks, [impure_stages.__file__], store.root, tmp_path)
+    unseen = [cheat.__name__ for cheat, answer, output in zip(CHEATS, answers, before, strict=True)
+              if not answer["problems"] and answer["output"] == output]
+    assert unseen == ([] if landlock.available() else ["file_behind_python"])
+
+
+def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
+    """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
+    work, elsewhere = folder / "work", folder / "elsewhere"
+    work.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
+    job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
+           "models": [task["params"]["model"] for task in tasks if task["params"].get("model")],
+           "first": [name for word, names in EARLY.items() if any(task[word] for task in tasks) for name in names]}
+    (folder / "job.json").write_text(json.dumps(job))
+    command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py"), str(folder / "job.json")]
+    kernels = use_kernel_cache(ROOT, store)
+    kernels.mkdir(parents=True, exist_ok=True)
+    fonts = store / ".cache" / FONTS
+    kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
+    environment = OTHER_ENVIRONMENT | kind | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
+    done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    answers: list[dict[str, Any]] = json.loads(done.stdout.splitlines()[-1])
+    return answers
+
+
+def task(trace: Trace) -> dict[str, Any]:
+    """What the probe must know of a run."""
+    module, _, name = trace.function.partition(":")
+    wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
+    return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,
+            "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries, "torch": "torch" in trace.libraries,
+            "h5py": "h5py" in trace.libraries, "mujoco": "mujoco" in trace.libraries}
+
+
+def sources(traces: list[Trace]) -> list[str]:
+    """The files of the project that the key of a stage is taken over: its own, the codec's, those of the worker's hook."""
+    modules = Modules(ROOT)
+    found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
+    found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
+              fingerprint(modules, "afford.codecs:CODEC", {}, apart=modules.schemas).files]  # fmt: skip
+    return sorted({path for paths in found for path in paths})

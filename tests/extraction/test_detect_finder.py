@@ -1,0 +1,97 @@
+"""The finder: probabilities at the size of the pictures, sides that follow the mirror, the same bytes twice, clear refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from afford.extraction.hands.finder import GRID, MEAN, exposed, find, size
+from afford.extraction.finder import files
+from afford.extraction.finder.model import Hands, HandsConfig
+
+TINY = HandsConfig(height_px=48, width_px=80, widths=(4, 8, 12))
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    """Random weights, and a norm that knows some statistics."""
+    torch.manual_seed(0)
+    network = Hands(TINY)
+    network(torch.rand(4, 3, 48, 80))
+    return files.write(tmp_path, network, "# card\n")
+
+
+def pictures(count: int = 3, height: int = 60, width: int = 100) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (count, height, width, 3)).astype(np.uint8)
+
+
+def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
+    """The two hands share a pixel's chance to be a hand."""
+    found = find(pictures(), model)
+    assert found.shape == (3, 60, 100, 4) and found.dtype == np.float32
+    assert found.min() >= 0 and found.max() <= 1 and found[..., :2].sum(-1).max() <= 1 + 1e-6 and found.std() > 0
+
+
+def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
+    """Exactly where the network works at the picture's own size: it is asked both ways."""
+    seen = pictures(2, TINY.height_px, TINY.width_px)
+    plain, mirrored = find(seen, model), find(np.ascontiguousarray(seen[:, :, ::-1]), model)
+    assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2, 3]], atol=1e-5)
+    assert not np.allclose(plain[..., 0], plain[..., 1], atol=1e-3)
+
+
+def test_pictures_do_not_know_each_other(model: Path) -> None:
+    """Alone or among others, and twice, a picture has the same answer."""
+    seen = pictures(10)
+    together, alone = find(seen, model), np.concatenate([find(seen[n : n + 1], model) for n in range(10)])
+    assert np.allclose(together, alone, atol=1e-5) and np.array_equal(together, find(seen, model))
+    assert find(seen[:0], model).shape == (0, 60, 100, 4)
+
+
+@pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])
+def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: int, width: int) -> None:
+    """At their own aspect, about, whatever their size."""
+    config = HandsConfig()
+    down, across = size(height, width, config)
+    assert down % GRID == across % GRID == 0
+    assert down * across == pytest.approx(config.height_px * config.width_px, rel=0.25)
+    assert across / down == pytest.approx(width / height, rel=0.25)
+    assert size(2 * height, 2 * width, config) == (down, across) and size(height, width, config, 2.0)[1] > 1.8 * across
+
+
+def test_pictures_are_brought_to_one_exposure() -> None:
+    """As far as a gamma goes; black stays black, white white, and what is brighter stays brighter."""
+    plain = np.sort(pictures(1)[0].ravel()).reshape(60, 100, 3)
+    for gamma in (0.4, 0.6, 1.8):
+        lit = (255 * (plain / 255) ** gamma + 0.5).astype(np.uint8)
+        seen = exposed(lit)
+        assert seen.dtype == np.float32 and abs(seen.mean() - MEAN) < 0.5 * abs(lit.mean() / 255 - MEAN)
+        assert seen.min() == 0 and seen.max() == 1 and (np.diff(seen.ravel()) >= 0).all()
+    assert exposed(np.full((2, 2, 3), 1, np.uint8)).max() < MEAN / 2
+
+
+def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:
+    """Whatever is missing or does not fit is named."""
+    with pytest.raises(ValueError, match=r"expected config\.json of a trained finder"):
+        find(pictures(), tmp_path / "nowhere")
+    (model / "model.safetensors").write_bytes(b"no weights")
+    with pytest.raises(ValueError, match=r"expected the weights that config\.json describes"):
+        files.read(model)
+    config = json.loads((model / "config.json").read_text())
+    (model / "config.json").write_text(json.dumps(config | {"format": "other"}))
+    with pytest.raises(ValueError, match="train a finder with hands_train"):
+        files.read(model)
+
+
+def test_a_changed_model_is_read_again(model: Path) -> None:
+    """Nobody is answered by weights that are no longer there."""
+    before = find(pictures(), model)
+    network = files.read(model)
+    with torch.no_grad():
+        network.head.bias += 3
+    files.write(model.parent, network, "# card\n")
+    assert not np.allclose(find(pictures(), model), before)

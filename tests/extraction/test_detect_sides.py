@@ -1,0 +1,83 @@
+"""Laws of sides: one side all one's life, never two hands on one side at a time, and where an arm comes in counts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from afford.extraction.hands.follow import Piece, Track
+from afford.extraction.hands.sides import Bearing, hands_of, sided
+
+SIZE = (60, 120)
+EGO = Bearing(False, 0.0, 0.0)
+
+
+def box(x: int) -> np.ndarray:
+    mask = np.zeros(SIZE, bool)
+    mask[20:40, x : x + 20] = True
+    return mask
+
+
+def track(looks: Iterable[int], lean: float, mass: float, x: int) -> Track:
+    return Track({k: Piece(box(x), lean, mass) for k in looks})
+
+
+def looks_of(tracks: list[Track], left: int, right: int) -> tuple[list[int], list[int]]:
+    """Looks at which each side is in sight, in order of mass."""
+    found = sided(tracks, EGO, 10)
+    assert (len(found["left"]), len(found["right"])) == (left, right)
+    return tuple([k for one in found[side] for k in one.pieces] for side in ("left", "right"))  # type: ignore[return-value]  # two
+
+
+def test_votes_of_all_looks_count() -> None:
+    """One look that errs changes nothing."""
+    one = track(range(5), 0.5, 9, 0)
+    one.pieces[2] = Piece(box(0), -0.9, 9)
+    assert looks_of([one], 1, 0) == ([0, 1, 2, 3, 4], [])
+
+
+def test_of_two_that_vote_alike_the_lesser_has_the_other_side() -> None:
+    first, lesser = track(range(4), 0.5, 9, 0), track(range(4), 0.4, 5, 60)
+    assert looks_of([lesser, first], 1, 1) == ([0, 1, 2, 3], [0, 1, 2, 3])
+    assert sided([lesser, first], EGO, 10)["left"] == [first]
+
+
+def test_a_third_is_a_hand_where_a_side_is_free() -> None:
+    """Nowhere while both are taken."""
+    left, right = track(range(6), 0.9, 9, 0), track(range(6), -0.9, 9, 60)
+    third = track(range(4, 9), 0.5, 5, 90)
+    assert looks_of([left, right, third], 2, 1) == ([0, 1, 2, 3, 4, 5, 6, 7, 8], [0, 1, 2, 3, 4, 5])
+    assert looks_of([left, right, track(range(6), 0.5, 5, 90)], 1, 1)[0] == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(("x", "count"), [(24, 2), (60, 1)])
+def test_a_near_part_is_of_the_same_hand(x: int, count: int) -> None:
+    """Where both are sure of the side; what is far is another hand."""
+    looks_of([track(range(4), 0.9, 9, 0), track(range(4), 0.9, 5, x)], count, 2 - count)
+
+
+@pytest.mark.parametrize("facing", [False, True])
+def test_where_the_arm_comes_in(facing: bool) -> None:
+    """At the lower left of a head camera; at the upper right of who is seen from the front; nothing of what lies in the middle."""
+    bearing, mask = Bearing(facing, 0.0, 1.0), np.zeros(SIZE, bool)
+    mask[20:40, 40:60] = True
+    assert bearing.enters(mask) == 0
+    mask[40:, 10:30] = True
+    there = mask[::-1, ::-1] if facing else mask
+    assert bearing.enters(there) > 0.5 and bearing.enters(there[:, ::-1]) == pytest.approx(-bearing.enters(there))
+
+
+def test_who_has_a_side_of_its_own_goes_before_who_would_take_the_other() -> None:
+    """Even where that one is more of a hand."""
+    sure, more, unsure = track(range(4), 0.9, 4, 0), track(range(4), -0.9, 9, 30), track(range(4), -0.6, 7, 60)
+    found = sided([unsure, more, sure], EGO, 1)
+    assert found["left"] == [sure] and found["right"] == [more]
+
+
+def test_what_moves_is_more_of_a_hand() -> None:
+    """Than the same at rest, which is one nevertheless."""
+    p, side = np.where(box(30), 0.9, 0.1).astype(np.float32), np.zeros(SIZE, np.float32)
+    rests, moves = (hands_of(p, side, side, np.full(SIZE, speed, np.float32), 10, 0.2, EGO)[0] for speed in (0, 3))
+    assert moves.mass > 4 * rests.mass > 0 and np.array_equal(moves.mask, rests.mask)

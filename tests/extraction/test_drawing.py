@@ -1,0 +1,32 @@
+"""The graph as a picture: arrows touch the boxes that they join."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.patches import FancyArrowPatch
+
+from afford.extraction.report.drawing import drawn
+
+STAGES = ["scene_render", "source_read", "mask_densify", "narration_labelling", "record_affordance_intersect", "clip_record"]
+EDGES = [*pairwise(STAGES), ("scene_render", "clip_record"), ("source_read", "narration_labelling")]
+TOUCH_PX = 4.0
+
+
+def test_every_arrow_goes_from_the_edge_of_one_box_to_the_edge_of_another() -> None:
+    """Within a few pixels, whatever the length of the names; no box lies under an arrow."""
+    figure, boxes = drawn(STAGES, EDGES)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
+    assert len(arrows) == len(EDGES) and all(arrow.zorder < box.zorder for arrow in arrows for box in boxes.values())
+    for (source, target), arrow in zip(EDGES, arrows, strict=True):
+        path = axes.transData.transform(arrow.get_path().vertices)
+        start, end = (boxes[stage].get_bbox_patch().get_window_extent() for stage in (source, target))
+        assert near(path[0], (start.x1, (start.y0 + start.y1) / 2)), (source, target)
+        assert min(np.hypot(*(path - (end.x0, (end.y0 + end.y1) / 2)).T)) < TOUCH_PX, (source, target)
+
+
+def near(point: np.ndarray, other: tuple[float, float]) -> bool:
+    return bool(np.hypot(*(point - other)) < TOUCH_PX)

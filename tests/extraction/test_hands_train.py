@@ -1,0 +1,94 @@
+"""The finder's training: batches are functions of their number, it learns, it goes on after a kill, and it says what it lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from afford.extraction.hands.finder import find
+from afford.extraction.finder import files
+from afford.extraction.finder.model import SIDE, HandsConfig
+from afford.models.weights import root
+from afford.extraction.finder import train as finder
+from afford.training.loop import train
+from afford.training.repeatable import repeatable
+from afford.training.task import Plan
+from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
+from stages.extraction import hands_train
+from tests.helpers.made_finder import SMALL_TRAINING, made_up
+from tests.helpers.made_samples import Scratch
+
+TINY = HandsConfig(height_px=48, width_px=80, widths=(8, 16, 24))
+LESSONS = (made_up("P71_01", "train"), made_up("P71_02", "train"), made_up("P72_01", "val"))
+
+
+def task(seed: int = 0) -> finder.FinderTask:
+    return finder.task(finder.seeded(TINY, 0), LESSONS, seed, 4, (32, 48), 16)
+
+
+def test_a_batch_is_a_function_of_its_number() -> None:
+    """And of the seed."""
+    one, same, other, seeded = task().batch(5), task().batch(5), task().batch(6), task(1).batch(5)
+    assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
+    assert not np.array_equal(one[0], other[0]) and not np.array_equal(one[0], seeded[0])
+    assert one[0].shape == (4, 32, 48, 3) and one[1].shape == (4, 32, 48)
+
+
+def test_it_learns(tmp_path: Path) -> None:
+    """Eighty steps on plain shapes, and hands are found that were not before; the same seed gives the same weights."""
+    ends, new = [], task()
+    new.model.eval()
+    with torch.no_grad():
+        before = new.validate()
+    for name in ("one", "two"):
+        mine = task()
+        with repeatable(1, "cpu"):
+            train(mine, Plan(steps=80, lr=6e-3, warmup=5, validate_every=80), tmp_path / name, lambda done, total: None)
+        ends.append(mine)
+    mine = ends[0]
+    mine.model.eval()
+    with torch.no_grad():
+        found = mine.validate()
+    assert found["iou"] > before["iou"] + 0.2
+    same = zip(mine.model.state_dict().values(), ends[1].model.state_dict().values(), strict=True)
+    assert all(torch.equal(a, b) for a, b in same)
+
+
+def test_the_side_is_asked_only_where_hands_are() -> None:
+    """What is said of sides elsewhere costs nothing; that a hand is there, or not, does."""
+    mine, labels = task(), np.zeros((1, 4, 6), np.uint8)
+    labels[0, :2, :3], labels[0, 2:, 3:] = LEFT_HAND, RIGHT_HAND
+    said = torch.zeros(1, 4, 4, 6)
+    elsewhere, there = said.clone(), said.clone()
+    elsewhere[:, SIDE, :2, 3:], there[:, SIDE, :2, :3] = 5.0, 5.0
+    batch = np.zeros((1, 4, 6, 3), np.uint8), labels
+    plain, beside, wrong = (float(mine.loss(lambda _, x=x: x, batch)["total"]) for x in (said, elsewhere, there))
+    assert plain == beside < wrong
+
+
+def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
+    """Files, curves, a card and a sheet of pictures."""
+    trained = hands_train.run(LESSONS, SMALL_TRAINING, Scratch(tmp_path))
+    names = {file.name for file in trained.files.files}
+    assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
+    assert {"train.hand", "train.side", "train.touched", "train.sleeve", "val.iou", "val.sides", "val.touched_iou",
+            "val.sleeve_iou"} <= {curve.name for curve in trained.log.curves}  # fmt: skip
+    folder = root(trained.files)
+    assert "16 rendered pictures of 2 rooms" in (folder / "card.md").read_text()
+    assert find(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 4)
+    assert files.read(folder).config == HandsConfig()
+
+
+def bare(one: HandLessons) -> HandLessons:
+    return replace(one, labels=np.where(np.isin(one.labels, (LEFT_HAND, RIGHT_HAND)), 0, one.labels).astype(np.uint8))
+
+
+@pytest.mark.parametrize("lacking", [LESSONS[:2], LESSONS[2:], tuple(bare(one) for one in LESSONS)])
+def test_without_hands_to_learn_from_or_to_judge_nothing_is_trained(lacking: tuple[HandLessons, ...]) -> None:
+    """The split is named, and what to do."""
+    with pytest.raises(ValueError, match=r"expected pictures of the split (train|val) with and without hands, got .*hand_plan"):
+        finder.task(finder.seeded(TINY, 0), lacking, 0, 2, (32, 48), 8)

@@ -1,0 +1,60 @@
+"""Laws of outlines: a thing of its own colour is found whole from a part of it, nothing where it must not be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.extraction.hands.outline import IS, IS_NOT, MAY_BE, outlined
+from afford.common.mask_metrics import iou
+
+HEIGHT, WIDTH = 120, 160
+
+
+def scene() -> tuple[np.ndarray, np.ndarray]:
+    """A red disc on a grey cloth, both with noise: picture and disc."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    disc = (y - 60) ** 2 + (x - 80) ** 2 < 30**2
+    noise = np.random.default_rng(0).normal(0, 12, (HEIGHT, WIDTH, 3))
+    return (np.where(disc[..., None], (190, 40, 50), (120, 125, 120)) + noise).clip(0, 255).astype(np.uint8), disc
+
+
+def odds_of(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+    out = np.zeros((HEIGHT, WIDTH), np.float32)
+    out[inner], out[outer] = IS + 1, IS_NOT - 1
+    return out
+
+
+def test_a_part_of_a_thing_becomes_all_of_it() -> None:
+    """Its middle is sure, its rim is not known, and so is some cloth around it."""
+    rgb, disc = scene()
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    away = np.hypot(y - 60, x - 80)
+    found = outlined(odds_of(away < 18, away > 45), rgb, np.zeros_like(disc))
+    assert iou(found, disc) > 0.9
+
+
+def test_what_is_too_much_shrinks_to_the_thing() -> None:
+    """Cloth that may be the thing, as where flow reaches beyond an outline, is given back."""
+    rgb, disc = scene()
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    away = np.hypot(y - 60, x - 80)
+    odds = odds_of(away < 25, away > 50)
+    odds[(away >= 25) & (away < 38)] = MAY_BE + 1
+    assert iou(outlined(odds, rgb, np.zeros_like(disc)), disc) > 0.9 > iou(odds > MAY_BE, disc)
+
+
+def test_never_is_never_and_the_same_is_the_same() -> None:
+    rgb, disc = scene()
+    never = np.zeros_like(disc)
+    never[:, :80] = True
+    odds = odds_of(disc, ~disc)
+    found = outlined(odds, rgb, never)
+    assert found.any() and not (found & never).any()
+    assert np.array_equal(found, outlined(odds, rgb, never))
+
+
+def test_without_a_beginning_or_without_an_end_there_is_no_outline() -> None:
+    rgb, disc = scene()
+    nothing = np.zeros((HEIGHT, WIDTH), np.float32)
+    assert not outlined(nothing, rgb, np.zeros_like(disc)).any()
+    assert not outlined(nothing + IS + 1, rgb, np.zeros_like(disc)).any()

@@ -1,0 +1,159 @@
+"""SAM 2 as a backend of two stages: one source through the whole pipeline, and what becomes of it when the weights change."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.torch import load_file, save_file
+
+from afford.extraction.tracks.propagate import BACKGROUND
+from afford.extraction.tracks.propagate.sam2 import propagate
+from afford.codecs import CODEC
+from afford.models.sam2_video import follow, full_size, load_model, session, track
+from runner.store import Store
+from runner.traces import Traces
+from stages.extraction import mask_densify
+from tests.helpers.command import Called, Made
+from tests.helpers.learned_chain import flip_a_weight
+from tests.helpers.tiny_models import save_backbones, save_sam2_video
+
+ROOT = Path(__file__).resolve().parents[2]
+UNTOUCHED = {"source_read", "clip_footage", "frame_decode", "narration_labelling"}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_sam2_video(tmp_path_factory.mktemp("sam2") / "tiny")
+
+
+def dataset(mine: Made, densify: Path, complete: Path | None = None) -> Called:
+    """The data set of the tiny source, with SAM 2 where a model is given."""
+    words = ["--set", "mask_densify.backend=sam2", "--set", f"mask_densify.model={densify}"]
+    words += ["--set", "affordance_intersect.max_area_px855=1e6"]  # a model that knows nothing takes much
+    if complete:
+        words += ["--set", "object_completion.backend=sam2", "--set", f"object_completion.model={complete}"]
+    done = mine.run("dataset", *words)
+    assert done.code == 0, done.words
+    return done
+
+
+def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp_path: Path) -> None:
+    """Shapes and types hold; nothing is made twice; a byte of a model reruns the stages that read it and what follows; where a
+    model lies does not matter; a model in the store's words is no path."""
+    mine = made.copy(tmp_path)
+    first, second = (Path(shutil.copytree(model, tmp_path / name / "tiny")) for name in ("one", "two"))
+    ran = dataset(mine, first, second).json["ran"]
+    assert ran["mask_densify"] == ran["object_completion"] == 2 and ran["dataset_pack"] == 1 and not UNTOUCHED & ran.keys()
+    for trace in Traces(mine.store).all():
+        if trace.stage == "mask_densify" and trace.params["fields"]["backend"] == "sam2":
+            tracks = Store(mine.store, CODEC).load(trace.output)
+            assert tracks.masks.dtype == bool and tracks.masks.shape[1:] == (19, 96, 160)
+            assert (tracks.masks.sum(0) <= 1).all() and np.isfinite(tracks.confidence).all()
+            assert trace.params["fields"]["model"] == "tiny" and set(trace.inputs) == {"clip", "frames", "weights"}
+    moved = shutil.move(first.parent, tmp_path / "elsewhere")
+    assert dataset(mine, Path(moved) / "tiny", second).json["ran"] == {}
+    flip_a_weight(second / "model.safetensors")
+    again = dataset(mine, Path(moved) / "tiny", second).json["ran"]
+    assert again["object_completion"] == 2 and not {"mask_densify", "hand_inpaint", *UNTOUCHED} & again.keys()
+
+
+def stretch(params: mask_densify.Params, count: int = 7) -> np.ndarray:
+    """Labels of a short random video with key frames at its ends."""
+    rgb = np.random.default_rng(0).integers(0, 255, (count, 48, 80, 3), np.uint8)
+    labels = np.zeros((2, 48, 80), np.int16)
+    labels[:, 10:30, 10:30], labels[1, 10:30, 50:70] = 1, 2
+    return propagate(rgb, np.array([0, count - 1]), labels, 2, params).labels
+
+
+def params(model: Path, **more: object) -> mask_densify.Params:
+    return mask_densify.Params("sam2", str(model), **more)  # type: ignore[arg-type]  # fields of Params
+
+
+def test_other_weights_other_masks_and_the_same_bytes_twice(model: Path, tmp_path: Path) -> None:
+    """Also in half the bits, and however many features are kept."""
+    found = stretch(params(model))
+    assert found.tobytes() == stretch(params(model)).tobytes() == stretch(params(model, cache_frames=1)).tobytes()
+    assert not np.array_equal(found, stretch(params(save_sam2_video(tmp_path, seed=1))))
+    assert stretch(params(model, dtype="bfloat16")).shape == found.shape
+
+
+def test_both_key_frames_speak(model: Path) -> None:
+    """Beside a key frame the logits are nearly those of the way that starts there; in the middle they are the mean of both."""
+    rgb = np.random.default_rng(1).integers(0, 255, (5, 48, 80, 3), np.uint8)
+    prompts = {at: np.zeros((1, 48, 80), bool) for at in (0, 4)}
+    prompts[0][0, 5:25, 5:25], prompts[4][0, 20:40, 50:70] = True, True
+    net = load_model(str(model))
+    made = session(net, rgb, prompts, 8)
+    ways = [{seen.at: seen.logits for seen in follow(net, rgb, prompts, order, within=made)}
+            for order in (range(5), range(4, -1, -1))]
+    assert (ways[0][2] - ways[1][2]).abs().max() > 0
+    labels = np.stack([prompts[0][0], prompts[4][0]]).astype(np.int16)
+    mixed = propagate(rgb, np.array([0, 4]), labels, 1, params(model)).labels[2]
+    mean = (ways[0][2].half().float() + ways[1][2]) / 2
+    wanted = np.where(full_size(mean, (48, 80))[0] > 0, 1, BACKGROUND)
+    assert (mixed == wanted).mean() > 0.999
+
+
+def test_memory_is_bounded(model: Path) -> None:
+    """Of frames far back nothing is kept but the prompts, and of image features as many as asked."""
+    rgb = np.random.default_rng(2).integers(0, 255, (24, 32, 32, 3), np.uint8)
+    prompts = {0: np.ones((1, 32, 32), bool)}
+    net = load_model(str(model))
+    made = session(net, rgb, prompts, 3)
+    far = max(net.config.num_maskmem, net.config.max_object_pointers_in_encoder)
+    for seen in follow(net, rgb, prompts, range(24), within=made):
+        kept = made.output_dict_per_obj[0]["non_cond_frame_outputs"]
+        assert all(abs(seen.at - at) <= far for at in kept) and len(made.cache._vision_features) <= 3
+    assert set(made.output_dict_per_obj[0]["cond_frame_outputs"]) == {0}
+
+
+def test_a_prompt_of_nothing_is_out_of_sight(model: Path) -> None:
+    """An object with an empty mask has no pixel in that frame."""
+    rgb = np.random.default_rng(3).integers(0, 255, (2, 32, 32, 3), np.uint8)
+    assert (track(load_model(str(model)), rgb, {0: np.zeros((1, 32, 32), bool)})[0, 0] < 0).all()
+
+
+@pytest.mark.parametrize("how", ["missing", "partial", "cut", "foreign", "text"])
+def test_what_is_no_sam2_is_refused_in_a_sentence(how: str, model: Path, tmp_path: Path) -> None:
+    """No folder, tensors that are left out, a file that ends too early, another model, a file of text."""
+    folder = Path(shutil.copytree(model, tmp_path / "copy"))
+    file, said = folder / "model.safetensors", "expected the weights of a Sam2VideoModel"
+    if how == "missing":
+        folder, said = tmp_path / "nowhere", "expected a Sam2VideoModel in a local folder, got nothing there"
+    elif how == "partial":
+        kept = {name: one for name, one in load_file(file).items() if not name.startswith("memory_attention.layers.0.linear")}
+        save_file(kept, file, {"format": "pt"})
+        said += ", these lack memory_attention.layers.0.linear1.bias"
+    elif how == "cut":
+        file.write_bytes(file.read_bytes()[:-1000])
+    elif how == "foreign":
+        folder = save_backbones(tmp_path / "other") / "clip"
+    else:
+        folder = tmp_path / "sam2.pt"
+        folder.write_text("a page that says 404")
+        said = r"sam2\.pt: expected a checkpoint or TorchScript as torch 1\.6 and later write them, or safetensors; "
+    with pytest.raises(ValueError, match=said) as caught:
+        load_model(str(folder))
+    assert "\n" not in str(caught.value)
+
+
+def test_device_and_dtype_are_checked(model: Path) -> None:
+    with pytest.raises(ValueError, match="dtype 'float8': expected one of float32, bfloat16, float16"):
+        load_model(str(model), "cpu", "float8")
+    with pytest.raises(ValueError, match="device"):
+        load_model(str(model), "toaster")
+
+
+def test_no_torchvision(model: Path) -> None:
+    """Nothing that a learned backend loads brings it."""
+    code = ("import sys\nfrom afford.surface.candidates import sam\nfrom afford.extraction.complete import sam2\n"
+            "from afford.surface.describe import vlm\nfrom afford.surface.score import clip\n"
+            "from afford.models.sam2_video import load_model\n"
+            f"load_model({str(model)!r})\nprint('torchvision' in sys.modules)")  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.strip() == "False", done.stderr

@@ -1,0 +1,70 @@
+"""Candidates in a physics engine: straight from above they are the script; a leaning one comes along its approach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.hand.coupling import limits_u
+from afford.grasping.hand.kinematics import forward
+from afford.grasping.sim.by_candidate import execute, wrist
+from afford.grasping.sim.engine import BACKENDS, world
+from afford.grasping.sim.scene import STRICT, Scene
+from afford.grasping.sim.scripted import ABOVE_M, GRASP, UP, Aim, before, moves, targets
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_scenes import at, tool
+
+
+def from_above(yaw: float, place: tuple[float, float, float]) -> np.ndarray:
+    """x along yaw, y up."""
+    T = np.eye(4)
+    T[:3, :3] = (Rotation.from_euler("z", yaw) * Rotation.from_euler("x", np.pi / 2)).as_matrix()
+    T[:3, 3] = place
+    return T
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(shadow(), tool("screwdriver", 12), STRICT)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.8, 3.1])
+def test_from_above_a_candidate_is_the_script(scene: Scene, yaw: float) -> None:
+    """Every command, to 1e-9, but for whole turns of the yaw."""
+    place = (0.03, -0.02, 0.015)
+    script = np.array(list(targets(scene, Aim(np.array(place), yaw), GRASP)))
+    T = from_above(yaw, place)
+    found = np.array(list(moves(scene, GRASP, wrist(scene, T), T[:3, 1])))
+    off = found - script
+    off[:, 3] = (off[:, 3] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(off).max() < 1e-9
+
+
+def test_a_leaning_candidate_comes_along_its_approach(scene: Scene) -> None:
+    """The grip ends at the candidate's place, and begins 12 cm behind it; all within the gantry's limits."""
+    T = from_above(0.5, (0.0, 0.0, 0.02))
+    T[:3, :3] = Rotation.from_rotvec(0.4 * T[:3, 0]).as_matrix() @ T[:3, :3]
+    low, high = limits_u(scene.hand.joints)[:6].T
+    at_grasp = wrist(scene, T)
+    assert (at_grasp >= low).all() and (at_grasp <= high).all()
+    q = before(scene, GRASP, at_grasp, T[:3, 1])
+    palm = forward(scene.hand.joints, q[None])[0, scene.hand.palm]
+    grip = palm[:3, :3] @ GRASP.grip_m + palm[:3, 3]
+    assert grip == pytest.approx(T[:3, 3] + ABOVE_M * T[:3, 1], abs=1e-9)
+    assert abs(T[:3, 1] @ UP) < 0.95
+
+
+@pytest.mark.parametrize("engine", sorted(BACKENDS))
+def test_a_candidate_lifts_and_tells_what_is_pressed(engine: str, scene: Scene) -> None:
+    """A grasp of the handle holds it, and the hand presses on the handle, not on the tip; one beside the tool holds nothing."""
+    body = scene.body
+    on_handle = body.points[body.point_part == body.parts.index("handle")]
+    made = world(engine, scene)
+    x, y, z = on_handle.mean(0).tolist()
+    held = execute(made, scene, at(z=0.002), from_above(np.pi / 2, (x, y, z)))
+    beside = execute(made, scene, at(z=0.002), from_above(np.pi / 2, (x + 0.3, y, z)))
+    made.close()
+    assert held.held and held.force[body.parts.index("handle")] > 0.1
+    assert held.force[body.parts.index("tip")] == 0.0 and (held.force_most >= held.force).all()
+    assert not beside.held and not beside.force_most.any()

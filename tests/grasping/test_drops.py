@@ -1,0 +1,39 @@
+"""Dropped things come to lie on the table, any way up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.sim.drops import dropped
+from afford.grasping.sim.engine import BACKENDS, world
+from tests.helpers.made_scenes import block, scene
+
+
+@pytest.mark.parametrize("engine", sorted(BACKENDS))
+def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
+    """Six drops: a face down, on the table to a millimetre, near where it fell; more than one face; the same again."""
+    used, body = scene(), block()
+    made = world(engine, used)
+    poses = [dropped(made, used, seed) for seed in range(6)]
+    downs = set()
+    for pose in poses:
+        R = Rotation.from_quat(pose[3:])
+        assert abs((R.apply(np.array(body.corners)) + pose[:3])[:, 2].min()) < 1e-3
+        down = R.inv().apply([0, 0, -1])
+        assert np.abs(down).max() > 0.999
+        downs.add((int(np.abs(down).argmax()), bool(down[np.abs(down).argmax()] > 0)))
+        assert np.abs(pose[:2]).max() < 0.25
+    assert len(downs) > 1
+    assert np.array_equal(dropped(made, used, 3), poses[3])
+    made.close()
+
+
+def test_what_does_not_lie_still_is_told() -> None:
+    """No time to fall."""
+    used = scene()
+    made = world("mujoco", used)
+    with pytest.raises(ValueError, match="take another seed"):
+        dropped(made, used, 0, most_s=0.1)
+    made.close()

@@ -1,0 +1,36 @@
+"""The page of the environments says what the code does."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from afford.grasping.env import env
+from afford.grasping.env.observe import blocks, slices
+from afford.grasping.hand.coupling import driven
+from benchmarks import bench_grasp_env as page
+from tests.helpers.made_hands import shadow
+
+
+def test_the_contract_in_the_docstring_is_kept() -> None:
+    """Which number of an action is which motor, which numbers of the published observation are which block."""
+    text = str(env.__doc__)
+    names = [shadow().joints.name[k] for k in driven(shadow().joints)]
+    rows = re.findall(r"(\d+)-(\d+) +((?:[A-Z]{2}J\d ?)+)", text)
+    assert len(rows) == 5
+    for first, last, motors in rows:
+        assert motors.split() == names[int(first) : int(last) + 1]
+    found = {name: (int(a), int(b) + 1) for a, b, name in re.findall(r"(\d+)-(\d+) +([a-z_]+)\b(?! along|,)", text)}
+    assert found == {name: (at.start, at.stop) for name, at in slices(blocks("paper", "prior")).items()}
+
+
+@pytest.mark.parametrize(("name", "block"), [
+    ("action", lambda: page.actions(shadow())), ("wrench", lambda: page.wrenches(shadow())),
+    ("observation", page.observations), ("reward", page.rewards),
+    ("imitation", page.imitations), ("report", page.report), ("random", page.randomisation)])  # fmt: skip
+def test_tables_are_those_of_the_code(name: str, block) -> None:  # type: ignore[no-untyped-def]  # a function without arguments
+    """Written by benchmarks/bench_grasp_env.py, and not changed by hand since."""
+    start, end = f"<!-- {name}: written by benchmarks/bench_grasp_env.py -->\n", f"<!-- end of {name} -->"
+    text = page.PAGE.read_text()
+    assert text.partition(start)[2].partition(end)[0] == block()

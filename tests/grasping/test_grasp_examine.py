@@ -1,0 +1,158 @@
+"""Examinations: the same beginnings for everybody, figures of each episode, traces that say what happened."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.grasping.evaluate import report_rows
+from afford.grasping.evaluate.cells import cells
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.evaluate import Still, play
+from afford.grasping.evaluate.examine import FIGURES
+from afford.grasping.evaluate.report import by_row, markdown, metrics
+from afford.grasping.env.task import of
+from schemas.spec import Context
+from schemas.episodes import GraspEpisodes, GraspExam
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.mesh import ObjectSpec
+from schemas.hand import ReferenceSet, RetargetReport
+from schemas.training import Curve, TrainingLog
+from stages.grasping import grasp_evaluate, grasp_report, grasp_tasks
+from tests.helpers.made_grasps import reference
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_scenes import tool
+
+NOBODY = FileTree("none", ())
+FAST = grasp_evaluate.Params(policy="script", engine="mujoco", episodes=4, start="part", traces=2)
+
+
+def tasks() -> tuple[GraspTask, ...]:
+    specs = [ObjectSpec(kind, kind, 12, "plain", "train") for kind in ("screwdriver", "spatula")]
+    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params(within_m=1.0))[0] for one in specs)
+
+
+def people() -> ReferenceSet:
+    kept = tuple(reference(shadow(), 60, seed) for seed in range(3))
+    return ReferenceSet("people", kept, RetargetReport("people", (), 3, ()))
+
+
+def examined(context: Context, **params: object) -> GraspEpisodes:
+    return grasp_evaluate.run(shadow(), (tasks(),), NOBODY, people(), replace(FAST, **params), context)  # type: ignore[arg-type]  # named
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> GraspEpisodes:
+    return examined(Scratch(tmp_path_factory.mktemp("script")))
+
+
+def test_the_script_holds_what_it_can(script: GraspEpisodes) -> None:
+    assert script.values.shape == (4, len(FIGURES)) and set(script.task) == {one.name for one in tasks()}
+    assert script.figure("held").mean() >= 0.75 and (script.figure("success") >= script.figure("held")).all()
+    assert ((script.figure("hls") >= 0) & (script.figure("hls") <= 10)).all()
+
+
+def test_the_seed_says_how_episodes_begin(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    again, other = examined(Scratch(tmp_path_factory.mktemp("a"))), examined(Scratch(tmp_path_factory.mktemp("b")), seed=1)
+    assert np.array_equal(again.values, script.values, equal_nan=True)
+    assert np.array_equal(again.depth_m, script.depth_m, equal_nan=True)
+    assert not np.array_equal(other.values, script.values, equal_nan=True)
+
+
+def test_a_trace_agrees_with_the_figures(script: GraspEpisodes) -> None:
+    assert len(script.traces) == 2
+    for trace in script.traces:
+        k = script.task.index(trace.task)
+        body = next(one.body for one in tasks() if one.name == trace.task)
+        turn = trace.body[-1, 3:]
+        assert np.linalg.norm(turn) == pytest.approx(1) and not trace.action[0].any() and len(trace.q) == 41
+        assert trace.force[-1].sum() > 0 if script.figure("held")[k] else True
+        assert script.depth_m[k][np.isfinite(script.depth_m[k])].max() == pytest.approx(trace.penetration_m.max())
+        assert trace.goal[2] > body.com_m[2] + 0.15
+
+
+def test_an_episode_that_ended_keeps_its_figures() -> None:
+    one = tasks()[0]
+    grasping = Grasping(shadow(), [of(one)], Config(base="script", steps=40))
+    played = play(grasping, Still(), [np.random.default_rng(0)])
+    assert played.ended.tolist() == [40] and played.q.shape[1] == 41
+    assert played.report["held"][0] == grasping.report()["held"][0]
+    grasping.close()
+
+
+def test_no_tasks_is_said(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="expected tasks, got none"):
+        grasp_evaluate.run(shadow(), ((),), NOBODY, people(), FAST, Scratch(tmp_path_factory.mktemp("none")))
+
+
+def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    strict = replace(script, engine="bullet", name="b", policy="teacher")
+    found = metrics([strict, script])
+    assert found["teacher.succ.train"] == found["teacher.succ"] == script.figure("success").mean()
+    assert "mujoco.script.succ.train" in found and found["penetration_mm.p95"] == found["teacher.penetration_mm.p95"]
+    two = metrics([strict, replace(script, policy="teacher", depth_m=2 * script.depth_m)])
+    assert two["mujoco.penetration_mm.p95"] == two["mujoco.teacher.penetration_mm.p95"] > two["penetration_mm.p95"]
+    assert "mujoco.penetration_mm.p95" not in found
+    assert found["control_steps.bullet"] == found["control_steps.mujoco"] == script.depth_m.size == 4 * 40
+    assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(cells([strict, script])) == 2
+    text = markdown([strict, script])
+    assert all(one.name in text for one in tasks()) and "UniDexGrasp++" in text
+    here = Scratch(tmp_path_factory.mktemp("report"))
+    files = grasp_report.run((strict, script), (), (), (), (), (), grasp_report.Params(), here)
+    assert [file.name for file in files.files] == ["metrics.json", "report.md", "scores.json"]
+
+
+def test_scores_are_told_seed_by_seed(script: GraspEpisodes) -> None:
+    """Where the report has their mean; what cannot be told of one seed is not there."""
+    both = [script, replace(script, seed=7, values=script.values * [0.0 if name == "success" else 1.0 for name in FIGURES])]
+    told = report_rows.scores(both)
+    (row,) = report_rows.rows(cells(both))
+    assert list(told) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
+    assert [one["succ"] for one in told.values()] == [2 * row.figures["succ"], 0.0]
+    assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in told.values())
+
+
+def test_what_was_planned_and_is_not_finished_is_marked(script: GraspEpisodes, tmp_path: Path) -> None:
+    """A row of two seeds with one done, one without any; figures are of what is there."""
+    planned = tuple(GraspExam(f"{policy}-{seed}", policy, script.level, script.engine)
+                    for policy in (script.policy, "student") for seed in range(2))  # fmt: skip
+    found = metrics([script], planned)
+    assert (found[f"mujoco.{script.policy}.seeds"], found[f"mujoco.{script.policy}.unfinished"]) == (1, 1)
+    assert (found["mujoco.student.seeds"], found["mujoco.student.unfinished"]) == (0, 2) and "mujoco.student.succ" not in found
+    assert {name: value for name, value in found.items() if "student" not in name and "unfinished" not in name} == {
+        name: value for name, value in metrics([script]).items() if "unfinished" not in name}
+    lines = [line for line in markdown([script], (), planned).splitlines() if "not finished" in line]
+    assert [line.split("|")[-2].strip() for line in lines] == ["1 of 2, not finished", "0 of 2, not finished"]
+    files = grasp_report.run((script,), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path), planned=planned)
+    assert "0 of 2, not finished" in files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
+
+
+def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:
+    values = script.values.copy()
+    for name, column in (("success", [1, 0, 1, 0]), ("as_violation_pct", [20, 80, 0, 60])):
+        values[:, FIGURES.index(name)] = column
+    found = metrics([replace(script, values=values, engine="bullet", policy="teacher")])
+    assert found["teacher.as_violation_pct"] == 10 and found["teacher.as_violation_pct.all"] == 40
+
+
+def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: GraspEpisodes, tmp_path: Path) -> None:
+    found = metrics([replace(script, policy="transfer_hti"), replace(script, policy="lambda_half", engine="bullet")])
+    assert "mujoco.transfer.hti.succ.train" in found and "lambda.half.as_violation_pct" in found
+    curve = Curve("train.as_violation_pct", np.arange(3), np.array([9.0, 5.0, 4.0]))
+    logs = tuple(TrainingLog(name, (curve,), 3, 3) for name in ("prior", "teacher-0", "teacher-1"))
+    files = grasp_report.run((script,), logs, (), (), (), (), grasp_report.Params(), Scratch(tmp_path))
+    said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
+    assert files.find("curves.png") and set(by_row(logs)) == {"teacher"}
+
+
+def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="expected episodes"):
+        grasp_report.run((), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("empty")))

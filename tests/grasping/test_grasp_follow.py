@@ -1,0 +1,121 @@
+"""A prior beside clips that it has never seen: who copies the clip is near it, who does nothing is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from afford.common.files import tree
+from afford.grasping.env.observe import blocks
+from afford.grasping.evaluate.report_clips import ablation, lines, tracking
+from afford.grasping.rl import saved
+from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from schemas.episodes import ClipsFollowed, GraspEpisodes
+from schemas.files import FileTree
+from schemas.training import TrainingLog
+from stages.grasping import imitation_evaluate
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_priors import TOOLS, reference_set, targets
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_scenes import tool
+
+FAST = imitation_evaluate.Params(engine="mujoco")
+
+
+def idle(folder: Path, role: str = "prior") -> FileTree:
+    """A policy that does nothing."""
+    model = ActorCritic(PolicyConfig(sum(block.width for block in blocks("small", "prior")), 24, (8,)))
+    for parameter in list(model.actor.parameters())[-2:]:
+        torch.nn.init.zeros_(parameter)
+    posture = [0.0] * 24
+    saved.write(folder, model, {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2})
+    return tree("prior", folder)
+
+
+def followed(folder: Path, **params: object) -> ClipsFollowed:
+    return imitation_evaluate.run(shadow(), tuple(map(tool, TOOLS)), reference_set(), idle(folder / "p"),
+                                  replace(FAST, **params), Scratch(folder))  # type: ignore[arg-type]  # fields of Params
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> ClipsFollowed:
+    return followed(tmp_path_factory.mktemp("followed"))
+
+
+def of(found: ClipsFollowed, who: str, name: str) -> np.ndarray:
+    rows = np.array([one == who for one in found.follower])
+    column: np.ndarray = getattr(found, name)[rows]
+    return column
+
+
+def test_who_goes_where_the_clip_goes_is_near_it(found: ClipsFollowed) -> None:
+    """Within 3 cm and to the end; a hand that stays does neither, and a policy that does nothing is that hand, to the bit."""
+    count = len(targets())
+    assert found.clip == tuple(one.name for one in reference_set().references) * 3 and len(found.clip) == 3 * count
+    assert (of(found, "clip", "level_1_m") < 0.03).all() and of(found, "clip", "followed").all()
+    assert (of(found, "still", "level_1_m") > 0.05).all() and not of(found, "still", "followed").any()
+    for name in ("level_1_m", "level_2_m", "tips_m", "followed"):
+        assert np.array_equal(of(found, "prior", name), of(found, "still", name))
+
+
+def test_groups_of_worlds_do_not_matter_but_for_where_objects_lie(found: ClipsFollowed, tmp_path: Path) -> None:
+    """One clip at a time: tracking is of the clip alone, wherever its object lies."""
+    alone = followed(tmp_path, at_once=1)
+    assert np.array_equal(alone.level_1_m, followed(tmp_path / "again", at_once=1).level_1_m)
+    assert of(alone, "clip", "level_1_m") == pytest.approx(of(found, "clip", "level_1_m"), abs=0.005)
+
+
+def test_what_does_not_fit_is_said(tmp_path: Path) -> None:
+    """Another policy than a prior; a clip of an object that is not there; numbers out of range."""
+    args = (shadow(), tuple(map(tool, TOOLS)), reference_set())
+    with pytest.raises(ValueError, match="got another policy; give it what hand_imitation made"):
+        imitation_evaluate.run(*args, idle(tmp_path / "t", "teacher"), FAST, Scratch(tmp_path))
+    with pytest.raises(ValueError, match=f", got {tool(TOOLS[1]).name}; give it"):
+        imitation_evaluate.run(args[0], args[1][:1], args[2], idle(tmp_path / "p"), FAST, Scratch(tmp_path))
+    with pytest.raises(ValueError, match="at_once and iterations of 1 or more"):
+        followed(tmp_path, at_once=0)
+
+
+def test_figures_are_named_by_follower_and_level(found: ClipsFollowed) -> None:
+    said = tracking([found, replace(found, engine="bullet", level="unseen_object")])
+    both = (of(found, "prior", "level_1_m") + of(found, "prior", "level_2_m")).mean() / 2
+    assert said["mujoco.hti.tracking_mm"] == said["mujoco.hti.tracking_mm.train"] == pytest.approx(1000 * both)
+    assert said["hti.clip.followed.unseen_object"] == 1 and said["hti.followed.unseen_object"] == 0
+    assert "hti.tracking_mm" not in said and tracking([]) == {}
+    text = "\n".join(lines([found], {}))
+    assert text.count("\n| ") == 4 and "With and without" not in text and lines([], {}) == []
+
+
+def played(policy: str, seed: int, success: list[float], jerk: list[float]) -> GraspEpisodes:
+    values = np.array([success, jerk, jerk, jerk], float).T
+    return GraspEpisodes(f"{policy}-train-bullet", policy, "train", "bullet", seed, ("a",) * len(success),
+                         ("success", "log_jerk", "hls", "as_violation_pct"), values, np.full((len(success), 1), np.nan), ())
+
+
+def test_the_prior_is_compared_over_common_seeds_after_equal_training() -> None:
+    """Seed 1 has no row without the prior and does not count; trainings of other lengths are refused."""
+    runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16])]
+    logs = [TrainingLog("teacher-0", (), 200, 200), TrainingLog("naa_only-0", (), 200, 200)]
+    said = ablation(runs, logs)
+    assert (said["hti.succ_with"], said["hti.succ_without"], said["hti.jerk_with"], said["hti.jerk_without"]) == (1, 0.5, 11, 15)
+    assert ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(lines([], said))
+    with pytest.raises(ValueError, match="as many updates as teacher-0, got 100 and 200"):
+        ablation(runs, [logs[0], TrainingLog("naa_only-0", (), 100, 100)])
+
+
+def test_a_script_instead_of_the_prior_stands_beside_both() -> None:
+    """Alone with the teacher as well; seeds that it does not have count for nobody."""
+    runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16]),
+            played("naa_only", 1, [1, 1], [70, 70]), played("on_script", 0, [0, 1], [20, 22])]  # fmt: skip
+    logs = [TrainingLog(f"{row}-{seed}", (), 200, 200) for row in ("teacher", "naa_only", "on_script") for seed in (0, 1)]
+    said = ablation(runs, logs)
+    assert (said["hti.jerk_with"], said["hti.jerk_without"], said["hti.jerk_by_script"]) == (11, 15, 21)
+    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(lines([], said))
+    alone = ablation([runs[0], runs[-1]], logs)
+    assert alone["hti.succ_by_script"] == 0.5 and "hti.succ_without" not in alone and "without |" not in "\n".join(lines([], alone))
+    with pytest.raises(ValueError, match="on_script-0: expected as many updates"):
+        ablation(runs, [*logs[:-2], TrainingLog("on_script-0", (), 100, 100)])

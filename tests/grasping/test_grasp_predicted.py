@@ -1,0 +1,171 @@
+"""What a policy is told and what it is judged by are two things: predictions change the first, never the second."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from afford.grasping.evaluate.agreement import agreement
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.evaluate import Round, Still, play
+from afford.grasping.evaluate.examine import FIGURES
+from afford.grasping.env.task import Task, of
+from afford.surface.negative.distance import distance
+from maps.settings import Origin, Settings
+from pipeline import build
+from schemas.episodes import GraspEpisodes
+from schemas.grasp import GraspTask
+from schemas.surface import NegativeAffordances
+from schemas.surface import PositiveAffordance, PositiveAffordances
+from stages.grasping import grasp_report, grasp_tasks, grasp_tasks_predicted, object_solids
+from tests.helpers.made_grasps import held_by_handle
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_objects import looked, projected
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_school import SCHOOL
+
+PARAMS = grasp_tasks_predicted.Params()
+
+
+@cache
+def task() -> GraspTask:
+    """A use of the screwdriver that the chain of negative affordances is tried on, in truth."""
+    x = looked()
+    return grasp_tasks.run(x.spec, object_solids.run(x.mesh, x.parts, object_solids.Params()), grasp_tasks.Params(within_m=1.0))[0]
+
+
+@cache
+def said() -> NegativeAffordances:
+    """With a scorer of parts that is never wrong."""
+    return projected(looked())
+
+
+def told(found: NegativeAffordances | None = None, **given: PositiveAffordances) -> GraspTask:
+    return grasp_tasks_predicted.run((task(),), looked().mesh, PARAMS, found, **given)[0]
+
+
+def nothing_said() -> NegativeAffordances:
+    none = np.zeros((0, 3), np.float32)
+    return replace(said(), tasks=tuple(replace(one, N_t=none, negative=np.zeros_like(one.negative)) for one in said().tasks))
+
+
+def played(one: Task) -> tuple[Round, np.ndarray]:
+    """An episode by script, on rewards of every kind, and what was observed at its end."""
+    core = Grasping(shadow(), [one], Config(base="script", reward="dense"))
+    found = play(core, Still(), [np.random.default_rng(0)])
+    seen = core.observe()
+    core.close()
+    return found, seen
+
+
+def test_mesh_and_body_share_a_frame() -> None:
+    """Predicted points lie on the body's surface, whose points are 3 mm apart."""
+    points = task().body.points
+    assert distance(points, said().points).max() < 0.008 and distance(points, told(said()).N_t).max() < 0.008
+
+
+def test_a_right_prediction_says_what_is_true() -> None:
+    one = told(said())
+    assert one.told == one.negative == task().negative and min(agreement(one)) > 0.98
+    assert not np.array_equal(one.N_t, task().N_t) and np.array_equal(of(one).N_true, of(task()).N_true)
+
+
+def test_a_prediction_without_points_leaves_a_task_without_points() -> None:
+    """Nothing is shown, and it is judged as ever; recall is 0, and there is no precision to speak of."""
+    one = told(nothing_said())
+    assert one.N_t.shape == (0, 3) and one.told == () and one.negative == task().negative
+    assert agreement(one).recall == 0 and np.isnan(agreement(one).precision)
+    assert len(of(one).N_true) == 100 and not of(one).told.any()
+
+
+def test_a_policy_is_judged_by_the_truth() -> None:
+    """Other N_t: other rewards and observations, the same motion has the same figures. Other truth: the other way round."""
+    true = held_by_handle()
+    handle = np.arange(len(true.negative)) == true.hold
+    spots = true.body.points[true.body.point_part == true.hold].astype(np.float64)[:100]
+    (plain, seen), (shown, seen_shown), (judged, seen_judged) = (
+        played(one) for one in (true, replace(true, N_t=spots, told=handle), replace(true, N_true=spots, negative=handle)))
+    assert np.array_equal(shown.q, plain.q) and np.array_equal(judged.q, plain.q)
+    assert all(np.array_equal(shown.report[name], plain.report[name], equal_nan=True) for name in plain.report)
+    assert shown.reward.sum() < plain.reward.sum() and not np.array_equal(seen_shown, seen)
+    assert judged.report["as_violation_pct"][0] > plain.report["as_violation_pct"][0]
+    assert judged.report["negative_contact_end"] == 1 and plain.report["negative_contact_end"] == 0
+    assert judged.reward.tobytes() == plain.reward.tobytes() and seen_judged.tobytes() == seen.tobytes()
+
+
+def test_where_it_is_told_the_truth_both_are_one() -> None:
+    core = Grasping(shadow(), [of(task()), held_by_handle()], Config(base="script"))
+    rngs = [np.random.default_rng(k) for k in range(2)]
+    core.reset([0, 1], rngs)
+    for action in np.random.default_rng(0).uniform(-1, 1, (30, 2, core.motors)):
+        core.step(action, rngs)
+        now = core.measures()
+        assert np.array_equal(now.N_m, now.N_true_m) and np.array_equal(now.force_told, now.force_negative)
+    core.close()
+
+
+def test_where_hands_belong_is_taken_by_its_use() -> None:
+    """In truth it is safe and on the part to hold."""
+    own = task()
+    on = own.body.points[own.body.point_part == own.body.parts.index(own.hold)]
+    assert distance(on, own.A_t).max() < 1e-6 and distance(own.N_t, own.A_t).min() > 0.02
+    faces, at = len(looked().mesh.faces), np.array([[0.0, 0.01, 0.02]], np.float32)
+    one = PositiveAffordance(own.use, *(np.zeros(shape, np.float32) for shape in (faces, (2, faces), faces, 4)), at)  # type: ignore[arg-type]
+    found = told(positives=PositiveAffordances(own.body.name, (replace(one, task="another", A_t=at + 1), one)))
+    assert np.array_equal(found.A_t, at.astype(float)) and np.array_equal(found.N_t, own.N_t)
+    assert np.array_equal(of(found).A_t, found.A_t)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    """A use that nobody asked about; a body of another size, or of another thing."""
+    with pytest.raises(ValueError, match="expected a prediction for the use"):
+        told(replace(said(), tasks=said().tasks[:0]))
+    for body in (replace(task().body, size_m=1.15 * task().body.size_m), replace(task().body, name="other")):
+        with pytest.raises(ValueError, match="expected tasks of what was looked at"):
+            grasp_tasks_predicted.run((replace(task(), body=body),), looked().mesh, PARAMS, said())
+
+
+def of_policy(name: str, as_pct: float) -> GraspEpisodes:
+    values = np.array([[{"success": 1.0, "as_violation_pct": as_pct}.get(figure, 0.0) for figure in FIGURES]] * 2)
+    return GraspEpisodes(name, name, "unseen_object", "mujoco", 0, ("a", "b"), FIGURES, values, np.zeros((2, 4)), ())
+
+
+def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: ignore[no-untyped-def]  # a fixture
+    """AS beside that without penalties; how many tasks have no points; nothing of it where nothing was predicted."""
+    rows = tuple(of_policy(name, value) for name, value in (("teacher", 5.0), ("no_negative", 15.0), ("teacher_naa", 6.0)))
+    other = replace(of_policy("no_negative", 30.0), seed=1)
+    tasks = ((told(said()),), (), (told(nothing_said()),))
+    files = grasp_report.run((*rows, other), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "a"), tasks)
+    found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert (found["naa.tasks"], found["naa.tasks_without_points"], found["naa.times_below.mujoco"]) == (2, 1, 2.5)
+    assert found["naa.recall_2cm"] == pytest.approx(0.5, abs=0.01) and found["naa.precision_2cm"] > 0.98
+    assert "mujoco.teacher_naa.as_violation_pct.unseen_object" in found
+    text = files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
+    assert "| mujoco | 5.0 | 6.0 | 15.0 | 2.5 |" in text and "1 of 2 tasks have no predicted point" in text
+    drawn = (tasks[0], (replace(task(), A_t=np.zeros((0, 3))),))
+    files = grasp_report.run(rows, (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "c"), positives=drawn)
+    found = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert (found["positive.tasks_without_points"], found["positive.on_hold"]) == (1, 1) and "naa.tasks" not in found
+    without = grasp_report.run(rows, (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path / "b"))
+    assert "as predicted" not in without.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
+
+
+def test_predictions_are_made_for_those_who_ask() -> None:
+    """NAA by a switch; the two-hand model only for its row, which then learns from other tasks than the rest."""
+    stages = {}
+    for rows, naa in ((("teacher", "positive_truth"), True), (("teacher", "positive"), False)):
+        asked = replace(SCHOOL, grasp_report=replace(SCHOOL.grasp_report, rows=rows, naa=naa))
+        stages[naa] = {node.name: dict(node.inputs) for node in build("grasp-full", Origin("tiny"), asked).stages()}
+    chain, model = {"scorer_train", "naa_tasks", "teacher_naa_0_unseen_object_mujoco"}, {"model_train", "positive_tasks"}
+    assert chain <= set(stages[True]) and not model & set(stages[True]) and "predicted" in stages[True]["grasp_report"]
+    assert model <= set(stages[False]) and not chain & set(stages[False]) and "predicted" not in stages[False]["grasp_report"]
+    assert "positives" in stages[False]["grasp_report"] and "positives" not in stages[True]["grasp_report"]
+    assert stages[False]["positive_0"]["tasks"] != stages[False]["teacher_0"]["tasks"]
+    assert stages[True]["positive_truth_0"]["tasks"] == stages[True]["teacher_0"]["tasks"]
+    plain = {node.name for node in build("grasp", Origin("tiny"), Settings()).stages()}
+    assert not plain & (chain | model)

@@ -1,0 +1,93 @@
+"""The stage: a teacher's files in, a student's out; killed, it goes on to the same; what is wrong is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.grasping.policies import acting, teach
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.evaluate import play
+from afford.grasping.env.task import of
+from afford.grasping.sim.scene import Physics
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.mesh import ObjectSpec
+from schemas.training import Trained
+from stages.grasping import grasp_student, grasp_tasks
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_scenes import tool
+from tests.helpers.made_students import rngs, teacher
+
+TINY = grasp_student.Params(rounds=3, worlds=2, updates=2, batch=8, buffer=60, led=1, size_px=32, points=32)
+
+
+def tasks() -> tuple[GraspTask, ...]:
+    specs = [ObjectSpec(kind, kind, 12, "plain", "train") for kind in ("screwdriver", "spatula")]
+    return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params(within_m=1.0))[0] for one in specs)
+
+
+class Killed(Scratch):
+    """A run that dies when it has come so far."""
+
+    def progress(self, done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture(scope="module")
+def expert(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
+    return teacher(tmp_path_factory.mktemp("teacher"))
+
+
+@pytest.fixture(scope="module")
+def trained(expert: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trained:
+    return grasp_student.run(shadow(), (tasks(),), expert, TINY, Scratch(tmp_path_factory.mktemp("student")))
+
+
+def test_a_student_is_files_that_act(trained: Trained) -> None:
+    """In the environment of its teacher, in either engine."""
+    policy = acting.load(trained.files, {})
+    config = policy.config("bullet", Physics(), "flat", 0.0)
+    assert (config.start, config.base, policy.student is not None) == ("anywhere", "script", True)
+    grasping = Grasping(shadow(), [of(one) for one in tasks()], config)
+    rounds = [play(grasping, policy.actor(grasping), rngs(grasping, seed)) for seed in (0, 0, 1)]
+    grasping.close()
+    assert np.isfinite(rounds[0].action).all() and rounds[0].action.any()
+    assert np.array_equal(rounds[0].q, rounds[1].q) and not np.array_equal(rounds[0].q, rounds[2].q)
+
+
+def test_curves_are_kept(trained: Trained) -> None:
+    """The error of every round, the teacher's share, and how the student's own episodes went."""
+    curves = {one.name: one for one in trained.log.curves}
+    assert {"train.error", "train.led", "train.held"} <= set(curves)
+    assert curves["train.error"].step.tolist() == [1, 2, 3] and trained.log.steps == 3
+    assert curves["train.led"].value.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_killed_it_goes_on_to_the_same_bytes(trained: Trained, expert: FileTree, tmp_path: Path,
+                                             monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """From the last checkpoint; moments of older ones are gone."""
+    monkeypatch.setattr(teach, "SECTION", 1)
+    with pytest.raises(KeyboardInterrupt):
+        grasp_student.run(shadow(), (tasks(),), expert, TINY, Killed(tmp_path))
+    assert [path.name for path in tmp_path.glob("moments-*")] == ["moments-2.safetensors"]
+    again = grasp_student.run(shadow(), (tasks(),), expert, TINY, Scratch(tmp_path))
+    assert [(one.name, one.digest) for one in again.files.files] == [(one.name, one.digest) for one in trained.files.files]
+
+
+def test_there_is_no_student_without_a_teacher_or_tasks(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
+    for given, some in ((FileTree("none", ()), tasks()), (trained.files, tasks()), (expert, ())):
+        with pytest.raises(ValueError, match="expected a task or more and the files of a teacher"):
+            grasp_student.run(shadow(), (some,), given, TINY, Scratch(tmp_path))
+
+
+def test_files_that_fit_no_student_are_refused(trained: Trained) -> None:
+    """One sentence that says which."""
+    config = trained.files.find("student.json")
+    assert config is not None
+    with pytest.raises(ValueError, match=r"student: expected student\.safetensors of a trained student, got student\.json"):
+        acting.load(FileTree("student", (config,)), {})

@@ -1,0 +1,104 @@
+"""Tasks: which part to hold, which points to keep off, where the object lies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.scenery import scenery
+from afford.grasping.env.task import NEGATIVE_POINTS, placed, spread_points, task
+from afford.grasping.sim.drops import drops, laid
+from afford.grasping.sim.engine import world
+from afford.grasping.sim.scene import centre
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_scenes import block, scene, tool
+
+
+def test_negative_points_are_of_the_negative_parts() -> None:
+    """100 of them; what is held is the largest of the rest; given points are taken instead."""
+    body = tool("spatula", 12)
+    one = task(body, ("shaft", "head"))
+    assert one.hold == body.parts.index("handle")
+    assert one.N_t.shape == (NEGATIVE_POINTS, 3)
+    own = body.points[np.isin(body.point_part, [body.parts.index("shaft"), body.parts.index("head")])]
+    assert {tuple(p) for p in one.N_t.astype(np.float32)} <= {tuple(p) for p in own}
+    given = np.random.default_rng(0).normal(size=(300, 3))
+    assert {tuple(p) for p in task(body, ("head",), N_t=given).N_t} <= {tuple(p) for p in given}
+
+
+def test_nothing_may_be_negative() -> None:
+    """Then there are no points; and few points are repeated, not invented."""
+    assert task(block()).N_t.shape == (0, 3)
+    few = np.eye(3)
+    assert {tuple(p) for p in spread_points(few, 10)} == {tuple(p) for p in few}
+
+
+def test_what_cannot_be_is_refused() -> None:
+    """A part that is not there, nothing left to hold, points that are no points."""
+    with pytest.raises(ValueError, match="got wing"):
+        task(block(), ("wing",))
+    with pytest.raises(ValueError, match="may be held"):
+        task(block(), ("foot", "top"))
+    with pytest.raises(ValueError, match="may be held"):
+        task(block(), ("top",), hold="top")
+    with pytest.raises(ValueError, match="finite"):
+        task(block(), N_t=np.full((3, 3), np.nan))
+
+
+def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
+    """The centre of mass is over the place, whatever the yaw."""
+    body = tool("spatula", 12)
+    lying = np.array([0.3, 0.2, 0.01, *Rotation.from_euler("xyz", [0.2, -0.1, 0.5]).as_quat()])
+    pose = placed(body, lying, np.array([0.02, -0.03]), 1.1)
+    assert centre(body, pose)[:2] == pytest.approx([0.02, -0.03])
+    assert centre(body, pose)[2] == pytest.approx(centre(body, lying)[2])
+    turn = Rotation.from_quat(pose[3:]) * Rotation.from_quat(lying[3:]).inv()
+    assert turn.as_rotvec() == pytest.approx([0, 0, 1.1])
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet"])
+def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
+    """Put down flat, and dropped at three orientations: a second later they have not moved, and touch the table."""
+    where = scene(tool("spatula", 12))
+    made = world(engine, where)
+    q = np.zeros(28)
+    q[:3] = 1.0
+    u = np.zeros(24)
+    u[:3] = 1.0
+    poses = [laid(made, where), *drops(made, where, 0, 3)]
+    for pose in poses:
+        made.reset(q, pose)
+        after = made.step(u, 1.0).body
+        assert np.linalg.norm(after[:3] - pose[:3]) < 0.004
+        assert (Rotation.from_quat(after[3:]) * Rotation.from_quat(pose[3:]).inv()).magnitude() < 0.05
+        low = min(float((Rotation.from_quat(pose[3:]).apply(np.array(hull)) + pose[:3])[:, 2].min()) for hull in where.body.hulls())
+        assert abs(low) < 0.002
+    made.close()
+
+
+def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
+    """Of the surface, from all negative points; everything where nothing is negative, and where nothing is left."""
+    body = tool("spatula", 12)
+    some, none = task(body, ("head",)), task(body)
+    made = scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))
+    apart = np.linalg.norm(made.surface[0][:, None] - some.N_t[None], axis=2).min(axis=1)
+    assert (made.allowed[0] == (apart > 0.02)).all() and 0 < made.allowed[0].sum() < len(apart)
+    assert made.allowed[1].all() and made.allowed[2].all()
+
+
+def test_positive_points_are_measured_from_the_fingertips() -> None:
+    """Where some are known, the distance to the nearest; elsewhere nothing."""
+    one = task(block())
+    known = replace(one, A_t=np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]]))
+    grasping = Grasping(shadow(), (one, known), Config(base="script"))
+    grasping.reset([0, 1], [np.random.default_rng(0), np.random.default_rng(0)])
+    tips, pose = grasping.state().tips[1], grasping.state().body[1]
+    spots = Rotation.from_quat(pose[3:]).apply(known.A_t) + pose[:3]
+    expected = np.linalg.norm(tips[:, None] - spots[None], axis=2).min(axis=1)
+    np.testing.assert_allclose(grasping.measures().positive_m, [np.zeros(5), expected], atol=1e-12)
+    grasping.close()

@@ -1,0 +1,152 @@
+"""Actions as the paper has them: forces do what forces do, the hand has no weight, both engines agree, a grasp can be had."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.env import wrench
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.evaluate import play
+from afford.grasping.env.scenery import to_frame
+from afford.grasping.env.wrench_script import Script
+from afford.grasping.hand.coupling import limits_u
+from afford.grasping.sim.engine import State, World, world
+from afford.grasping.sim.scene import STRICT, Physics, Scene, held
+from tests.helpers.made_grasps import env, held_by_handle
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_scenes import tool
+
+ENGINES = ("bullet", "mujoco")
+LIMITS = limits_u(shadow().joints)
+PALM_M = (0.0907065702865, -0.0322338893096, 0.2487902976383, 0.1425599214398, -0.7731875409529, -0.6155167648123, 0.0547431050383)
+"""of a hand in rates, before there were wrenches"""
+
+
+def wrenched(engine: str, **physics: Any) -> tuple[World, np.ndarray]:
+    """A world whose wrist takes forces, far above its object; the command that keeps it there."""
+    scene = Scene(shadow(), tool("screwdriver"), Physics(**physics), "wrench")
+    made, q = world(engine, scene), np.zeros(28)
+    q[2] = 0.8
+    made.reset(q, np.array([0.9, 0.9, 0.02, 0, 0, 0, 1.0]))
+    return made, held(scene, q)
+
+
+def after(made: World, u: np.ndarray, steps: int) -> State:
+    for _ in range(steps):
+        state = made.step(u, wrench.CONTROL_S)
+    return state
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_hand_without_forces_stays_where_it_is(engine: str) -> None:
+    """For a second, to the millimetre: it has no weight. The object has, and lies."""
+    made, u = wrenched(engine)
+    state = after(made, u, 60)
+    assert np.abs(state.q[:3] - (0, 0, 0.8)).max() < 1e-3 and np.abs(state.q[3:6]).max() < 5e-3
+    assert state.body[2] < 0.04 and np.linalg.norm(state.velocity) < 0.05
+    made.close()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_constant_force_accelerates_as_it_should(engine: str) -> None:
+    """Along the hand, through its middle: v = F t / m without drag, where m is what the slide carries; with drag it ends at
+    F / (m drag)."""
+    mass = 0.611 + 3 * 0.05
+    free, u = wrenched(engine, drag_1_s=0.0)
+    u[2] = 2.0
+    assert after(free, u, 6).qd[2] == pytest.approx(2.0 * 0.1 / mass, rel=0.02)
+    slow, u = wrenched(engine)
+    u[2] = 20.0
+    assert after(slow, u, 30).qd[2] == pytest.approx(20.0 / (mass * 100), rel=0.02)
+    u[2] = 0.0
+    assert after(slow, u, 30).qd[2] == pytest.approx(0, abs=1e-3)
+    free.close()
+    slow.close()
+
+
+def test_engines_agree_on_a_wrench_on_everything() -> None:
+    """A quarter of a second of forces and torques: 3 mm and 0.03 rad."""
+    rng = np.random.default_rng(0)
+    pushes, found = rng.uniform(-1, 1, (15, 6)) * [40, 40, 40, 0.5, 0.5, 0.5], []
+    for engine in ENGINES:
+        made, u = wrenched(engine, rate_hz=480)
+        for push in pushes:
+            u[:6] = push
+            state = made.step(u, wrench.CONTROL_S)
+        found.append(state)
+        made.close()
+    assert np.abs(found[0].q[:3] - found[1].q[:3]).max() < 3e-3 and np.abs(found[0].q[3:6] - found[1].q[3:6]).max() < 0.03
+    assert np.abs(found[0].q[:6]).max() > 0.02 and np.allclose(found[0].torque[:6], found[1].torque[:6])
+
+
+def test_a_torque_is_one_of_the_world_and_comes_back() -> None:
+    """Hinges are the axes of the palm's rotation; `action_for` undoes `command`; forces are along the frame."""
+    rng = np.random.default_rng(0)
+    q, yaw, action = rng.uniform(-0.8, 0.8, (5, 6)), rng.uniform(-3, 3, 5), rng.uniform(-1, 1, (5, 24))
+    small, axes = 1e-6, wrench.hinges(q)
+    for k in range(3):
+        moved = q.copy()
+        moved[:, 3 + k] += small
+        turns = Rotation.from_euler("ZYX", moved[:, 3:]) * Rotation.from_euler("ZYX", q[:, 3:]).inv()
+        assert np.allclose(turns.as_rotvec() / small, axes[:, k], atol=1e-5)
+    u = wrench.command(action, q, yaw, LIMITS)
+    assert np.allclose(wrench.action_for(u[:, :6], u[:, 6:], q, yaw, LIMITS), action)
+    assert np.allclose(to_frame(u[:, :3], yaw), wrench.FORCE_N * action[:, :3])
+    assert ((u[:, 6:] >= LIMITS[6:, 0] - 1e-12) & (u[:, 6:] <= LIMITS[6:, 1] + 1e-12)).all()
+    assert np.allclose(wrench.table(LIMITS)[6:, 0], np.ptp(LIMITS[6:], axis=1) / 2)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_script_of_wrenches_succeeds(engine: str) -> None:
+    """Three objects, strict physics, 200 steps at 60 Hz: two or more are at the goal, so that the reward is attainable."""
+    tasks = [held_by_handle(), held_by_handle("screwdriver"), held_by_handle("knife", 3)]
+    core = Grasping(shadow(), tasks, Config(engine=engine, physics=STRICT, action_mode="paper", steps=wrench.STEPS))
+    played = play(core, Script(), [np.random.default_rng(k) for k in range(3)])
+    assert played.report["success"].sum() >= 2 and played.report["held"].sum() >= 2
+    assert played.rate_hz == pytest.approx(60) and played.q.shape[1] == 201 and np.abs(played.action).max() <= 1
+    core.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*WARN")
+@pytest.mark.parametrize("engine", ENGINES)
+def test_gymnasium_is_content_and_what_is_saved_goes_on(engine: str) -> None:
+    """check_env finds nothing; random actions to the end; after a restore the same observations to the bit."""
+    made = env(engine=engine, action_mode="paper", steps=20)
+    check_env(made, skip_render_check=True)
+    made.reset(seed=1)
+    actions = np.random.default_rng(0).uniform(-1, 1, (12, 24)).astype(np.float32)
+    for action in actions[:4]:
+        made.step(action)
+    token = made.save()
+    first = [made.step(action)[0] for action in actions[4:]]
+    made.restore(token)
+    assert all(np.array_equal(one, made.step(action)[0]) for one, action in zip(first, actions[4:], strict=True))
+    made.close()
+
+
+def test_rates_are_what_they_were() -> None:
+    """Servos with weight, 20 a second: places that a hand reached before there was another mode, to the micrometre."""
+    config = Config()
+    assert (config.action_mode, config.control_s, Scene(shadow(), tool("screwdriver")).wrist) == ("rate", 0.05, "servo")
+    made = env(engine="mujoco", layout="small")
+    made.reset(seed=3)
+    for action in np.random.default_rng(2).uniform(-1, 1, (5, 24)):
+        made.step(action)
+    state = made.core.state()
+    assert state.palm[0] == pytest.approx(PALM_M, abs=1e-6)
+    made.close()
+
+
+def test_bases_are_refused() -> None:
+    """They give targets, and there are none."""
+    for base in ("script", "prior"):
+        with pytest.raises(ValueError, match="expected none with action_mode=paper"):
+            Config(action_mode="paper", base=base, posture=(0.0,) * 24)
+    with pytest.raises(ValueError, match="expected servo or wrench"):
+        Scene(shadow(), tool("screwdriver"), wrist="rope")

@@ -1,0 +1,80 @@
+"""Training the prior, very short: it learns, the same bytes twice, a killed training goes on to the same bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from afford.grasping.policies import acting
+from afford.grasping.env.observe import blocks
+from afford.grasping.rl import saved
+from afford.grasping.sim.scene import Physics
+from schemas.training import Trained
+from stages.grasping import hand_imitation
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_priors import TOOLS, reference_set, targets
+from tests.helpers.made_scenes import tool
+
+SHORT = hand_imitation.Params(cloning=3, alone=2, memory=2, passes=1, batch=64, reinforcing=2, critic=1, worlds=2, hidden=(32,),
+                              proofs=0, steps=12)  # fmt: skip
+
+
+class KilledError(Exception):
+    """In the middle."""
+
+
+@dataclass(frozen=True)
+class Here:
+    """A context that may be killed after some updates."""
+
+    scratch: Path
+    last: int = 10**6
+
+    def progress(self, done: int, total: int) -> None:
+        if done > self.last:
+            raise KilledError
+
+
+def trained(folder: Path, params: hand_imitation.Params = SHORT, last: int = 10**6) -> Trained:
+    folder.mkdir(exist_ok=True)
+    return hand_imitation.run(shadow(), tuple(map(tool, TOOLS)), targets(), reference_set(), params, Here(folder, last))
+
+
+def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files by digest and curves. What is read again acts as the facts say."""
+    monkeypatch.setattr("afford.grasping.imitation.prior.SAVE_EVERY", 1)
+    first, again = trained(tmp_path / "a"), trained(tmp_path / "b")
+    digests = [[(file.name, file.digest) for file in made.files.files] for made in (first, again)]
+    assert digests[0] == digests[1]
+    for done in (2, 4):
+        with pytest.raises(KilledError):
+            trained(tmp_path / f"c{done}", last=done - 1)
+        other = trained(tmp_path / f"c{done}")
+        assert [(file.name, file.digest) for file in other.files.files] == digests[0]
+        assert all(np.array_equal(a.value, b.value) for a, b in zip(first.log.curves, other.log.curves, strict=True))
+    model, facts = saved.read(first.files)
+    assert (facts["role"], facts["layout"], facts["rates"], facts["steps"]) == ("prior", "small", "prior", 12)
+    assert len(facts["posture"]) == 24 and facts["posture"][2] > 0.1
+    assert acting.load(first.files, {}).config("bullet", Physics(), "flat", 0.0).posture
+    width = sum(block.width for block in blocks("small", "prior"))
+    assert model.actions(torch.zeros(1, width)).mean.shape == (1, 24)
+
+
+def test_it_learns_what_the_expert_does(tmp_path: Path) -> None:
+    """Where the expert acts, the loss falls by more than half in twenty updates."""
+    made = trained(tmp_path, replace(SHORT, cloning=20, alone=10**9, passes=4, lr=3e-3, reinforcing=0, hidden=(64,)))
+    loss = next(curve for curve in made.log.curves if curve.name == "clone.loss").value
+    assert loss[-1] < 0.5 * loss[0]
+
+
+def test_no_clip_that_lifts_is_said(tmp_path: Path) -> None:
+    """Clips that hold nothing are dropped; when none is left, one sentence."""
+    with pytest.raises(ValueError, match="a clip that lifts its object 1 times of 1, got none of 4"):
+        trained(tmp_path, replace(SHORT, proofs=1, steps=6))
+    for name, value in (("worlds", 0), ("nudged", 2.0)):
+        with pytest.raises(ValueError, match=name):
+            trained(tmp_path, replace(SHORT, **{name: value}))  # type: ignore[arg-type]  # fields of Params

@@ -1,0 +1,238 @@
+"""The robot hand does what the person does: exactly where it can, within its limits always, and not at all where it must not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from afford.grasping.hand.kinematics import forward, limits, points
+from afford.grasping.motion.build import build
+from afford.grasping.motion.mirror import mirrored
+from afford.grasping.motion.points import hand_points
+from afford.grasping.motion.problem import Problem, State, Weights
+from afford.grasping.motion.targets import targets
+from schemas.hand import HandModel
+from schemas.hand import HandMotion, Retargeted
+from stages.grasping import hand_retarget, motion_read, motion_report
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_motions import SHARED, own_motion, trajectory, tree
+
+PARAMS = hand_retarget.Params()
+ANYTHING = {"max_error_m": 1.0, "max_joint_rad_s": 1e4, "max_palm_m_s": 100.0, "max_point_m_s": 100.0, "max_bone_change": 9.0}
+
+
+@pytest.fixture(scope="module")
+def motion() -> HandMotion:
+    return own_motion(shadow(), trajectory(shadow(), 60, seed=1))
+
+
+def run(motion: HandMotion, **changes: object) -> Retargeted:
+    return hand_retarget.run(motion, shadow(), replace(PARAMS, **changes))  # type: ignore[arg-type]  # fields of Params
+
+
+def noisy(seed: int, frames: int = 40) -> HandMotion:
+    """Something that no hand does: all points of a posed hand shaken by centimetres."""
+    motion = own_motion(shadow(), trajectory(shadow(), frames, seed=seed))
+    shake = np.random.default_rng(seed).normal(0, 0.02, motion.keypoints_m.shape)
+    return replace(motion, keypoints_m=motion.keypoints_m + shake)
+
+
+def test_the_hands_own_motion_comes_back(motion: HandMotion) -> None:
+    """All points within a millimetre (they are within a hundredth of one), smoothing included, and so is the palm's pose."""
+    found = run(motion, centre=False)
+    (reference,) = found.references
+    assert found.verdict.kept and found.verdict.error_p95_m < 1e-3 and reference.error_m.max() < 1e-3
+    theirs = motion.keypoints_m[:, [4, 8, 12, 16, 20]]
+    assert np.linalg.norm(reference.tips_m - theirs, axis=-1).max() < 1e-3
+    assert reference.bone_error_rad.max() < 0.02
+
+
+def test_what_is_stored_is_where_the_hand_is(motion: HandMotion) -> None:
+    """Forward kinematics of q, gantry and all, gives the stored palm, both levels and the tips."""
+    (reference,) = run(motion).references
+    hand = shadow()
+    T = forward(hand.joints, reference.q)
+    np.testing.assert_allclose(T[:, hand.palm], reference.T_world_palm, atol=1e-9)
+    nought = np.zeros((len(hand.fingers.name), 3))
+    for links, offsets, stored in ((hand.fingers.base_link, nought, reference.level_1_m),
+                                   (hand.fingers.middle_link, nought, reference.level_2_m),
+                                   (hand.fingers.tip_link, hand.fingers.tip_m, reference.tips_m)):  # fmt: skip
+        np.testing.assert_allclose(points(T, links, offsets), stored, atol=1e-9)
+
+
+def test_turned_and_shifted_is_the_same_motion(motion: HandMotion) -> None:
+    """`centre` moves the world by T_world_source, the palm begins at x = y = 0 and its yaw is 0 on average."""
+    (moved,), (kept,) = run(motion).references, run(motion, centre=False).references
+    np.testing.assert_allclose(moved.T_world_palm, moved.T_world_source @ kept.T_world_palm, atol=1e-9)
+    np.testing.assert_allclose(moved.T_world_palm[0, :2, 3], 0, atol=1e-12)
+    np.testing.assert_array_equal(kept.T_world_source, np.eye(4))
+    assert abs(np.angle(np.exp(1j * moved.q[:, 3]).mean())) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_are_kept_exactly(seed: int) -> None:
+    """Even for what no hand can do; coupled joints follow their driver exactly."""
+    hand = shadow()
+    (reference,) = run(noisy(seed), **ANYTHING).references
+    low, high = limits(hand.joints).T
+    assert (reference.q >= low).all() and (reference.q <= high).all()
+    names = list(hand.joints.name)
+    for finger in ("FF", "MF", "RF", "LF"):
+        np.testing.assert_array_equal(reference.q[:, names.index(f"{finger}J0")], reference.q[:, names.index(f"{finger}J1")])
+
+
+def test_errors_and_slopes_agree() -> None:
+    """The analytic J^T e is the derivative of the cost by every unknown of a frame."""
+    hand = shadow()
+    which, motion = hand_points(hand), own_motion(hand, trajectory(hand, 3, seed=5))
+    problem = Problem(hand, which, targets(hand, which, motion.keypoints_m, 0.0), Weights(1.0, 0.7, 2.0, 1.5, 0.05, 0.0))
+    state = problem.start()
+    state = state.moved(np.random.default_rng(0).normal(0, 0.1, (3, problem.size)), problem.low, problem.high)
+    _, g = problem.normal(state)
+    wide = np.full_like(problem.low, 9.0)
+    for k in range(problem.size):
+        step = np.zeros((3, problem.size))
+        step[:, k] = 1e-6
+        cost = [np.square(problem.errors(state.moved(sign * step, -wide, wide))).sum(axis=1) / 2 for sign in (1, -1)]
+        np.testing.assert_allclose((cost[0] - cost[1]) / 2e-6, g[:, k], rtol=1e-4, atol=1e-8)
+
+
+def test_a_left_clip_is_the_mirror_image_of_a_right_one(motion: HandMotion) -> None:
+    """Mirrored to the left and given to the right hand it comes back to the bit, and says so; or it is dropped when asked."""
+    pose = np.tile([0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.9], (60, 1))
+    motion = replace(motion, object_pose=pose, object_name="cup")
+    right, left = run(motion), run(mirrored(motion))
+    np.testing.assert_array_equal(right.references[0].q, left.references[0].q)
+    np.testing.assert_array_equal(right.references[0].object_pose, left.references[0].object_pose)
+    assert left.references[0].mirrored and left.verdict.mirrored and not right.references[0].mirrored
+    dropped = run(mirrored(motion), mirror=False)
+    assert (dropped.verdict.reason, dropped.references) == ("other hand", ())
+
+
+def test_the_same_bytes_twice() -> None:
+    first, second = run(noisy(3), max_point_m_s=100.0), run(noisy(3), max_point_m_s=100.0)
+    assert repr(first.verdict) == repr(second.verdict)
+    assert [r.q.tobytes() for r in first.references] == [r.q.tobytes() for r in second.references]
+
+
+def broken(motion: HandMotion) -> dict[str, HandMotion]:
+    """Reason -> a clip that is dropped for it."""
+    jump, stretched, far = (motion.keypoints_m.copy() for _ in range(3))
+    jump[30:] += [0.3, 0, 0]
+    stretched[::4, 8] += 2 * (stretched[::4, 8] - stretched[::4, 7])
+    far += [0, 0, 2.5]
+    curled = own_motion(shadow(), trajectory(shadow(), 60, seed=1, share=0.3))
+    short = replace(motion, keypoints_m=motion.keypoints_m[:9], phase=motion.phase[:9])
+    return {"teleport": replace(motion, keypoints_m=jump), "too short": short, "out of reach": replace(motion, keypoints_m=far),
+            "bends backwards": replace(curled, side="left"),
+            "bones change": replace(motion, keypoints_m=stretched, rate_hz=1.0),
+            "palm speed": replace(motion, keypoints_m=motion.keypoints_m + np.linspace(0, 1, 60)[:, None, None] * [0, 1.5, 0]),
+            "joint speed": replace(motion, rate_hz=1000.0)}  # fmt: skip
+
+
+REASONS = ("teleport", "too short", "out of reach", "bends backwards", "bones change", "palm speed", "joint speed")
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_bad_clips_are_dropped_for_that_reason(motion: HandMotion, reason: str) -> None:
+    """The verdict says which rule, with its figure; nothing is left to imitate."""
+    looser = {"joint speed": {"min_s": 0.01, "max_point_m_s": 500.0, "max_palm_m_s": 500.0, "max_rate_hz": 1000.0},
+              "palm speed": {"max_palm_m_s": 1.0}}
+    found = run(broken(motion)[reason], **looser.get(reason, {}))
+    assert (found.verdict.reason, found.verdict.kept, found.references) == (reason, False, ())
+    assert found.verdict.detail
+
+
+def test_what_the_hand_cannot_follow_is_dropped() -> None:
+    found = run(noisy(1), max_point_m_s=100.0, max_bone_change=9.0)
+    assert found.verdict.reason == "error too large" and found.verdict.error_p95_m > PARAMS.max_error_m
+    assert found.verdict.detail.startswith(f"{1000 * found.verdict.error_p95_m:.1f} mm")
+
+
+def test_fast_clips_are_thinned_and_long_ones_cut(motion: HandMotion) -> None:
+    """120 Hz becomes 60 Hz: frames 0, 2, 4..."""
+    twice = own_motion(shadow(), np.repeat(trajectory(shadow(), 60, seed=1), 2, axis=0), rate_hz=120.0)
+    (thin,), (plain,) = run(twice).references, run(motion).references
+    assert thin.rate_hz == 60.0
+    np.testing.assert_array_equal(thin.q, plain.q)
+    assert len(run(motion, max_frames=40).references[0].q) == 40
+
+
+def test_a_thumb_that_points_up_is_no_trouble() -> None:
+    """There the gantry's yaw and roll are one turn; the hand still gets there, and q still says where it is."""
+    hand, q = shadow(), trajectory(shadow(), 40, seed=2)
+    q[:, 3:6] = [0.3, -np.pi / 2, 0.2]
+    q[:, 4] += 0.02 * np.sin(np.arange(40) / 6)
+    q[:, 4] = np.maximum(q[:, 4], -np.pi / 2)
+    found = run(own_motion(hand, q), max_joint_rad_s=100.0)
+    assert found.verdict.kept and found.verdict.error_p95_m < 1e-3
+    (reference,) = found.references
+    np.testing.assert_allclose(forward(hand.joints, reference.q)[:, hand.palm], reference.T_world_palm, atol=1e-3)
+
+
+def test_fingertips_stay_on_the_object_when_asked() -> None:
+    """A hand with shorter fingers holds something: with keep_tips the robot's tips are nearer to where the person's are."""
+    hand = shadow()
+    points = own_motion(hand, trajectory(hand, 30, seed=4, share=0.5)).keypoints_m.copy()
+    chains = points[:, 1:].reshape(30, 5, 4, 3)
+    chains[:, :, 1:] = chains[:, :, :1] + 0.8 * (chains[:, :, 1:] - chains[:, :, :1])
+    held = build("held", "test", "right", 60.0, points, where="test", object_name="cup",
+                 object_pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (30, 1)))  # fmt: skip
+    found = [run(held, keep_tips=keep, centre=False, max_error_m=0.05).references[0].tips_m for keep in (0.0, 1.0)]
+    far = [np.linalg.norm(tips - chains[:, :, 3], axis=-1).mean() for tips in found]
+    assert far[1] < 0.5 * far[0]
+
+
+def test_smoother_costs_exactness() -> None:
+    """A dearer acceleration gives less of it, and a larger error."""
+    shaky = replace(own_motion(shadow(), trajectory(shadow(), 60, seed=1)), rate_hz=60.0)
+    shaky = replace(shaky, keypoints_m=shaky.keypoints_m + np.random.default_rng(0).normal(0, 0.002, shaky.keypoints_m.shape))
+    found = [run(shaky, **ANYTHING | {"acceleration_m": price}).references[0] for price in (1e-5, 2e-3)]
+    shake = [np.abs(np.diff(one.q[:, 6:], 2, axis=0)).mean() for one in found]
+    assert shake[1] < 0.3 * shake[0] and found[1].error_m.mean() > found[0].error_m.mean()
+
+
+def test_a_hand_without_a_gantry_keeps_its_joints(motion: HandMotion) -> None:
+    """Its root is free: q are the fingers, the palm's pose says where the hand is."""
+    free: HandModel = shadow(wrist="none")
+    (reference,) = hand_retarget.run(motion, free, PARAMS).references
+    (mounted,) = run(motion).references
+    np.testing.assert_allclose(reference.q, mounted.q[:, 6:], atol=1e-9)
+    np.testing.assert_allclose(reference.T_world_palm, mounted.T_world_palm, atol=1e-9)
+
+
+def test_the_report_counts_every_reason(motion: HandMotion) -> None:
+    clips = broken(motion)
+    found = [run(replace(clip, name=reason)) for reason, clip in clips.items() if reason in ("teleport", "too short")]
+    again = replace(clips["teleport"], name="again")
+    everything = motion_report.run((run(motion), *found, run(again)), motion_report.Params("hand"))
+    assert everything.report.kept == 1 and everything.report.dropped == ("teleport: 2", "too short: 1")
+    assert [verdict.name for verdict in everything.report.verdicts] == ["again", "own", "teleport", "too short"]
+    with pytest.raises(ValueError, match="expected a clip that can be imitated, got none of 2; teleport: 1, too short: 1"):
+        motion_report.run(tuple(found), motion_report.Params())
+
+
+@pytest.mark.parametrize(("name", "value"), [("tips", 0.0), ("max_rate_hz", -1.0), ("min_s", -0.1), ("keep_tips", 1.5)])
+def test_parameters_out_of_range(motion: HandMotion, name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"hand_retarget, {name}: expected"):
+        run(motion, **{name: value})
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/data/motion")
+def test_real_motion_is_followed() -> None:
+    """A webcam's clip and real grasps: fractions of a finger's breadth, bones within some degrees."""
+    (clip,) = motion_read.run(tree(SHARED / "human_hand_keypoints_right.npz"), motion_read.Params())
+    found = run(clip, max_frames=120).verdict
+    assert found.kept and found.error_p95_m < 0.01 and found.bone_error_rad < np.deg2rad(14)
+    grasps = motion_read.run(tree(SHARED / "dexycb_train_grasps.npz"), motion_read.Params("dexycb"))
+    assert all(run(grasp, keep_tips=0.0).verdict.error_mean_m < 0.01 for grasp in grasps[::40])
+
+
+def test_state_turns_in_the_world() -> None:
+    """A step turns the palm about the world's axes, and cuts motors at their limits."""
+    state = State(np.eye(4)[None], np.zeros((1, 2)))
+    moved = state.moved(np.array([[1, 2, 3, 0, 0, np.pi / 2, 5, -5]]), np.full(2, -1.0), np.full(2, 1.0))
+    np.testing.assert_allclose(moved.palm[0], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], atol=1e-12)
+    np.testing.assert_array_equal(moved.motors, [[1, -1]])

@@ -1,0 +1,65 @@
+"""Scenes: what physics may be, how it varies between worlds, which finger a link is of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from afford.grasping.sim.scene import RANDOM, Range, Scene, finger_of_link, randomised, sensing
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_scenes import scene
+
+
+def test_a_seed_draws_a_scene() -> None:
+    """The same again, others for other seeds; every number within its range, and the ranges are used."""
+    base = scene()
+    assert randomised(base, 5).physics == randomised(base, 5).physics
+    drawn = [randomised(base, seed).physics for seed in range(200)]
+    for name, allowed in RANDOM.items():
+        values = np.array([getattr(physics, name) for physics in drawn])
+        assert (values >= allowed.low).all()
+        assert (values <= allowed.high).all()
+        assert np.ptp(values) > 0.8 * (allowed.high - allowed.low)
+    assert {physics.rate_hz for physics in drawn} == {base.physics.rate_hz}
+
+
+def test_scales_are_even_in_the_logarithm() -> None:
+    """Half of the draws between a half and two are below one."""
+    rng = np.random.default_rng(0)
+    drawn = np.array([Range(0.5, 2.0, "log").draw(rng) for _ in range(2000)])
+    assert np.mean(drawn < 1) == pytest.approx(0.5, abs=0.04)
+
+
+def test_a_draw_of_one_number_does_not_depend_on_order() -> None:
+    """Of the same names in another order: the same scene."""
+    turned = dict(reversed(list(RANDOM.items())))
+    assert randomised(scene(), 3, turned).physics == randomised(scene(), 3).physics
+
+
+def test_sensing_is_drawn_within_bounds() -> None:
+    """Latency 0 or 1."""
+    assert {sensing(seed).latency_steps for seed in range(50)} == {0, 1}
+
+
+def test_links_know_their_finger() -> None:
+    """The little finger's metacarpal is of the little finger; the palm and the gantry are of none."""
+    hand, found = shadow(), finger_of_link(shadow())
+    at = {name: int(found[k]) for k, name in enumerate(hand.links)}
+    assert [at["thdistal"], at["thbase"], at["ffknuckle"], at["lfmetacarpal"]] == [0, 0, 1, 4]
+    assert at["palm"] == at["gantry"] == 5
+
+
+def test_what_no_world_can_have_is_refused() -> None:
+    """No time, no mass, no friction below nothing; a field that physics lacks; a distribution that is not known; a free hand."""
+    base = scene()
+    for name, number in (("rate_hz", 0), ("mass_scale", 0.0), ("hand_friction", -0.1), ("response_s", float("nan"))):
+        with pytest.raises(ValueError, match=f"Physics.{name}"):
+            replace(base, physics=replace(base.physics, **{name: number}))
+    with pytest.raises(ValueError, match="got wind"):
+        randomised(base, 0, {"wind": Range(0, 1)})
+    with pytest.raises(ValueError, match="uniform or log"):
+        randomised(base, 0, {"mass_scale": Range(0.5, 1, "normal")})
+    with pytest.raises(ValueError, match="wrist=gantry"):
+        Scene(shadow(wrist="none"), base.body)

@@ -1,0 +1,124 @@
+"""Worlds on mujoco-warp are MuJoCo's, to what 32 bits leave of them. On the CPU; skipped where the extra `gpu` is not installed."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from afford.grasping.env.env import AffordanceGraspVector
+from afford.grasping.env.task import task
+from afford.common.registry import extra
+from afford.grasping.sim.batch import batch
+from afford.grasping.sim.engine import State
+from afford.grasping.sim.scene import Scene, randomised
+from afford.grasping.sim.worlds import Worlds
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_scenes import at, away, block, commands, scene, tool
+from tests.grasping.test_engines import above_block
+
+CONTROL_S = 0.05
+there = pytest.mark.skipif(not (importlib.util.find_spec("mujoco_warp") and importlib.util.find_spec("warp")),
+                           reason="the extra gpu is not installed")  # fmt: skip
+
+
+def scenes() -> list[Scene]:
+    """Two objects in turn, other physics in each: every batched field differs."""
+    return [randomised(scene(block()), 1), scene(tool()), randomised(scene(block()), 2)]
+
+
+def closing(k: int) -> np.ndarray:
+    """(24,) fingers that close on the block."""
+    u = commands(above_block())
+    u[[7, 8, 10, 11, 13, 14, 17, 18]] = 0.15 + 0.9 * min(1.0, k / 8)
+    u[20] = 1.15 * min(1.0, k / 8)
+    return u
+
+
+def same(one: State, two: State) -> bool:
+    return all(np.array_equal(getattr(one, f.name), getattr(two, f.name)) for f in fields(State))
+
+
+def test_what_is_missing_or_impossible_is_told() -> None:
+    """How to install the extra; which engine has a device; that there is nothing to spread."""
+    with pytest.raises(ValueError, match=r'no_such: expected this package of the extra `gpu`.*pip install .*"\.\[gpu\]"'):
+        extra("no_such", "gpu")
+    with pytest.raises(ValueError, match="device: expected cpu with the engine mujoco"):
+        batch("mujoco", scenes(), device="cuda")
+    with pytest.raises(ValueError, match="warp: expected one thread and one process"):
+        batch("warp", scenes(), processes=2)
+
+
+@there
+@pytest.mark.slow
+def test_closing_fingers_are_those_of_mujoco() -> None:
+    """Two objects and three sets of physics in a batch: before and while they touch (12 control steps) joints agree to 0.1 mrad,
+    objects to 2 mm, and what is pressed on is the same; the same commands give the same bits, also after `restore`."""
+    one, two = Worlds("mujoco", scenes()), batch("warp", scenes())
+    q, body = np.tile(above_block(), (3, 1)), np.stack([at(), at(), at()])
+    one.reset(q, body)
+    two.reset(q, body)
+    run = list[State]()
+    for k in range(12):
+        u = np.tile(closing(k), (3, 1))
+        theirs, ours = one.step(u, CONTROL_S), two.step(u, CONTROL_S)
+        run.append(ours)
+        assert ours.q == pytest.approx(theirs.q, abs=1e-4)
+        assert ours.tips == pytest.approx(theirs.tips, abs=1e-4)
+        assert ours.body == pytest.approx(theirs.body, abs=2e-3)
+        assert ours.penetration_m == pytest.approx(theirs.penetration_m, abs=1e-4)
+        assert np.array_equal(ours.force > 0.05, theirs.force > 0.05)
+    assert (run[-1].contacts[[0, 2]] > 0).all()
+    two.reset(q, body)
+    for k, first in enumerate(run):
+        if k == 6:
+            token = two.save()
+        assert same(first, two.step(np.tile(closing(k), (3, 1)), CONTROL_S))
+    assert same(two.restore(token), run[5])
+    assert same(run[6], two.step(np.tile(closing(6), (3, 1)), CONTROL_S))
+    one.close()
+    two.close()
+    two.close()
+
+
+@there
+@pytest.mark.slow
+def test_pushes_resets_and_bad_commands() -> None:
+    """A push gives its impulse to the worlds it is meant for; a reset leaves others where they are; what is wrong is refused."""
+    made = batch("warp", [scene(gravity_m_s2=0.0)] * 3)
+    made.reset(np.tile(away(), (3, 1)), np.tile(at(z=0.5), (3, 1)))
+    made.push(np.array([[0.5, 0.0, 0.0]]), 0.075, [1])
+    u = np.tile(commands(away()), (3, 1))
+    for _ in range(2):
+        found = made.step(u, CONTROL_S)
+    assert found.velocity == pytest.approx(np.outer([0, 0.5 * 0.075 / block().mass_kg, 0], [1, 0, 0]), rel=1e-3, abs=1e-5)
+    assert made.reset(away()[None], at(z=1.0)[None], [0]).body[0, 2] == 1.0
+    after = made.state()
+    assert np.array_equal(after.body[1:], found.body[1:])
+    assert np.array_equal(after.velocity[0], np.zeros(3))
+    with pytest.raises(ValueError, match="step, u: expected finite"):
+        made.step(np.full((3, 24), np.nan), CONTROL_S)
+    with pytest.raises(ValueError, match="device: expected cpu or cuda"):
+        batch("warp", [scene()], device="tpu")
+
+
+@there
+@pytest.mark.slow
+def test_a_scripted_grasp_is_held_in_both() -> None:
+    """In the environment, no actions over the script: the same fall of events, and the tool at its goal at the end."""
+    ends = {}
+    for engine in ("mujoco", "warp"):
+        made = AffordanceGraspVector(2, shadow(), [task(tool(), ["shaft"])], engine=engine, base="script")
+        made.reset(seed=0)
+        rows = [made._core.state().body]
+        for _ in range(39):
+            made.step(np.zeros((2, 24)))
+            rows.append(made._core.state().body)
+        ends[engine] = np.array(rows), made._core.measures().goal_m
+        made.close()
+    first, second = ends["mujoco"], ends["warp"]
+    assert first[0][:12, :, :3] == pytest.approx(second[0][:12, :, :3], abs=2e-3)
+    assert (first[1] < 0.05).all()
+    assert (second[1] < 0.05).all()

@@ -1,0 +1,62 @@
+"""Small students and their worlds for tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+
+from afford.common.files import tree
+from afford.grasping.policies.acting import ENVIRONMENT
+from afford.grasping.env.config import Config
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.observe import blocks
+from afford.grasping.env.task import Task, task
+from afford.grasping.rl import saved
+from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from schemas.files import FileTree
+from schemas.grasp import GraspObject
+from schemas.mesh import MeshParts
+from stages.grasping import object_solids
+from tests.helpers.made_grasps import held_by_handle
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_meshes import as_object
+from tests.helpers.made_scenes import FEW
+
+
+def worlds(*tasks: Task, seed: int = 0, **config: Any) -> Grasping:
+    """Episodes that have begun."""
+    core = Grasping(shadow(), tasks or (held_by_handle(), held_by_handle("screwdriver")), Config(**config))
+    core.reset(range(len(core.tasks)), rngs(core, seed))
+    return core
+
+
+def rngs(core: Grasping, seed: int = 0) -> list[np.random.Generator]:
+    """One for each world."""
+    return [np.random.default_rng([seed, k]) for k in range(len(core.tasks))]
+
+
+def put(core: Grasping, **state: np.ndarray) -> None:
+    """Some of the state as if the engine had said so."""
+    core._state = replace(core.state(), **state)  # type: ignore[arg-type]  # fields of State
+
+
+def crumb() -> Task:
+    """A cube of 1 cm, which fits into the palm; its upper half must not be touched."""
+    mesh = as_object(trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((0, 0, 0.005)).subdivide(), "crumb")
+    upper = mesh.vertices[mesh.faces][:, :, 2].mean(axis=1) > 0.005
+    body: GraspObject = object_solids.run(mesh, MeshParts("crumb", ("foot", "top"), upper.astype(np.int16)), FEW)
+    return task(body, ("top",))
+
+
+def teacher(folder: Path, **facts: Any) -> FileTree:
+    """The files of one that has learned nothing."""
+    torch.manual_seed(0)
+    config = Config(**{"start": "anywhere", "base": "script", **facts})
+    width = sum(block.width for block in blocks(config.layout, "teacher"))
+    saved.write(folder, ActorCritic(PolicyConfig(width, 24, (16,))), {name: getattr(config, name) for name in ENVIRONMENT})
+    return tree("teacher", folder)

@@ -1,0 +1,94 @@
+"""`inspect` on a recording of grasps: its sheet, its file for Rerun, its layout for Foxglove; all by topics that are there."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from afford.recording.grasp_strips import SHOWN, SIDE
+from afford.recording.layout import IN_PANELS
+from afford.recording.own_types import MESSAGES
+from afford.recording.summary import summarise
+from afford.common.tiles import GAP, HEAD
+from commands.cli import main
+from stages.recording import grasp_record
+from tests.helpers.made_hands import shadow
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_traces import episodes, hammer
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    small = grasp_record.Params(width=96, height=72, supersample=1)
+    made = grasp_record.run(shadow(), ((hammer(),),), episodes(), small, Scratch(tmp_path_factory.mktemp("recorded")))
+    return made.files[0].path
+
+
+def test_it_is_told_what_it_holds(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--strict finds nothing wrong; it says where it comes from."""
+    assert main(["inspect", str(recording), "--strict", "--json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["recordings"]
+    assert told["ok"] and {"provenance/grasp_evaluate", "provenance/hand_model"} == set(told["metadata"])
+
+
+def test_a_sheet_shows_each_episode(recording: Path, tmp_path: Path) -> None:
+    """A line of words and a strip of moments; the hand moves from one to the next."""
+    assert main(["inspect", str(recording), "--sheet", str(tmp_path / "sheet.png")]) == 0
+    sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
+    tall = HEAD + round(72 * SIDE / 96) + GAP
+    assert sheet.shape == (2 * tall, SHOWN * (SIDE + GAP), 3)
+    strip = sheet[HEAD : tall - GAP].reshape(tall - HEAD - GAP, SHOWN, SIDE + GAP, 3)
+    assert all(np.abs(strip[:, k] - strip[:, k + 1]).mean() > 0.5 for k in range(4))
+
+
+def test_rerun_gets_meshes_in_a_room(recording: Path, tmp_path: Path) -> None:
+    """--save: links and object with their transforms and meshes, the camera with its picture, curves, words."""
+    out = tmp_path / "grasps.rrd"
+    assert main(["inspect", str(recording), "--save", str(out)]) == 0
+    from rerun.chunk import RrdReader
+
+    found: dict[str, set[str]] = {}
+    for chunk in RrdReader(out).stream():
+        found.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
+    for mesh in ("/world/hand/palm/mesh", "/world/hand/ffdistal/mesh", "/world/object/mesh"):
+        assert "Mesh3D:vertex_positions" in found[mesh] and "Transform3D:translation" in found[mesh.removesuffix("/mesh")]
+    assert {"Pinhole:image_from_camera", "EncodedImage:blob", "Transform3D:quaternion"} <= found["/world/camera"]
+    assert {"/plots/how/goal_m", "/plots/force/thumb", "/plots/negative/rest", "/plots/reward/goal", "/log"} <= set(found)
+
+
+def test_a_layout_has_a_room_and_curves(recording: Path, tmp_path: Path) -> None:
+    """--layout: a 3D panel that shows the meshes, the picture, plots of numbers that messages have."""
+    out = tmp_path / "layout.json"
+    assert main(["inspect", str(recording), "--layout", str(out)]) == 0
+    panels, topics = json.loads(out.read_text())["configById"], {topic.topic for topic in summarise(recording).topics}
+    assert {"Image!grasp_evaluate_image", "3D!space", "Plot!grasp_evaluate_state", "Plot!grasp_evaluate_force"} <= set(panels)
+    room = panels["3D!space"]["topics"]
+    assert set(room) <= topics and [topic for topic, how in room.items() if how["visible"]] == ["/grasp_evaluate/scene"]
+    assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, numbers in IN_PANELS.items() for number in numbers)
+
+
+def test_rerun_reads_the_file_itself(recording: Path, tmp_path: Path) -> None:
+    """Its own loader of MCAP: points hang on frames that transforms move, the camera has its pinhole."""
+    rerun = Path(sys.executable).with_name("rerun")
+    if not rerun.exists():
+        pytest.skip("no rerun beside this python")
+    out = tmp_path / "own.rrd"
+    subprocess.run([rerun, "mcap", "convert", recording, "-o", out], check=True, capture_output=True)
+    from rerun.chunk import RrdReader
+
+    clouds, moved, pinholes = set[str](), set[str](), 0
+    for chunk in RrdReader(out).stream():
+        batch = chunk.to_record_batch()
+        names = set(batch.schema.names)
+        if "Points3D:positions" in names:
+            clouds |= {name for names in batch["CoordinateFrame:frame"].to_pylist() for name in names}
+        if "Transform3D:child_frame" in names:
+            moved |= {name for names in batch["Transform3D:child_frame"].to_pylist() for name in names}
+        pinholes += "Pinhole:image_from_camera" in names
+    assert "object" in clouds and "hand/palm" in clouds and clouds <= moved and pinholes

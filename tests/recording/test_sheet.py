@@ -1,0 +1,30 @@
+"""Which of the recordings that it is given a contact sheet shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from afford.recording import sheet
+from afford.common.tiles import BACK
+
+
+def strips(shade: int) -> sheet.Strips:
+    return lambda path: [np.full((2, len(path.stem), 3), shade, np.uint8)]
+
+
+def test_what_stands_first_in_the_table_has_the_sheet_for_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Of two objects, a grasp and a clip, given in any order, the objects are shown, below each other in the order given; without
+    them the grasp."""
+    table = ((lambda path: path.suffix == ".object", strips(50)), (lambda path: path.suffix == ".grasp", strips(90)))
+    monkeypatch.setattr(sheet, "OWN_STRIPS", table)
+    given = [Path("aaaa.grasp"), Path("bbb.object"), Path("clip.mcap"), Path("cc.object")]
+    sheet.write_sheet(given, tmp_path / "objects.png")
+    page = cv2.imread(str(tmp_path / "objects.png"))
+    assert page.shape == (4, 3, 3) and (page[:2] == 50).all() and (page[2:, :2] == 50).all()
+    assert (page[2:, 2] == BACK[::-1]).all()
+    sheet.write_sheet([path for path in given if path.suffix != ".object"], tmp_path / "grasps.png")
+    assert (cv2.imread(str(tmp_path / "grasps.png")) == np.full((2, 4, 3), 90)).all()

@@ -1,0 +1,163 @@
+"""The detector to compare with: regions in boxes and back, proposals, what it learns, and its training through the one loop."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch.nn.functional import one_hot
+
+from afford.rgbd.boxes.align import labels_inside, pasted, roi_align
+from afford.rgbd.boxes.losses import extents, losses
+from afford.rgbd.boxes.model import MOST, Boxes, Seen, build, load, overlap, painted, proposals
+from afford.rgbd.model import files
+from afford.rgbd.model.config import Sor3dConfig
+from afford.rgbd.model.predictor import sequence_of
+from afford.training.job import read
+from afford.rgbd.model.sequence_batches import Learned, last, stack
+from schemas.files import FileTree
+from schemas.interaction import BACKGROUND
+from schemas.training import Trained
+from stages.rgbd import interaction_pack, static_evaluate
+from stages.twohands import model_train
+from tests.helpers.made_samples import Scratch
+from tests.helpers.made_sequences import SIZE, interaction
+
+CONFIG = Sor3dConfig(widths=(8, 8, 16, 16), size_px=SIZE, flow="none", attention=False)
+PARAMS = replace(model_train.SOR3D, backend="boxes", steps=4, warmup=1, validate_every=2, batch=2, height_px=SIZE, val_samples=3)
+
+
+def test_aligned_on_a_ramp() -> None:
+    """Features that are x and y are x and y at the bins' centres, of any box inside."""
+    at = (torch.arange(40) + 0.5) / 40
+    ramps = torch.stack(torch.meshgrid(at, at, indexing="xy"))[None].repeat(2, 1, 1, 1)
+    boxes = torch.tensor([[0.2, 0.3, 0.7, 0.5], [0.1, 0.1, 0.9, 0.8]])
+    found = roi_align(ramps, boxes, 5)
+    share = (torch.arange(5) + 0.5) / 5
+    for n, (left, top, right, bottom) in enumerate(boxes.tolist()):
+        assert torch.allclose(found[n, 0, 0], left + (right - left) * share, atol=1e-5)
+        assert torch.allclose(found[n, 1, :, 0], top + (bottom - top) * share, atol=1e-5)
+
+
+def test_there_and_back() -> None:
+    """Labels inside a box that ends at pixels come back to where they were; outside is outside."""
+    label = torch.from_numpy(np.random.default_rng(0).integers(0, 10, (1, 32, 32)))
+    boxes = torch.tensor([[8, 4, 24, 20]]) / 32
+    inside = labels_inside(label, boxes, 16)
+    assert torch.equal(inside[0], label[0, 4:20, 8:24])
+    back, where = pasted(one_hot(inside, 10).permute(0, 3, 1, 2).float(), boxes, 32, 32)
+    assert torch.equal(back.argmax(1)[where], label[0, 4:20, 8:24].flatten()) and int(where.sum()) == 256
+    assert where[0, 4:20, 8:24].all()
+
+
+def test_extents_have_a_margin() -> None:
+    """Of 8 x 16 px a tenth more on each side; a picture without affordances has none."""
+    label = torch.full((2, 32, 32), BACKGROUND)
+    label[0, 8:16, 4:20] = 2
+    boxes, known = extents(label)
+    assert torch.allclose(32 * boxes[0], torch.tensor([4 - 1.6, 8 - 0.8, 20 + 1.6, 16 + 0.8])) and known.tolist() == [True, False]
+
+
+def test_proposals_are_the_likeliest_that_do_not_overlap() -> None:
+    """The best one in any case; others above one half; none that overlaps a better one by more than one half."""
+    boxes = torch.tensor([[0, 0, 0.4, 0.4], [0.02, 0, 0.42, 0.4], [0.6, 0.6, 0.9, 0.9], [0, 0.6, 0.2, 0.9]])
+    shown = boxes.T[None, :, None]
+
+    def found(chance: list[float]) -> list[list[float]]:
+        return proposals(Seen(torch.zeros(1), torch.tensor(chance).logit()[None, None], shown), 0).tolist()
+
+    assert found([0.9, 0.8, 0.7, 0.4]) == boxes[[0, 2]].tolist()
+    assert found([0.1, 0.2, 0.15, 0.1]) == boxes[[1]].tolist() and MOST > 1
+    assert float(overlap(boxes[0], boxes[1])) == pytest.approx(0.38 / 0.42, abs=1e-5)
+
+
+def test_outside_of_boxes_is_background() -> None:
+    """Probabilities sum to 1 everywhere; of two boxes the first lies on top."""
+    model = build(CONFIG, 0).eval()
+    features = torch.rand(1, 16, 8, 8)
+    boxes = torch.tensor([[0.0, 0.0, 0.5, 0.5], [0.25, 0.25, 1.0, 0.75]])
+    with torch.inference_mode():
+        both, first = (painted(model, features, some, (32, 32)) for some in (boxes, boxes[:1]))
+    assert torch.allclose(both.sum(0), torch.ones(32, 32), atol=1e-5)
+    assert torch.allclose(both[:, :16, :16], first[:, :16, :16], atol=1e-5) and (first[BACKGROUND, 16:] == 1).all()
+    assert (both[BACKGROUND, 20, 12] < 1) and (both[BACKGROUND, 24:] == 1).all()
+
+
+def test_it_learns_boxes_and_masks() -> None:
+    """Eight pictures of a square: after 120 steps its own boxes and true ones both give masks."""
+    model, batch = build(CONFIG, 1), _eight()
+    optimiser = torch.optim.Adam(model.parameters(), 4e-3)
+    for _ in range(120):
+        optimiser.zero_grad()
+        losses(model, model(batch.groups[0]), batch.label)["total"].backward()
+        optimiser.step()
+    for told in (False, True):
+        assert _iou(model.eval(), batch, told) > 0.75
+
+
+def test_nothing_to_learn_is_no_nan() -> None:
+    """A batch without affordances has a finite loss, and no loss of boxes and masks."""
+    model, batch = build(CONFIG, 1), _eight()
+    found = losses(model, model(batch.groups[0]), torch.full_like(batch.label, BACKGROUND))
+    assert torch.isfinite(found["total"]) and found["box"] == found["mask"] == 0
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
+    made = [interaction(n, split) for split, count in (("train", 8), ("val", 3)) for n in range(count)]
+    clips, flows = zip(*made, strict=True)
+    params = interaction_pack.Params(licence="cc0-1.0")
+    return interaction_pack.run(clips, flows, params, Scratch(tmp_path_factory.mktemp("packed")))
+
+
+@pytest.fixture(scope="module")
+def trained(packed: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trained:
+    return model_train.run(packed, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
+
+
+def test_trained_by_the_one_loop(packed: FileTree, trained: Trained, tmp_path: Path) -> None:
+    """Weights, card and curves are there; the same again gives the same files; the job survives its JSON."""
+    again = model_train.run(packed, PARAMS, Scratch(tmp_path))
+    assert [(f.name, f.digest) for f in again.files.files] == [(f.name, f.digest) for f in trained.files.files]
+    curves = {curve.name for curve in trained.log.curves}
+    assert {"train.box", "train.mask", "train.thing", "val.iou", "val.true_boxes.iou"} <= curves
+    assert "after AffordanceNet" in trained.files.find("card.md").path.read_text()
+    job = model_train._job(PARAMS, None)
+    assert read(job.to_json()) == job
+
+
+def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:
+    """From own boxes and from true ones; a model of sequences is refused as a detector, and the other way round."""
+    clips = tuple(interaction(n, "val")[0] for n in range(3))
+    for told in (False, True):
+        params = static_evaluate.Params(backend="boxes", true_boxes=told)
+        found = static_evaluate.run(clips, trained.files, params, Scratch(tmp_path / str(told)))
+        assert 0 <= json.loads(found.find("metrics.json").path.read_text())["iou"] <= 1
+    folder = trained.files.find("model/config.json").path.parent
+    assert isinstance(load(folder), Boxes)
+    with pytest.raises(ValueError, match="afford-sor3d-1"):
+        files.load(folder)
+
+
+def _eight() -> Learned:
+    """Eight last frames of a bright square."""
+    return stack([[last(sequence_of(interaction(n, "train")[0], None, "none")) for n in range(8)]], CONFIG)
+
+
+def _iou(model: Boxes, batch: Learned, told: bool) -> float:
+    with torch.inference_mode():
+        found = model(batch.groups[0])
+        boxes = [extents(batch.label)[0][n : n + 1] if told else proposals(found, n) for n in range(8)]
+        said = torch.stack([painted(model, found.features[n : n + 1], boxes[n], (SIZE, SIZE)).argmax(0) for n in range(8)])
+    on, true = said != BACKGROUND, batch.label != BACKGROUND
+    return float((on & true).sum() / (on | true).sum())
+
+
+def test_a_gpu_is_refused(packed: FileTree, tmp_path: Path) -> None:
+    """In a sentence that says what to do; not in the middle of the first step."""
+    with pytest.raises(ValueError, match="expected device=cpu for the detector"):
+        model_train.run(packed, replace(PARAMS, device="cuda"), Scratch(tmp_path))

@@ -1,0 +1,120 @@
+"""The graph of static sets: one detector, three reports on the same pictures, whichever pictures they are."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from afford.common.worker import use_kernel_cache
+from commands.errors import UsageError
+from commands.origin import origin
+from commands.run import Request, run
+from maps.settings import Origin, Settings
+from maps.static_sets import REPORTS, detector, pictures, told
+from pipeline import build
+from runner import Graph, Runner
+from runner.graph import Node
+from schemas.files import FileTree
+from tests.helpers.made_interactions import iit_aff, umd
+from tests.helpers.made_sor3d import FEW, STEPS
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = replace(FEW, boxes_train=replace(Settings.boxes_train, **STEPS),
+                static_read=replace(Settings.static_read, crop_px=16), static_evaluate=replace(Settings.static_evaluate, shown=1))
+
+
+def stages(target: str, place: Origin, p: Settings) -> dict[str, Node]:
+    return {node.name: node for node in build(target, place, p).stages()}
+
+
+def test_three_reports_on_the_same_pictures() -> None:
+    """The detector is trained once; own and true boxes are asked of the same weights, all of the same pictures."""
+    g, p = Graph(), Settings()
+    samples = pictures(g, FileTree("umd", ()), p)
+    found = told(g, samples, g.leaf("model", FileTree("sor3d", ())), detector(g, g.leaf("dataset", FileTree("made", ())), p), p)
+    g.target("static", *found)
+    stages = {node.name: node for node in g.stages()}
+    assert set(stages) == {"static_read", "boxes_train", *REPORTS}
+    inputs = {name: dict(node.inputs) for name, node in stages.items()}
+    assert len({inputs[name]["samples"] for name in REPORTS}) == 1
+    assert inputs["static_boxes"]["model"] == inputs["static_true_boxes"]["model"] != inputs["static_sor3d"]["model"]
+    how = {name: (stages[name].params.backend, stages[name].params.true_boxes) for name in REPORTS}
+    assert how == {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
+    assert stages["boxes_train"].params.backend == "boxes"
+
+
+def test_what_learns_is_what_target_sor3d_trains() -> None:
+    """The same stages with the same parameters; no examination, and no score of the motion, which nothing here reads."""
+    ours, theirs = stages("static-sets", Origin("x"), Settings()), stages("sor3d", Origin("x"), Settings())
+    shared = ours.keys() & theirs.keys()
+    assert {"interaction_render", "scene_flow", "interaction_pack", "model_train"} <= shared
+    assert all(ours[name].params == theirs[name].params and ours[name].value is theirs[name].value for name in shared)
+    assert ours.keys() - shared == {"boxes_train", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    asked = replace(Settings(), sor3d_report=replace(Settings.sor3d_report, pretrained=True))
+    assert stages("static-sets", Origin("x"), asked).keys() >= {"encoder_train", "pretrained_model_train"}
+
+
+def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
+    """Of sequences, validation alone, or the split that is asked for; of a root, every picture. The lessons are the same."""
+    rendered = stages("static-sets", Origin("x"), Settings())
+    given = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), Settings())
+    assert given.keys() - rendered.keys() == {"static_read"} and not rendered.keys() - given.keys()
+    assert {rendered[name].params.split for name in REPORTS} == {"val"} and {given[name].params.split for name in REPORTS} == {""}
+    asked = replace(Settings(), static_evaluate=replace(Settings.static_evaluate, split="train"))
+    assert stages("static-sets", Origin("x"), asked)["static_boxes"].params.split == "train"
+    only = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), asked)["static_read"].params
+    assert only == replace(Settings().static_read, split="train")
+    assert given["static_read"].params == Settings().static_read and given["boxes_train"].params == rendered["boxes_train"].params
+
+
+def test_where_pictures_come_from(tmp_path: Path) -> None:
+    """A root is told by its labels; another kind than the one that is asked for, or none, is refused in one sentence."""
+    digest = lambda path: path.name  # noqa: E731
+    place, _ = origin("static-sets", None, Settings(), digest)
+    assert (place.name, place.pictures, place.sequences) == ("static-sets", None, ())
+    umd(tmp_path / "umd"), iit_aff(tmp_path / "iit")
+    iit = replace(Settings(), static_read=replace(Settings.static_read, backend="iit-aff"))
+    for name, p in (("umd", Settings()), ("iit", iit)):
+        place, _ = origin("static-sets", tmp_path / name, p, digest)
+        assert place.name == f"static-sets-{name}" and place.pictures is not None and place.sequences == ()
+    (tmp_path / "neither").mkdir()
+    other = replace(iit, static_read=replace(iit.static_read, backend="coco"))
+    for name, p, hint in (("iit", Settings(), "looks like iit-aff: add --set static_read.backend=iit-aff"),
+                          ("umd", iit, "looks like umd"), ("neither", Settings(), "expected a root of umd with .*got no such file"),
+                          ("none", Settings(), "expected a folder, got nothing"),
+                          ("umd", other, "expected umd or iit-aff, got 'coco'")):
+        with pytest.raises(UsageError, match=hint) as caught:
+            origin("static-sets", tmp_path / name, p, digest)
+        assert str(caught.value).startswith(f"--source {tmp_path / name}: ") and "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rendered, learned from, asked; what `sor3d` has trained is not trained again, and pictures of a root are asked about with the
+    same weights."""
+    store = tmp_path / "store"
+    use_kernel_cache(ROOT, store)
+    runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
+    assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["model_train"] == 1
+    report = runner.run(build("static-sets", Origin("tiny"), SMALL), "static-sets")
+    assert report.ok and "model_train" not in report.ran and report.ran["boxes_train"] == 1, report.failures
+    (tmp_path / "few.json").write_text(json.dumps(changed(SMALL)))
+    request = Request("static-sets", umd(tmp_path / "umd") and tmp_path / "umd", params=tmp_path / "few.json", jobs=1, store=store,
+                      json=True)  # fmt: skip
+    assert run(request) == 0
+    said = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert set(said["ran"]) == {"static_read", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    assert {"metrics.json", "report.md"} == {path.name for path in Path(said["outputs"]["static_report"]).iterdir()}
+    for name in REPORTS:
+        assert {"metrics.json", "report.md", "sheet.png"} == {path.name for path in Path(said["outputs"][name]).iterdir()}
+        assert 0 <= said["metrics"][f"{name}.iou"] <= 1 and (Path(said["outputs"]["recordings"]) / f"{name}.mcap").exists()
+
+
+def changed(p: Settings) -> dict[str, dict[str, object]]:
+    """What of the settings is not as usual, as a file of parameters."""
+    usual = {name: (vars(mine), vars(getattr(Settings(), name))) for name, mine in vars(p).items()}
+    return {name: {key: value for key, value in mine.items() if value != plain[key]} for name, (mine, plain) in usual.items()
+            if mine != plain}  # fmt: skip

@@ -1,0 +1,126 @@
+"""No kind of edit is silent: measured by running the code, a fingerprint follows it, or the code is refused with file and line."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from runner.fingerprint import fingerprint
+from runner.modules import Modules
+from runner.source import SourceError
+from tests.helpers.edited_code import CASES, FOLLOWED, REFUSED, SAME, Case, Verdict, counts, judge
+
+ROOT = Path(__file__).resolve().parents[2]
+STAGES = [f"stages.{path.stem}:run" for path in sorted((ROOT / "stages").glob("*.py")) if path.stem != "__init__"]
+RAISED = re.compile(r"^\w*(Error|Exception): ")
+PLACE = re.compile(r"^/.*/old/[\w/]+\.py:[1-9]\d*: .+")
+
+
+@pytest.fixture(scope="module")
+def verdicts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Verdict]:
+    """Every case of `tests/helpers/edited_code.py`, measured at once."""
+    return {verdict.case.name: verdict for verdict in judge(tmp_path_factory.mktemp("edits"))}
+
+
+def _names(want: str) -> list[str]:
+    return [case.name for case in CASES if case.want == want]
+
+
+@pytest.mark.parametrize("name", _names(FOLLOWED))
+def test_edit_of_code_that_runs_changes_the_fingerprint(name: str, verdicts: dict[str, Verdict]) -> None:
+    """The output changes, and so does the key; a stage that uses none of it keeps its own."""
+    found = verdicts[name]
+    assert found.outputs[0] != found.outputs[1] and not any(map(RAISED.match, found.outputs)), "the case must show what it says"
+    assert (found.outcome, found.control) == ("right", True), found.message
+
+
+@pytest.mark.parametrize("name", _names(REFUSED))
+def test_code_that_cannot_be_followed_is_refused_with_file_and_line(name: str, verdicts: dict[str, Verdict]) -> None:
+    """The edit would change the output unseen, so the code is refused in one sentence that says what to do."""
+    found = verdicts[name]
+    assert found.outputs[0] != found.outputs[1] and not any(map(RAISED.match, found.outputs)), "the case must show what it says"
+    assert (found.outcome, found.control) == ("refused", True)
+    assert PLACE.match(found.message) and ";" in found.message
+
+
+@pytest.mark.parametrize("name", _names(SAME))
+def test_edit_of_what_does_not_run_keeps_the_fingerprint(name: str, verdicts: dict[str, Verdict]) -> None:
+    """Comments, docstrings, layout, and code that is loaded but not used."""
+    found = verdicts[name]
+    assert found.outputs[0] == found.outputs[1] and not RAISED.match(found.outputs[0]), "the case must show what it says"
+    assert (found.outcome, found.control) == ("right", True), found.message
+
+
+def test_counts_of_edits(verdicts: dict[str, Verdict]) -> None:
+    """Nothing stale, nothing run for nothing; the names of the cases are unique."""
+    assert max(Counter(case.name for case in CASES).values()) == 1
+    assert counts(list(verdicts.values())) == {
+        "right": len(_names(FOLLOWED)) + len(_names(SAME)), "refused": len(_names(REFUSED)), "over": 0, "stale": 0, "control": 0}
+
+
+def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Path) -> None:
+    """Whichever backend is selected, no stage uses code that is refused; what is remembered of the code says the same."""
+    first = Modules(ROOT, tmp_path / "modules")
+    read = {stage: fingerprint(first, stage, {}) for stage in STAGES}
+    first.save()
+    second = Modules(ROOT, tmp_path / "modules")
+    assert {stage: fingerprint(second, stage, {}) for stage in STAGES} == read
+
+
+@pytest.mark.parametrize("entry", ["afford.codecs:CODEC", "afford.codecs.structure:save", "afford.codecs.structure:load",
+                                   "afford.codecs.identity:digest", "afford.common.worker:prepare"])
+def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None:
+    """They decide bytes, so that keys hold their code."""
+    assert entry in fingerprint(Modules(ROOT), entry, {}).definitions
+
+
+def test_a_program_that_a_stage_starts_is_part_of_its_code() -> None:
+    """Training on several devices runs `afford.training.rank` in processes of their own."""
+    found = fingerprint(Modules(ROOT), "stages.twohands.model_train:run", {}).definitions
+    assert {"afford.training.rank:main", "afford.training.rank:__main__"} <= found.keys()
+
+
+LINES = [
+    ("an import that does not exist", "=== stage.py\nimport math\nfrom pack.gone import f\ndef run(x=3):\n    return f(x)\n"
+     "=== pack/__init__.py\n", "stage.py:2: it imports 'pack.gone'"),
+    ("an entry that does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack.gone:f'}\ndef run(x=3):\n    return BACKENDS\n"
+     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a module of this project, got 'pack.gone'"),
+    ("an entry whose name does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack:gone'}\ndef run(x=3):\n    return BACKENDS\n"
+     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a name of the module 'pack', got 'gone'"),
+    ("a stage that does not exist", "=== stage.py\n", "stage:run: expected a name of the module 'stage', got 'run'"),
+    ("data that is not there", "=== stage.py\nDATA_FILES = ('gone.csv',)\ndef run(x=3):\n    return x\n",
+     "stage.py:1: DATA_FILES names 'gone.csv'"),
+    ("a module in DYNAMIC that is not there", "=== stage.py\nDYNAMIC = ('gone',)\ndef run(x=3):\n    return x\n",
+     "stage.py:1: DYNAMIC: expected a module of this project, got 'gone'"),
+    ("syntax", "=== stage.py\ndef run(x=3):\n    return (\n", "stage.py:2: "),
+    ("a state set deep in a class", "=== stage.py\nimport numpy as np\n\nclass C:\n    k = 1\n    np.seterr(all='raise')\n"
+     "def run(x=3):\n    return x\n", "stage.py:5: importing this module sets a state of 'numpy'"),
+    ("a second line of a statement", "=== stage.py\ndef run(x=3):\n    y = x\n    return [\n        y,\n        eval('x')]\n",
+     r"stage.py:5: eval\(\) cannot be followed"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "message"), LINES)
+def test_errors_name_the_line(name: str, text: str, message: str, tmp_path: Path) -> None:
+    """Of the very use, not of the definition around it."""
+    for file, content in Case(name, REFUSED, text).files(1).items():
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(content)
+    with pytest.raises(SourceError, match=message):
+        fingerprint(Modules(tmp_path), "stage:run", {})
+
+
+def test_a_tuple_selects_several_entries(tmp_path: Path) -> None:
+    """A parameter that lists names follows those entries; one that is no entry leaves all of them."""
+    (tmp_path / "stage.py").write_text("METHODS = {'a': 'm:a', 'b': 'm:b', 'c': 'm:c'}\ndef run(x=3):\n    return METHODS\n")
+    (tmp_path / "m.py").write_text("a = 1\nb = 2\nc = 3\n")
+    modules = Modules(tmp_path)
+
+    def reached(method: object) -> set[str]:
+        return {name[2:] for name in fingerprint(modules, "stage:run", {"method": method}).definitions if name.startswith("m:")}
+
+    assert [reached(chosen) for chosen in ("a", ("a", "c"), ("a", "gone"), (), 3)] == [
+        {"a"}, {"a", "c"}, {"a", "b", "c"}, {"a", "b", "c"}, {"a", "b", "c"}]

@@ -1,0 +1,161 @@
+"""What a worker prepares holds for every library, and nothing depends on where in memory an array lies."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LOOK = """
+import json, os
+import cv2, numpy as np
+from afford.common.worker import prepare
+prepare(seed=3, threads=1)
+found, rng = [], np.random.default_rng(0)
+for height, width, y, x in ((81, 104, 23, 69), (121, 101, 26, 52)):
+    mask, kept = np.ones((height, width), np.uint8), []
+    mask[y : y + 18, x : x + 15] = 0
+    kinds = set()
+    for _ in range(40):
+        kept.append(np.zeros(int(rng.integers(100, 300000)), np.uint8))
+        kinds.add(cv2.distanceTransform(mask.copy(), cv2.DIST_L2, cv2.DIST_MASK_PRECISE).tobytes())
+    found.append(len(kinds))
+print(json.dumps({"kinds": found, "ipp": cv2.ipp.useIPP(), "threads": [cv2.getNumThreads(), os.environ["OMP_NUM_THREADS"]]}))
+"""
+
+
+def prepared(**environment: str) -> dict[str, object]:
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    done = subprocess.run([sys.executable, "-c", LOOK], env=env, capture_output=True, text=True, check=True)
+    found: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def test_bytes_do_not_depend_on_where_arrays_lie() -> None:
+    """The same mask forty times, wherever memory has room for it: one distance, to the last bit."""
+    found = prepared()
+    assert found["kinds"] == [1, 1] and found["ipp"] is False
+
+
+def test_the_number_of_threads_is_that_of_the_stage() -> None:
+    """Whatever the environment says."""
+    assert prepared(OMP_NUM_THREADS="3")["threads"] == [1, "1"]
+
+
+THREADS = """
+import json, os, random, sys
+{before}
+from afford.common.worker import prepare
+prepare(seed=5, threads=1)
+{after}
+from threadpoolctl import threadpool_info
+print(json.dumps([[pool["user_api"], pool["num_threads"]] for pool in threadpool_info()]))
+"""
+
+
+@pytest.mark.parametrize(("before", "after"), [
+    ("import numpy", ""), ("import numpy, scipy.linalg", ""), ("", "import scipy.linalg"), ("", "import torch"),
+    ("import torch", "")])
+def test_blas_and_openmp_have_the_threads_of_the_task(before: str, after: str) -> None:
+    """Libraries that were loaded before the preparation, as the codec loads numpy, and those that a stage loads later."""
+    pools = output(THREADS.format(before=before, after=after), OMP_NUM_THREADS="3", OPENBLAS_NUM_THREADS="3")
+    assert pools and all(threads == 1 for _, threads in pools)
+
+
+STATES = """
+import json, random
+{before}
+from afford.common.worker import prepare
+for seed in (1, 5):
+    prepare(seed=seed, threads=1)
+    {between}
+import numpy, torch
+print(json.dumps([random.random(), numpy.random.rand(), torch.rand(1).item()]))
+"""
+
+
+def test_global_random_states_come_from_the_seed_of_the_task() -> None:
+    """`random`, numpy and torch; also where torch is loaded by the stage itself, in a worker that has had other tasks or not."""
+    found = [output(STATES.format(before=before, between=between))
+             for before, between in (("", "pass"), ("import torch", "pass"), ("", "random.random(); __import__('torch').rand(1)"))]
+    assert found[0] == found[1]
+    other = [output(STATES.replace("(1, 5)", seeds).format(before="", between="pass")) for seeds in ("(5,)", "(6,)")]
+    assert other[0] == found[0] and all(a != b for a, b in zip(*other, strict=True))
+
+
+KERNEL = """
+import json, os, sys
+from pathlib import Path
+from afford.common.worker import use_kernel_cache, prepare
+folder = use_kernel_cache(Path({root!r}), Path({store!r}))
+prepare(seed=0, threads=1)
+sys.path.insert(0, {code!r})
+import kernel
+print(json.dumps([kernel.double(21), sum(kernel.double.stats.cache_hits.values())]))
+"""
+
+
+def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(tmp_path: Path) -> None:
+    """Compiled kernels are verified; one that does not fit is compiled again, and the next process finds it whole."""
+    code = tmp_path / "code"
+    code.mkdir()
+    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
+    assert output(script) == [42, 0] and output(script) == [42, 1]
+    files = sorted((tmp_path / "store" / ".cache" / "numba").rglob("*.nb[ci]"))
+    assert len(files) == 2
+    for path in files:
+        for place in (3, 40, 0.5):
+            data = bytearray(path.read_bytes())
+            data[place if isinstance(place, int) else int(place * len(data))] ^= 4
+            path.write_bytes(data)
+            assert output(script) == [42, 0], (path.name, place)
+            assert output(script) == [42, 1], (path.name, place)
+
+
+FONTS = """
+import json
+from pathlib import Path
+from afford.common.worker import use_font_cache
+use_font_cache(Path({store!r}))
+from matplotlib.font_manager import fontManager
+found = Path({store!r}).rglob("fontlist-*.json")
+print(json.dumps([path.read_text() for path in found]))
+"""
+
+
+def test_a_flipped_byte_of_the_list_of_fonts_is_found_before_it_is_used(tmp_path: Path) -> None:
+    """It is made again; another name of a font would draw other pictures."""
+    script = FONTS.format(store=str(tmp_path))
+    (whole,) = output(script)
+    (path,) = tmp_path.rglob("fontlist-*.json")
+    path.write_text(whole.replace("DejaVu", "DejaWu", 1))
+    again = output(script)
+    assert "DejaWu" not in again[0] and output(script) == again, "made anew once, then kept"
+
+
+def output(script: str, **environment: str) -> Any:
+    """The JSON that a script prints last, in a process of its own."""
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    done = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_process_without_the_preparation_shares_the_compiled_code(tmp_path: Path) -> None:
+    """A program that a stage starts inherits the folder by its environment, and reads what workers have compiled."""
+    code = tmp_path / "code"
+    code.mkdir()
+    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
+    assert output(script) == [42, 0]
+    (folder,) = (tmp_path / "store" / ".cache" / "numba").iterdir()
+    plain = f"import json, sys; sys.path.insert(0, {str(code)!r}); import kernel; print(json.dumps(kernel.double(21)))"
+    assert output(plain, NUMBA_CACHE_DIR=str(folder)) == 42
+    assert output(script) == [42, 1]

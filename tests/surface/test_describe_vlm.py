@@ -1,0 +1,124 @@
+"""A local vision-language model as a describer: the real loading and talking code on a tiny LLaVA, random and taught one answer."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from afford.surface.describe.question import question
+from afford.models.chat_model import ChatModel, inputs, load_model, reply
+from afford.render.views.contact import contact_sheet, labels
+from stages.surface import part_describe
+from tests.helpers.chat_server import GOOD
+from tests.helpers.made_objects import looked
+from tests.helpers.tiny_models import save_backbones, save_chat
+
+TASK = "drive a screw"
+STEPS = 300
+
+
+@pytest.fixture(scope="module")
+def random(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_chat(tmp_path_factory.mktemp("random"))
+
+
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model that has learned to give one answer to one question about one sheet, and then to stop."""
+    asked, sheet = given()
+    folder = save_chat(tmp_path_factory.mktemp("taught"), (asked, GOOD))
+    chat = load_model(str(folder))
+    teach(chat, asked, sheet, GOOD + "</s>")
+    chat.model.save_pretrained(folder)
+    return folder
+
+
+def given() -> tuple[str, np.ndarray]:
+    x = looked()
+    return question(x.mesh.category, TASK, labels(x.views, 6)), contact_sheet(x.views, 6)
+
+
+def teach(chat: ChatModel, asked: str, sheet: np.ndarray, answer: str) -> None:
+    """Adam on the words of the answer alone, until each of them is by far the likeliest."""
+    batch = inputs(chat, asked, sheet)
+    words = torch.tensor([chat.processor.tokenizer.encode(answer, add_special_tokens=False)])
+    ids = torch.cat([batch["input_ids"], words], 1)
+    wanted = torch.cat([torch.full_like(batch["input_ids"], -100), words], 1)
+    whole = {"input_ids": ids, "attention_mask": torch.ones_like(ids), "pixel_values": batch["pixel_values"], "labels": wanted}
+    optimiser = torch.optim.Adam(chat.model.parameters(), 3e-3)
+    for _ in range(STEPS):
+        loss = chat.model(**whole).loss
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        if loss < 0.02:
+            return
+    raise AssertionError(f"it did not learn its answer: loss {loss:.3f} after {STEPS} steps")
+
+
+def described(model: Path | str, **more: int) -> part_describe.PartDescriptions:
+    params = part_describe.Params("vlm", (TASK,), str(model), **more)
+    return part_describe.run(looked().mesh, looked().views, params)
+
+
+def test_what_a_model_says_becomes_notes(taught: Path) -> None:
+    """Through its folder, its processor, its template, greedy words and the parser; twice the same."""
+    [found] = described(taught).descriptions
+    assert (found.category, found.backend, found.task) == ("screwdriver", "vlm", TASK)
+    wanted = [(part["part"], part["role"], part["reason"], part["confidence"]) for part in json.loads(GOOD)["parts"]]
+    assert [(note.part, note.role, note.reason, note.confidence) for note in found.notes] == wanted
+    assert described(taught).descriptions == (found,)
+
+
+def test_an_answer_that_is_cut_off_is_none(taught: Path) -> None:
+    """The beginning is shown, and the parameter named."""
+    with pytest.raises(ValueError, match=r"expected one JSON object .*screwdriver.*raise new_tokens if the answer was cut off"):
+        described(taught, new_tokens=12)
+
+
+def test_a_random_model_describes_nothing(random: Path) -> None:
+    """What it babbles is shown, and nothing is made of it."""
+    babble = reply(load_model(str(random)), *given(), 16)
+    assert babble and babble == reply(load_model(str(random)), *given(), 16)
+    with pytest.raises(ValueError, match=r"answer of backend 'vlm': expected one JSON object .* got none in") as caught:
+        described(random, new_tokens=16)
+    assert repr(babble[:200]) in str(caught.value)
+
+
+def test_question_and_picture_reach_the_model(random: Path) -> None:
+    """The words stand in the prompt once, with one picture; other words and another picture give other next words."""
+    chat, (asked, sheet) = load_model(str(random)), given()
+    batch = inputs(chat, asked, sheet)
+    prompt = chat.processor.tokenizer.decode(batch["input_ids"][0], skip_special_tokens=True)
+    assert prompt.count(f'"{TASK}"') == 1 and prompt.endswith("assistant: ") and batch["pixel_values"].shape == (1, 3, 64, 64)
+    logits = [next_word(chat, words, picture) for words, picture in ((asked, sheet), (asked, 255 - sheet), (asked[:-5], sheet))]
+    assert all((logits[0] - other).abs().max() > 1e-5 for other in logits[1:])
+
+
+def next_word(chat: ChatModel, asked: str, sheet: np.ndarray) -> torch.Tensor:
+    with torch.inference_mode():
+        found: torch.Tensor = chat.model(**inputs(chat, asked, sheet)).logits[0, -1]
+    return found
+
+
+def test_what_is_no_model_is_one_sentence(random: Path, tmp_path: Path) -> None:
+    """No name, no folder, no processor, another kind of model, no template, weights that lack something or are a pickle."""
+    backbones = save_backbones(tmp_path / "backbones")
+    holed, pickled, silent = (Path(shutil.copytree(random, tmp_path / name)) for name in ("holed", "pickled", "silent"))
+    weights = load_file(holed / "model.safetensors")
+    fewer = {name: value for name, value in weights.items() if "lm_head" not in name}
+    save_file(fewer, holed / "model.safetensors", {"format": "pt"})
+    torch.save(weights, pickled / "pytorch_model.bin")
+    (pickled / "model.safetensors").unlink()
+    model, lack = "expected a vision-language model with its processor", "these lack lm_head"
+    (silent / "chat_template.jinja").unlink()
+    for name, sentence in (("", "needs a model: set `model`"), ("/nowhere", model), (backbones / "vlm", model), (pickled, model),
+                           (backbones / "sam", model), (silent, "with a chat template"), (holed, lack)):  # fmt: skip
+        with pytest.raises(ValueError, match=sentence):
+            described(name)

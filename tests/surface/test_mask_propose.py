@@ -1,0 +1,67 @@
+"""The stage: masks lie on the object, say different things, and parts that geometry shows are among them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates
+from stages.surface import mask_propose, view_render
+from tests.helpers.made_meshes import as_object, ball
+from tests.surface.test_segments import dumbbell
+
+Shown = tuple[ObjectMesh, ObjectViews, PartCandidates]
+
+
+@pytest.fixture(scope="module")
+def shown() -> Shown:
+    thing = as_object(dumbbell())
+    views = view_render.run(thing, view_render.Params(size_px=128, directions=64))
+    return thing, views, mask_propose.run(thing, views, mask_propose.Params())
+
+
+def test_masks_lie_on_the_object(shown: Shown) -> None:
+    """And are neither empty nor all of it."""
+    _, views, found = shown
+    for view, mask in zip(found.view, found.masks, strict=True):
+        on = views.face[view] >= 0
+        assert not mask[~on].any() and 60 <= mask.sum() <= 0.95 * on.sum()
+    assert (np.diff(found.view) >= 0).all()
+
+
+def test_no_two_masks_of_a_view_say_the_same(shown: Shown) -> None:
+    """IoU of 0.7 at most, the better first."""
+    _, _, found = shown
+    for view in np.unique(found.view):
+        mine = found.masks[found.view == view]
+        assert (np.diff(found.quality[found.view == view]) <= 0).all()
+        for i in range(len(mine)):
+            assert all((mine[i] & mine[j]).sum() <= 0.7 * (mine[i] | mine[j]).sum() for j in range(i))
+
+
+def test_the_block_is_proposed_wherever_it_is_seen(shown: Shown) -> None:
+    """In each view one mask overlaps with it by more than 0.9 of their union."""
+    thing, views, found = shown
+    block = thing.vertices[thing.faces].mean(1)[:, 1] > 0.0799
+    for view, face in enumerate(views.face):
+        truth = np.append(block, False)[face]
+        if truth.sum() >= 60 and truth.sum() < 0.9 * (face >= 0).sum():
+            overlaps = [(m & truth).sum() / (m | truth).sum() for m in found.masks[found.view == view]]
+            assert max(overlaps) > 0.9, views.views[view]
+
+
+def test_views_of_another_mesh_are_refused(shown: Shown) -> None:
+    """Both are named."""
+    _, views, _ = shown
+    with pytest.raises(ValueError, match="render the views again"):
+        mask_propose.run(as_object(ball(0.1, 1)), views, mask_propose.Params())
+
+
+def test_an_unknown_backend_lists_those_there_are(shown: Shown) -> None:
+    """As every registry does."""
+    thing, views, _ = shown
+    with pytest.raises(KeyError, match="regions"):
+        mask_propose.run(thing, views, replace(mask_propose.Params(), backend="nobody"))

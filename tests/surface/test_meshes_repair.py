@@ -1,0 +1,191 @@
+"""Laws of the repairs: what is broken is mended and counted, what is whole stays, and what hangs on corners is carried."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from afford.surface.meshes.bake import rasterise, sample
+from afford.surface.meshes.charts import unwrap
+from afford.surface.meshes.mend import read_mended
+from afford.surface.meshes.nearest import Nearest
+from afford.surface.meshes.net import bodies, watertight
+from afford.surface.meshes.orient import winding
+from afford.surface.meshes.repair import Counts, repair
+from afford.common.errors import SourceError
+from afford.render.solids import grid_faces
+from tests.helpers.mesh_files import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
+
+
+def count(done: Counts, what: str) -> int:
+    return dict(done).get(what, 0)
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    return float(trimesh.Trimesh(vertices, faces, process=False).volume)
+
+
+def test_a_whole_mesh_is_left_alone() -> None:
+    """Nothing is counted; every corner comes from where it is."""
+    solid = box()
+    net, done = repair(solid.vertices, solid.faces, LIMITS)
+    assert done == () and np.array_equal(net.corner, np.arange(net.faces.size).reshape(-1, 3))
+    assert np.array_equal(net.vertices[net.faces], solid.vertices[solid.faces])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_turned_faces_are_turned_back(share: float) -> None:
+    """Some faces or all of them."""
+    solid = box()
+    flip = np.random.default_rng(1).random(len(solid.faces)) < share
+    faces = np.where(flip[:, None], solid.faces[:, ::-1], solid.faces)
+    net, done = repair(solid.vertices, faces, LIMITS)
+    assert count(done, "faces turned") == flip.sum() and watertight(net.faces)
+    assert volume(net.vertices, net.faces) == pytest.approx(solid.volume)
+    assert np.array_equal(faces.reshape(-1)[net.corner], net.faces)
+
+
+def test_an_open_cup_inside_out_is_turned() -> None:
+    """A body with a large hole has an outside too; the hole stays open."""
+    solid = box()
+    cup = solid.faces[solid.triangles_center[:, 2] < 0.019]
+    net, done = repair(solid.vertices, cup[:, ::-1], LIMITS)
+    assert count(done, "faces turned") == len(cup) and count(done, "holes left open") == 1
+    assert (net.faces == cup).all(axis=1).any() or volume(net.vertices, net.faces) > 0
+
+
+def test_cavities_stay_and_bodies_side_by_side_are_turned_each() -> None:
+    """A hollow ball keeps its inner side looking inwards, also when all of it was inside out."""
+    outer, inner = trimesh.creation.icosphere(2, 0.1), trimesh.creation.icosphere(2, 0.05)
+    beside = trimesh.creation.icosphere(2, 0.03)
+    beside.apply_translation([0.3, 0, 0])
+    vertices = np.concatenate([outer.vertices, inner.vertices, beside.vertices])
+    shell = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
+    third = beside.faces[:, ::-1] + len(outer.vertices) + len(inner.vertices)
+    wanted = outer.volume - inner.volume + beside.volume
+    for hollow, turned in ((shell, len(third)), (shell[:, ::-1], len(third) + len(shell))):
+        net, done = repair(vertices, np.concatenate([hollow, third]), LIMITS)
+        assert volume(net.vertices, net.faces) == pytest.approx(wanted) and count(done, "faces turned") == turned
+        assert bodies(net.faces).max() == 2
+
+
+def test_winding_numbers() -> None:
+    """1 inside, 0 outside."""
+    solid = box()
+    assert winding(np.array([0.01, 0.02, 0.003]), solid.vertices, solid.faces) == pytest.approx(1)
+    assert winding(np.array([0.3, 0.0, 0.0]), solid.vertices, solid.faces) == pytest.approx(0, abs=1e-12)
+
+
+def test_repeated_vertices_faces_and_dust_go() -> None:
+    """A soup of triangles with a repeated face, an empty one and a speck."""
+    solid = box()
+    soup = solid.triangles.reshape(-1, 3)
+    faces = np.arange(len(soup)).reshape(-1, 3)
+    speck = np.array([[1, 1, 1], [1.0002, 1, 1], [1, 1.0002, 1]])
+    faces = np.concatenate([faces, faces[:1, [2, 1, 0]], faces[:1, [0, 0, 1]], [[len(soup), len(soup) + 1, len(soup) + 2]]])
+    net, done = repair(np.concatenate([soup, speck]), faces, LIMITS)
+    assert len(net.faces) == len(solid.faces) and len(net.vertices) == len(solid.vertices) and watertight(net.faces)
+    assert done == (("vertices merged", len(soup) - len(solid.vertices)), ("empty faces dropped", 1), ("repeated faces dropped", 1),
+                    ("faces of dust dropped", 1))
+
+
+def test_small_holes_are_filled_with_what_is_beside_them() -> None:
+    """One face and a whole ring of faces taken out; new corners come from neighbours, new faces look outwards."""
+    solid = trimesh.creation.icosphere(3, 0.1)
+    ring = (solid.faces == solid.faces[500, 0]).any(axis=1)
+    ring[7] = True
+    left = solid.faces[~ring]
+    net, done = repair(solid.vertices, left, LIMITS)
+    assert done == (("holes filled", 2),) and watertight(net.faces)
+    assert volume(net.vertices, net.faces) == pytest.approx(solid.volume, rel=0.01)
+    new = np.arange(len(net.faces)) >= len(left)
+    gap = np.linalg.norm(net.vertices[net.faces[new]] - solid.vertices[left.reshape(-1)[net.corner[new]]], axis=2)
+    assert gap[:, :2].max() == 0 and gap.max() < 0.03
+
+
+def test_a_moebius_band_is_reported() -> None:
+    """What has no outside cannot be turned."""
+    turn = np.linspace(0, 2 * np.pi, 41)[:-1]
+    across = np.stack([np.cos(turn / 2) * np.cos(turn), np.cos(turn / 2) * np.sin(turn), np.sin(turn / 2)], -1) * 0.02
+    middle = np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1) * 0.1
+    vertices = np.concatenate([middle + across, middle - across])
+    k, n = np.arange(40), np.roll(np.arange(40), -1)
+    a, b = np.where(n == 0, 40, n), np.where(n == 0, 0, n + 40)
+    _, done = repair(vertices, np.concatenate([np.stack([k, k + 40, a], 1), np.stack([k + 40, b, a], 1)]), LIMITS)
+    assert count(done, "edges left twisted") > 0
+
+
+def test_texture_survives_turning_and_merging(tmp_path: Path) -> None:
+    """A soup with half of its faces turned shows what the file shows, at random places."""
+    solid, image = box(), checks()
+    uv = planar_uv(solid.vertices, solid.faces)
+    soup, faces = solid.triangles.reshape(-1, 3), np.arange(3 * len(solid.faces)).reshape(-1, 3)
+    flip = np.arange(len(faces)) % 2 == 0
+    write_image(tmp_path / "look.png", image)
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd look.png\n")
+    turned, coords = np.where(flip[:, None], faces[:, ::-1], faces), np.where(flip[:, None, None], uv[:, ::-1], uv)
+    write_obj(tmp_path / "thing.obj", soup, turned, coords, "mtllib m.mtl\nusemtl a")
+    found = mended(tmp_path)
+    assert found.report.watertight and np.array_equal(found.mesh.texture, image)
+    face, bary, points = places(solid.vertices, solid.faces)
+    wanted = sample(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
+    place, there, _ = Nearest(found.mesh.vertices, found.mesh.faces)(points)
+    seen = sample(found.mesh.texture, np.einsum("nk,nkc->nc", there, found.mesh.uv[place])).astype(int)
+    inside = np.abs(points[:, 2]) > 0.0199
+    assert np.abs(seen - wanted)[inside].max() <= 1
+
+
+def test_too_many_faces_are_simplified_and_painted_anew(tmp_path: Path) -> None:
+    """Close to the original in place and colour; the report says how close."""
+    ball, image = trimesh.creation.icosphere(5, 0.1), checks(128)
+    uv = planar_uv(ball.vertices, ball.faces)
+    write_image(tmp_path / "look.png", image)
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd look.png\n")
+    write_obj(tmp_path / "ball.obj", ball.vertices, ball.faces, uv, "mtllib m.mtl\nusemtl a")
+    found = mended(tmp_path, faces=2000)
+    assert len(found.mesh.faces) <= 2200 and 0 < found.report.deviation_m < 0.001
+    face, bary, points = places(found.mesh.vertices.astype(float), found.mesh.faces)
+    seen = sample(found.mesh.texture, np.einsum("nk,nkc->nc", bary, found.mesh.uv[face])).astype(int)
+    old, there, _ = Nearest(ball.vertices, ball.faces)(points)
+    wanted = sample(image, np.einsum("nk,nkc->nc", there, uv[old])).astype(int)
+    assert np.abs(seen - wanted).mean() < 2
+    again = mended(tmp_path, faces=2000)
+    assert again.mesh.texture.tobytes() == found.mesh.texture.tobytes() and again.mesh.faces.tobytes() == found.mesh.faces.tobytes()
+
+
+@pytest.mark.parametrize("size_m", [1e-3, 0.1, 10.0])
+def test_the_nearest_place_is_exact_at_every_size(size_m: float) -> None:
+    """Points on fine triangles are on them, points off them as far as they were moved."""
+    ball = trimesh.creation.icosphere(5, size_m)
+    face, _, points = places(ball.vertices, ball.faces)
+    off = points + 1e-3 * size_m * ball.face_normals[face]
+    nearest = Nearest(ball.vertices, ball.faces)
+    assert nearest(points)[2].max() < 1e-9 * size_m
+    found, there, away = nearest(off)
+    assert away == pytest.approx(1e-3 * size_m, rel=1e-2)
+    assert np.abs(np.einsum("nk,nkc->nc", there, ball.triangles[found]) - points).max() < 1e-4 * size_m
+
+
+def test_what_cannot_be_simplified_is_refused(tmp_path: Path) -> None:
+    """Loose triangles cannot become fewer without going."""
+    rng = np.random.default_rng(2)
+    corners = rng.random((2000, 1, 3)) + rng.normal(0, 0.02, (2000, 3, 3))
+    write_obj(tmp_path / "dust.obj", corners.reshape(-1, 3), np.arange(6000).reshape(-1, 3))
+    with pytest.raises(SourceError, match=r"dust\.obj: expected a surface that 100 faces can show"):
+        read_mended(tree(tmp_path), wishes(faces=100))
+
+
+def test_charts_do_not_overlap() -> None:
+    """On a spiral ramp, which lies above itself, no texel shows two places far apart."""
+    turn, radius = np.meshgrid(np.linspace(0, 6 * np.pi, 200), np.linspace(0.02, 0.05, 12), indexing="ij")
+    vertices = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0.002 * turn], -1).reshape(-1, 3)
+    faces = grid_faces(*turn.shape).astype(np.int64)
+    uv = unwrap(vertices, faces, 512)
+    owner, bary = rasterise(uv.astype(float), 512)
+    column, row = np.floor(uv[..., 0].mean(axis=1) * 512).astype(int), np.floor((1 - uv[..., 1].mean(axis=1)) * 512).astype(int)
+    there = np.einsum("nk,nkc->nc", bary[row, column], vertices[faces[owner[row, column]]])
+    gap = np.linalg.norm(there - vertices[faces].mean(axis=1), axis=1)
+    assert (owner[row, column] >= 0).all() and gap.max() < 0.003 and uv.min() >= 0 and uv.max() <= 1

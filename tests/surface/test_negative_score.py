@@ -1,0 +1,142 @@
+"""Scores by hand computation, baselines by what they must be, and the report's means."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from afford.surface.negative import baselines, report
+from afford.surface.negative.score import METHODS
+from schemas.surface import NegativeScore, NegativeScores
+from stages.surface import negative_affordance_report, negative_affordance_score
+from tests.helpers.made_objects import Looked, looked, projected, true_scores
+from tests.helpers.made_samples import Scratch
+
+NAN = float("nan")
+
+
+def scored(x: Looked, **changed: np.ndarray) -> NegativeScores:
+    found = projected(x)
+    if changed:
+        found = replace(found, tasks=tuple(replace(one, **changed) for one in found.tasks))
+    windows = x.windows()
+    return negative_affordance_score.run(x.mesh, x.parts, x.views, x.candidates, x.told, true_scores(x), windows,
+                                         true_scores(x, windows), found, negative_affordance_score.Params(), x.spec)  # fmt: skip
+
+
+def rows(found: NegativeScores, method: str) -> list[NegativeScore]:
+    return [row for row in found.rows if row.method == method]
+
+
+def test_a_perfect_surface_has_perfect_scores_and_an_empty_one_none() -> None:
+    """By visible area; what nobody can see does not count."""
+    x = looked()
+    for row in rows(scored(x), "afford"):
+        assert min(row.iou, row.precision, row.recall, row.point_recall) > 0.9
+    nothing = rows(scored(x, probability=np.zeros(len(x.mesh.faces), np.float32)), "afford")
+    assert all(row.iou == row.precision == row.recall == row.point_recall == row.said == 0 for row in nothing)
+
+
+def test_the_whole_object_has_recall_one_and_the_precision_of_its_share() -> None:
+    """Shaft and tip, then the handle: precisions of the two tasks add up to 1."""
+    use, give = rows(scored(looked()), "whole_object")
+    assert use.recall == give.recall == use.said == 1 and use.iou == pytest.approx(use.precision)
+    assert use.precision + give.precision == pytest.approx(1, abs=1e-6)
+
+
+def test_where_nothing_is_negative_there_is_no_score() -> None:
+    """NaN, but what was said of it is told. (A cold pan may be held anywhere.)"""
+    x = looked("pan")
+    cold = [row for row in scored(x).rows if row.task == "carry the cold pan"]
+    assert len(cold) == len(METHODS) and all(np.isnan(row.iou) and np.isnan(row.point_recall) for row in cold)
+    assert {row.said for row in cold if row.method not in ("whole_object", "random_candidate")} == {0.0}
+
+
+def test_the_papers_recipe_always_takes_a_mask() -> None:
+    """With true overlaps it finds much of the part; it also takes something where the view shows none of it."""
+    x = looked()
+    use = x.told.descriptions[0]
+    found = baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, true_scores(x)))
+    shaft = x.parts.part == x.parts.names.index("shaft")
+    assert found[shaft].mean() > 0.5 and found.any()
+    silent = replace(true_scores(x), overlap=np.zeros_like(true_scores(x).overlap))
+    assert baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, silent)).any()
+    assert not baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, replace(use, notes=()), silent)).any()
+
+
+def test_a_random_candidate_is_random_by_its_seed() -> None:
+    """The same seed, the same faces."""
+    x = looked()
+    taken = (baselines.random_candidate(x.candidates, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4))
+    a, b, *others = (baselines.splatted(x.mesh, x.views, masks) for masks in taken)
+    assert np.array_equal(a, b) and any(not np.array_equal(a, other) for other in others)
+
+
+def test_only_methods_that_take_a_mask_in_each_view_can_take_the_whole_object() -> None:
+    """A share of views for each of them, NaN for the others."""
+    found = scored(looked())
+    for method in METHODS:
+        shares = [row.whole_object_taken for row in rows(found, method)]
+        takes = method in ("paper_recipe", "coarse_box", "random_candidate")
+        assert all(0 <= share <= 1 if takes else np.isnan(share) for share in shares), method
+
+
+def made(name: str, split: str, look: str, *ious: float, method: str = "afford", taken: float = NAN) -> NegativeScores:
+    each = tuple(NegativeScore(method, f"task {n}", iou, iou, iou, iou, 0.5, taken) for n, iou in enumerate(ious))
+    picture = cv2.imencode(".jpg", np.full((16, 32, 3), 90, np.uint8))[1].reshape(-1)
+    return NegativeScores(name, name.partition("_")[0], split, look, 0.8, 0.99, each, picture)
+
+
+def test_means_are_of_objects_then_of_tasks() -> None:
+    """An object with many tasks counts as one; tasks without a negative part count nothing."""
+    found = report.metrics([made("mug_1", "unseen", "plain", 0.2, 0.4, NAN), made("axe_1", "unseen", "mixed", 0.9)])
+    assert found["unseen.iou"] == pytest.approx((0.3 + 0.9) / 2) and found["unseen.plain.iou"] == pytest.approx(0.3)
+    assert found["seen_area.six"] == pytest.approx(0.8) and found["seen_area.adaptive"] == pytest.approx(0.99)
+    assert "seen.iou" not in found and not any(np.isnan(value) for value in found.values())
+
+
+def test_every_task_of_a_thing_has_its_row() -> None:
+    """Means over the objects of a kind; a task without a negative part has no IoU and is no pair."""
+    mugs = [made("mug_1", "seen", "plain", 0.2, 0.9, NAN), made("mug_2", "seen", "mixed", 0.4, 0.7, NAN)]
+    found = report.metrics(mugs)
+    assert (found["pairs"], found["pairs_found"]) == (2, 1)
+    text = report.markdown(mugs, found)
+    assert "| mug: task 0 | seen | 0.300 |" in text and "| mug: task 1 | seen | 0.800 |" in text
+    assert "| mug: task 2 | seen |  |  |  | 0.500 |" in text and "1 of 2 pairs" in text
+
+
+def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
+    """Over all of them and by split, also where no truth is known; those that took nothing do not count."""
+    boxed = [made("mug_1", "unseen", "plain", 0.2, NAN, method="coarse_box", taken=0.5),
+             made("axe_1", "given", "given", NAN, method="coarse_box", taken=1.0),
+             made("pan_1", "given", "given", NAN, method="coarse_box")]  # fmt: skip
+    found = report.metrics(boxed)
+    assert found["coarse_box.whole_object_taken"] == 0.75 and found["coarse_box.given.whole_object_taken"] == 1
+    assert found["coarse_box.unseen.iou"] == pytest.approx(0.2) and "afford.whole_object_taken" not in found
+    assert "| coarse box | unseen | 0.200 | 0.200 | 0.200 | 0.200 | 0.500 |" in report.markdown(boxed, found)
+
+
+def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Numbers, tables and a sheet with one row of each category and split."""
+    scores = (made("mug_1", "seen", "plain", 0.5), made("mug_2", "seen", "mixed", 0.7), made("axe_1", "unseen", "mixed", 0.9))
+    found = negative_affordance_report.run(scores, negative_affordance_report.Params(), Scratch(tmp_path))
+    assert [file.name for file in found.files] == ["metrics.json", "report.md", "sheet.jpg"]
+    sheet = cv2.imread(str(found.files[2].path))
+    assert sheet.shape == (32, 32, 3)
+    text = found.files[1].path.read_text()
+    assert "| mug | seen | 0.600 |" in text and "| afford | unseen | 0.900 |" in text
+    with pytest.raises(ValueError, match="got none"):
+        negative_affordance_report.run((), negative_affordance_report.Params(), Scratch(tmp_path))
+
+
+def test_a_row_of_pictures_is_red_where_it_is_negative() -> None:
+    """Seven tiles; red outweighs green on the shaft, not on the handle."""
+    x = looked()
+    picture = cv2.imdecode(scored(x).picture, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+    assert picture.shape == (168, 7 * 168, 3)
+    red = (picture[..., 0] - picture[..., 1] > 40).reshape(168, 7, 168).any((0, 2))
+    green = (picture[..., 1] - picture[..., 0] > 20).reshape(168, 7, 168).any((0, 2))
+    assert red[:6].sum() >= 4 and green[:6].sum() >= 4 and not red[6]

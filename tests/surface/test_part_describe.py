@@ -1,0 +1,131 @@
+"""The stage through the runner: a description by a server from end to end, asked for once, and its key nowhere on disk."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.reader import make_reader
+
+from afford.common.worker import use_kernel_cache
+from maps.settings import Settings
+from runner import Graph, Runner, RunReport
+from schemas.files import FileTree
+from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
+from stages.recording import object_record
+from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, params, plant, says, serving
+from tests.helpers.made_objects import looked
+from tests.helpers.tiny_models import save_backbones
+
+ROOT = Path(__file__).resolve().parents[2]
+WORD = b"narwhal"
+"""of the good answer: found wherever a key would be found"""
+ECHO = {"error": {"message": f"bad key {KEY}"}}
+MCAP = b"\x89MCAP"
+
+
+def whole(chosen: part_describe.Params, models: Path) -> Graph:
+    """From an object's views to its files and its recording."""
+    g, x, p = Graph(), looked(), Settings()
+    mesh, views, found = g.leaf("mesh", x.mesh), g.leaf("views", x.views), g.leaf("candidates", x.candidates)
+    told = g.add(part_describe.run, mesh=mesh, views=views, params=chosen)
+    scorer = g.leaf("none", FileTree("none", ()))
+    fit = g.add(mask_score.run, mesh=mesh, views=views, candidates=found, descriptions=told, scorer=scorer,
+                params=mask_score.Params("clip", str(models)))  # fmt: skip
+    where = g.add(negative_affordance_projection.run, mesh=mesh, views=views, candidates=found, descriptions=told, scores=fit,
+                  params=p.negative_affordance_projection)
+    files = g.add(negative_affordance_files.run, mesh=mesh, descriptions=told, found=where, ctx=g.ctx,
+                  params=negative_affordance_files.Params())
+    record = g.add(object_record.run, views=views, candidates=found, descriptions=told, scores=fit, found=where, ctx=g.ctx,
+                   params=object_record.Params())
+    g.target("all", files, record)
+    g.target("words", told)
+    return g
+
+
+def made(store: Path, graph: Graph, target: str, jobs: int) -> RunReport:
+    return Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=jobs).run(graph, target)
+
+
+def texts(folder: Path) -> dict[str, bytes]:
+    """Every file, with what is packed inside: chunks of recordings, frames of zstd."""
+    return {str(path.relative_to(folder)): path.read_bytes() + b"".join(unpacked(path))
+            for path in sorted(folder.rglob("*")) if path.is_file()}  # fmt: skip
+
+
+def unpacked(path: Path) -> list[bytes]:
+    data, magic, found = path.read_bytes(), b"\x28\xb5\x2f\xfd", []
+    at = data.find(magic)
+    while at >= 0:
+        try:
+            found.append(zstandard.ZstdDecompressor().decompressobj().decompress(data[at:]))
+        except zstandard.ZstdError:
+            found.append(b"")  # the magic number by chance
+        at = data.find(magic, at + 1)
+    if data.startswith(MCAP):
+        with path.open("rb") as file:
+            found += [message.data for _, _, message in make_reader(file).iter_messages()]
+    return found
+
+
+def forms(secret: str) -> list[bytes]:
+    """How it might be spelled."""
+    words = [secret, f"Bearer {secret}", secret.replace("/", r"\/")]
+    return [form for word in words for form in (word.encode(), base64.b64encode(word.encode()), word.encode("utf-16-le"))]
+
+
+def leaks(store: Path, *more: object) -> list[str]:
+    """Files of the store that hold the key, and what else was said that does."""
+    everything = texts(store) | {f"more {n}": repr(value).encode() for n, value in enumerate(more)}
+    return [name for name, data in everything.items() if any(form in data for form in forms(KEY))]
+
+
+@pytest.fixture
+def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A tiny CLIP; the key is in the environment."""
+    plant(monkeypatch)
+    return save_backbones(tmp_path / "models")
+
+
+def test_an_answer_is_asked_for_once(models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was answered is in the store: a second run asks nobody, and needs no key."""
+    with serving(lambda _: says(GOOD)) as server:
+        graph = whole(params(server, tasks=("drive a screw", "hand over the screwdriver")), models)
+        assert made(tmp_path / "store", graph, "words", jobs=0).ran == {"part_describe": 1}
+        monkeypatch.delenv(VARIABLE)
+        assert made(tmp_path / "store", graph, "words", jobs=0).cached == {"part_describe": 1}
+    assert [asked.key for asked in server.asked] == [KEY, KEY]
+    assert not leaks(tmp_path / "store")
+    assert [name for name, data in texts(tmp_path / "store").items() if WORD in data]
+
+
+@pytest.mark.parametrize("answer", [Answer(401, ECHO, (("X-Key", KEY),)), Answer(500, ECHO), Answer(200, raw=KEY.encode()),
+                                    says(KEY)])  # fmt: skip
+def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Not in what is kept of it (the sentence, the traceback), nor in what is printed; the object fails alone, and is asked for
+    again by the next run."""
+    with serving(lambda _: answer) as server:
+        graph = whole(params(server, retries=0), models)
+        reports = [made(tmp_path / "store", graph, "words", jobs=0) for _ in range(2)]
+    assert all(report.failed == {"part_describe": 1} for report in reports) and len(server.asked) == 2
+    assert {asked.key for asked in server.asked} == {KEY}
+    assert len(list((tmp_path / "store" / "failures").rglob("*.json"))) == 1
+    assert not leaks(tmp_path / "store", reports, capfd.readouterr())
+
+
+def test_the_key_is_nowhere(models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """From end to end in worker processes: not in the store, the traces, the files of the object, its recording, the report or what
+    was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be."""
+    store = tmp_path / "store"
+    use_kernel_cache(ROOT, store)
+    with serving(lambda _: says(GOOD)) as server:
+        good = made(store, whole(params(server), models), "all", jobs=1)
+    with serving(lambda _: Answer(401, ECHO, (("X-Key", KEY),))) as refusing:
+        bad = made(store, whole(params(refusing), models), "all", jobs=1)
+    assert good.ok and bad.failed == {"part_describe": 1} and {asked.key for asked in server.asked + refusing.asked} == {KEY}
+    assert not leaks(store, good, bad, capfd.readouterr())
+    held = {name for name, data in texts(store).items() if WORD in data}
+    recordings = {name for name in held if (store / name).read_bytes().startswith(MCAP)}
+    assert recordings and not any(WORD in (store / name).read_bytes() for name in recordings) and len(held) >= 3

@@ -1,0 +1,92 @@
+"""From what a model says of views to the surface: a perfect model gives the part, silence gives nothing, the stage runs a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.common.files import tree
+from afford.surface.negative.distance import distance
+from afford.surface.positive.project import Wish, pixels, project
+from afford.surface.positive.words import in_words
+from schemas.files import FileTree
+from schemas.benchmark import Prediction
+from stages.surface import positive_affordance_projection
+from tests.helpers.made_objects import looked
+from tests.helpers.made_samples import Scratch
+from tests.helpers.tiny_asked import write_model
+
+WISH = Wish(threshold=0.5, points=30, seed=0)
+RIGHT = np.array([False, True])
+
+
+def says(part: str, hands: np.ndarray = RIGHT) -> list[Prediction]:
+    """A model that is never wrong, of every view: the second of two hypotheses of both hands is a part, and it knows that."""
+    x = looked()
+    shown = np.append(x.parts.part, -1)[x.views.face] == x.parts.names.index(part)
+    region = np.stack([np.zeros_like(shown), shown]).astype(np.float32)
+    score = np.array([[0.2, 0.8]] * 2, np.float32)
+    taxonomy = np.array([0.1, 0.7, 0.1, 0.1], np.float32)
+    return [Prediction("use", np.stack([region[:, n]] * 2), score, taxonomy, hands, 0.5) for n in range(len(shown))]
+
+
+def test_a_perfect_model_gives_the_part() -> None:
+    """IoU by visible area above 0.9; the points lie on it and cover it."""
+    x = looked()
+    found = project(x.mesh, x.views, "use", says("handle"), WISH)
+    truth, area = x.parts.part == x.parts.names.index("handle"), x.views.visible_area
+    said = found.probability > 0.5
+    assert area[said & truth].sum() / area[said | truth].sum() > 0.9
+    middle = x.mesh.vertices[x.mesh.faces].mean(1)
+    assert len(found.A_t) == 30 and distance(middle[said], found.A_t).max() < 0.02
+    assert distance(middle[truth], found.A_t.astype(float)).max() < 0.03
+    assert found.taxonomy.argmax() == 1
+
+
+def test_only_hands_that_are_returned_count() -> None:
+    """A right hand alone leaves the left one empty; none at all leaves everything empty."""
+    x = looked()
+    found = project(x.mesh, x.views, "use", says("handle"), WISH)
+    assert not found.hand[0].any() and np.array_equal(found.hand[1], found.probability)
+    nothing = project(x.mesh, x.views, "use", says("handle", np.array([False, False])), WISH)
+    assert not nothing.probability.any() and nothing.A_t.shape == (0, 3)
+
+
+def test_pixels_take_the_likeliest_hypothesis() -> None:
+    one = says("handle")[0]
+    assert np.array_equal(pixels([one])[1, 0], one.probability[1, 1])
+    assert np.array_equal(pixels([replace(one, score=one.score[:, ::-1].copy())])[1, 0], one.probability[1, 0])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
+    return tree("tiny", write_model(tmp_path_factory.mktemp("model") / "small"))
+
+
+def test_the_stage_asks_a_model(model: FileTree, tmp_path: Path) -> None:
+    """A random model says something everywhere: one answer for each task, probabilities, and the same again."""
+    x = looked()
+    params = positive_affordance_projection.Params(points=20, hands="both", mirror=False)
+    found, again = (positive_affordance_projection.run(x.mesh, x.views, x.told, model, params, Scratch(tmp_path / name))
+                    for name in ("a", "b"))  # fmt: skip
+    assert [one.task for one in found.tasks] == [one.task for one in x.told.descriptions]
+    for one, other in zip(found.tasks, again.tasks, strict=True):
+        assert one.probability.shape == (len(x.mesh.faces),) and 0 < one.probability.max() <= 1 and len(one.A_t) in (0, 20)
+        assert one.probability.tobytes() == other.probability.tobytes() and one.A_t.tobytes() == other.A_t.tobytes()
+
+
+def test_views_of_another_object_are_refused(model: FileTree, tmp_path: Path) -> None:
+    x = looked()
+    other = replace(x.views, visible_area=x.views.visible_area[:-1])
+    with pytest.raises(ValueError, match="all inputs must be of one object"):
+        positive_affordance_projection.run(x.mesh, other, x.told, model, positive_affordance_projection.Params(), Scratch(tmp_path))
+
+
+@pytest.mark.parametrize(("task", "category", "said"), [
+    ("cut bread", "knife", "cut bread with knife"), ("hand over the knife", "knife", "hand over the knife"),
+    ("", "hair_dryer", "use hair dryer"), ("stir", "", "stir"), ("", "", "use")])  # fmt: skip
+def test_tasks_in_words(task: str, category: str, said: str) -> None:
+    assert in_words(task, category) == said

@@ -1,0 +1,87 @@
+"""The real CLIP code on a tiny random model: shares compete within a task, and the picture shows the mask sharp."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afford.surface.score.clip import highlighted
+from afford.surface.negative import baselines
+from afford.surface.negative.fuse import by_task, judged
+from afford.surface.negative.relevance import relevance
+from schemas.files import FileTree
+from stages.surface import mask_score
+from tests.helpers.made_objects import looked, projected
+from tests.helpers.tiny_models import save_backbones
+
+NONE = FileTree("none", ())
+FOREIGN = ("刀刃", "the 🗡 of a 刀, 长", "the x of a y, " + "very " * 80 + "long", "the " + "Übergröße " * 60 + "of a z, ...", "?")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_backbones(tmp_path_factory.mktemp("tiny"))
+
+
+def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
+    """Shares of each task sum to 1; cosines lie in 0..1; the surface can be found with them."""
+    x = looked()
+    params = mask_score.Params("clip", model=str(folder))
+    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
+    sizes = [len(one.notes) for one in x.told.descriptions]
+    for part in np.split(found.share, np.cumsum(sizes)[:-1], axis=1):
+        assert part.sum(1) == pytest.approx(1, abs=1e-5)
+    assert found.share.shape == (len(x.candidates.view), sum(sizes)) and 0 <= found.overlap.min() <= found.overlap.max() <= 1
+    assert np.ptp(found.overlap, axis=1).max() > 1e-6 and np.ptp(found.overlap, axis=0).max() > 1e-6  # words and masks matter
+    assert len(projected(x, found).tasks) == len(sizes)
+
+
+def test_what_fits_nothing_has_no_share(folder: Path) -> None:
+    """Above the largest cosine nothing is left."""
+    x = looked()
+    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip", str(folder), least_cosine=1.1))
+    assert not found.share.any()
+
+
+def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
+    """No notes, no columns; and a model must be named."""
+    x = looked()
+    silent = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=()),))
+    assert mask_score.run(x.mesh, x.views, x.candidates, silent, NONE, mask_score.Params("clip", str(folder))).share.shape[1] == 0
+    with pytest.raises(ValueError, match="needs a model"):
+        mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip"))
+
+
+def test_words_that_nobody_taught_are_scored(folder: Path) -> None:
+    """Parts in any script, in more words than are read, and without one known word: shares still are shares."""
+    x = looked()
+    notes = tuple(replace(x.told.notes[0], part=f"p{n}", phrase=phrase) for n, phrase in enumerate(FOREIGN))
+    told = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=notes),))
+    found = mask_score.run(x.mesh, x.views, x.candidates, told, NONE, mask_score.Params("clip", str(folder)))
+    assert found.share.sum(1) == pytest.approx(1, abs=1e-5) and np.isfinite(found.overlap).all()
+
+
+def test_the_mask_is_sharp_and_the_rest_is_not() -> None:
+    """Pixels inside are those of the view; outside a checkerboard goes grey."""
+    board = (np.indices((64, 64)).sum(0) % 2 * 255).astype(np.uint8)
+    rgb, mask = np.repeat(board[..., None], 3, -1), np.zeros((64, 64), bool)
+    mask[20:40, 20:40] = True
+    shown = highlighted(rgb, mask)
+    assert np.array_equal(shown[mask], rgb[mask]) and np.abs(shown[~mask].astype(int) - 127).max() < 3
+
+
+def test_baselines_ask_the_same_model_about_windows(folder: Path) -> None:
+    """Every mask that is taken is a candidate of its view or the silhouette; relevance is a mean of what was said."""
+    x = looked()
+    windows = x.windows()
+    said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", model=str(folder)))
+    one, fits = next(by_task(x.told, said))
+    for view, mask in enumerate(baselines.naive(x.views, x.candidates, windows, one, fits)):
+        offered = [*x.candidates.masks[x.candidates.view == view], x.views.face[view] >= 0]
+        assert any(np.array_equal(mask, other) for other in offered)  # type: ignore[arg-type]  # a mask in every view
+    value, count = relevance(windows, fits, one, x.views.face.shape)
+    each = judged(fits, one)[0]
+    assert each.min() - 1e-6 <= value[count > 0].min() <= value.max() <= each.max() + 1e-6

@@ -1,0 +1,124 @@
+"""Regions of a surface: creases part them, the tree keeps them all, and every face is in one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from afford.surface.segments.borders import Borders, Weights, shared_edges
+from afford.surface.segments.features import Features, colours
+from afford.surface.segments.oversegment import oversegment
+from afford.surface.segments.suppress import suppress
+from afford.surface.segments.tree import Tree, grow
+from schemas.mesh import ObjectMesh
+from tests.helpers.made_meshes import as_object, ball, cut_up, shell
+
+
+def dumbbell() -> trimesh.Trimesh:
+    """A stick of 1 cm with a block of 4 cm at one end."""
+    block = trimesh.creation.box((0.04, 0.04, 0.04), transform=trimesh.transformations.translation_matrix((0, 0.1, 0)))
+    return cut_up(trimesh.boolean.union([trimesh.creation.box((0.01, 0.2, 0.01)), block]), 0.008)
+
+
+def tree_of(thing: ObjectMesh, scale: float = 0.0003, least: float = 0.002) -> Tree:
+    features = Features.of(thing)
+    borders = Borders.of(thing.vertices, thing.faces, features, Weights())
+    return grow(oversegment(borders, features.area, scale, least), borders, features)
+
+
+def best_overlap(tree: Tree, truth: np.ndarray, area: np.ndarray) -> float:
+    """IoU by area of the node that fits a set of faces best."""
+    nodes = tree.members()[:, tree.leaf]
+    return float(max((area[n & truth].sum() / area[n | truth].sum()) for n in nodes))
+
+
+def test_a_crease_inwards_parts_block_and_stick() -> None:
+    """One node of the tree is the block, another the stick, nearly to the face; they stand out."""
+    made = dumbbell()
+    tree = tree_of(as_object(made))
+    block = made.triangles_center[:, 1] > 0.0799
+    for truth in (block, ~block):
+        assert best_overlap(tree, truth, made.area_faces) > 0.97
+    nodes = tree.members()[:, tree.leaf]
+    like = [made.area_faces[n & block].sum() / made.area_faces[n | block].sum() for n in nodes]
+    assert tree.persistence[int(np.argmax(like))] > 0.3
+
+
+def test_colour_parts_what_shape_does_not() -> None:
+    """A ball painted in two halves."""
+    made = ball(0.05, 4)
+    upper = made.triangles_center[:, 2] > 0
+    texture = np.zeros((2, 2, 3), np.uint8)
+    texture[:, 1] = 255
+    uv = np.where(upper[:, None, None], 0.75, 0.25) * np.ones((1, 3, 2))
+    tree = tree_of(replace(as_object(made), uv=uv.astype(np.float32), texture=texture))
+    assert best_overlap(tree, upper, made.area_faces) > 0.99
+
+
+def test_the_tree_holds_every_region_once() -> None:
+    """Leaves are disjoint and cover everything; a merge is its two children; the root is all; shares add up."""
+    thing = as_object(dumbbell())
+    tree = tree_of(thing)
+    nodes, regions = tree.members(), len(tree.persistence) - len(tree.children)
+    assert set(tree.leaf) == set(range(regions)) and nodes[-1].all() and tree.share[-1] == pytest.approx(1)
+    for n, (a, b) in enumerate(tree.children, regions):
+        assert not (nodes[a] & nodes[b]).any() and tree.share[n] == pytest.approx(tree.share[a] + tree.share[b])
+    assert (tree.persistence >= 0).all() and (tree.persistence <= 1).all() and len(tree.children) == regions - 1
+
+
+def test_pieces_that_touch_nowhere_end_in_one_tree() -> None:
+    """A ball in a ball: two pieces, each a node."""
+    made = shell()
+    tree = tree_of(as_object(made))
+    inner = np.linalg.norm(made.triangles_center, axis=1) < 0.07
+    assert best_overlap(tree, inner, made.area_faces) == best_overlap(tree, ~inner, made.area_faces) == 1
+
+
+def test_no_region_is_smaller_than_allowed() -> None:
+    """A larger scale gives fewer regions; none falls below the least share."""
+    thing = as_object(dumbbell())
+    features = Features.of(thing)
+    borders = Borders.of(thing.vertices, thing.faces, features, Weights())
+    fine, coarse = (oversegment(borders, features.area, scale, 0.01) for scale in (1e-4, 1e-1))
+    assert fine.max() >= coarse.max()
+    assert np.bincount(fine, features.area).min() >= 0.01 * features.area.sum()
+
+
+def test_thickness_is_the_way_to_the_other_side() -> None:
+    """Of a ball, about its diameter (the cone's rays are shorter); of a plate, its thickness."""
+    ball_thick = Features.of(as_object(ball(0.05, 4))).thickness
+    assert np.abs(ball_thick / 0.1 - np.cos(np.radians(30))).max() < 0.03
+    plate = cut_up(trimesh.creation.box((0.1, 0.1, 0.004)), 0.01)
+    inside = np.abs(plate.triangles_center[:, :2]).max(1) < 0.04
+    assert Features.of(as_object(plate)).thickness[inside] == pytest.approx(0.004 / np.cos(np.radians(30)), rel=0.02)
+
+
+def test_a_face_has_the_colour_of_its_texture() -> None:
+    """v runs upwards; coordinates beyond 1 start again."""
+    thing = as_object(ball(0.05, 1))
+    texture = np.zeros((4, 4, 3), np.uint8)
+    texture[:2] = 255
+    for v, light in ((0.75, 100), (0.25, 0), (1.75, 100)):
+        uv = np.full((len(thing.faces), 3, 2), v, np.float32)
+        assert colours(replace(thing, uv=uv, texture=texture))[:, 0] == pytest.approx(light, abs=0.5)
+
+
+def test_every_edge_is_found_with_its_length() -> None:
+    """Of a closed surface: one and a half a face; lengths are those of the edges."""
+    made = ball(0.05, 2)
+    pair, length = shared_edges(made.vertices, made.faces)
+    assert len(pair) == 1.5 * len(made.faces) and (pair[:, 0] != pair[:, 1]).all()
+    assert np.sort(length) == pytest.approx(np.sort(made.edges_unique_length), rel=1e-6)
+
+
+def test_of_two_masks_that_say_the_same_the_better_stays() -> None:
+    """By IoU; at most as many as asked for; empty ones never."""
+    masks = np.zeros((4, 10), bool)
+    masks[0, :8], masks[1, :7], masks[2, 5:] = True, True, True
+    quality = np.float32([0.5, 0.9, 0.1, 1.0])
+    assert suppress(masks, quality, 0.7, 9).tolist() == [1, 2]
+    assert suppress(masks, quality, 0.9, 9).tolist() == [1, 0, 2] and suppress(masks, quality, 0.9, 1).tolist() == [1]
+    assert not len(suppress(np.zeros((0, 3, 3), bool), np.zeros(0), 0.7, 5))

@@ -1,0 +1,54 @@
+"""The plan: shares of affordances, at least two uses of every thing, nothing and nobody in both splits."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from afford.dataset.sor3d.rules import SHARES, USES
+from schemas.interaction import AFFORDANCES, CODE_ORDER, COLOURS_BGR, OBJECT_TYPES
+from stages.synthetic import interaction_plan
+
+SPECS = interaction_plan.run(interaction_plan.Params())
+
+
+def test_every_thing_has_two_uses_and_every_affordance_a_thing() -> None:
+    """The paper asks for two at least; the table and what is planned both keep to it."""
+    assert tuple(USES) == OBJECT_TYPES
+    assert set().union(*USES.values()) == set(AFFORDANCES) == set(CODE_ORDER) == set(COLOURS_BGR) == set(SHARES)
+    for split in ("train", "val"):
+        seen = {kind: {s.affordance for s in SPECS if (s.split, s.object_type) == (split, kind)} for kind in OBJECT_TYPES}
+        assert min(map(len, seen.values())) >= 2, seen
+
+
+def test_nothing_is_in_both_splits() -> None:
+    """Instances, the seeds that make them, people, names, seeds."""
+    train, val = ([s for s in SPECS if s.split == split] for split in ("train", "val"))
+    assert (len(train), len(val)) == (360, 60)
+    for field in ("instance", "instance_seed", "subject", "name", "seed"):
+        assert not {getattr(s, field) for s in train} & {getattr(s, field) for s in val}, field
+    assert len({s.name for s in SPECS}) == len({s.seed for s in SPECS}) == len(SPECS)
+
+
+def test_affordances_come_by_their_shares() -> None:
+    """As near as whole numbers can be, at any length of the plan."""
+    for count in (9, 100, 240):
+        plan = interaction_plan.run(interaction_plan.Params(train=count, val=0))
+        found = Counter(spec.affordance for spec in plan)
+        total = sum(SHARES.values())
+        assert all(abs(found[name] - count * share / total) <= 1 for name, share in SHARES.items()), found
+
+
+def test_one_instance_is_used_in_several_ways() -> None:
+    """So that what a thing is does not tell what will be done with it."""
+    uses: dict[str, set[str]] = {}
+    for spec in SPECS:
+        uses.setdefault(spec.instance, set()).add(spec.affordance)
+    assert sum(len(names) > 1 for names in uses.values()) > len(uses) / 2
+
+
+def test_an_empty_plan_is_refused() -> None:
+    """In one sentence."""
+    with pytest.raises(ValueError, match="interaction_plan: expected numbers"):
+        interaction_plan.run(interaction_plan.Params(train=0, val=0))

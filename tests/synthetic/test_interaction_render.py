@@ -1,0 +1,144 @@
+"""Rendered interactions: same bytes twice, truth that agrees with itself, a label that is the table's, a sensor's depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
+from afford.dataset.sor3d.rules import USES, use
+from afford.synthetic.tabletop.sensor import holes, sense, steps
+from afford.render.batch import batch
+from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
+from stages.rgbd import interaction_read
+from stages.synthetic import interaction_render
+
+SPEC = InteractionSpec("Subject2_push_0001_can", "train", "can", "push", "can-0", 5, 2, 11)
+PARAMS = interaction_render.Params(height_px=64, frames=4, supersample=1)
+EXACT = interaction_render.Params(height_px=64, frames=4, supersample=1, noise=0.0)
+
+
+def render(folder, spec=SPEC, params=PARAMS):
+    """Run the stage in a folder."""
+    return interaction_render.run(spec, params, SimpleNamespace(scratch=folder, progress=lambda done, total: None))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A can that is pushed, seen by a sensor without noise."""
+    return render(tmp_path_factory.mktemp("exact"), params=EXACT)
+
+
+def test_the_same_spec_gives_the_same_bytes(tmp_path) -> None:
+    """Files by digest, truth by value."""
+    first, second = render(tmp_path / "a"), render(tmp_path / "b")
+    assert [(f.name, f.digest) for f in first.files.files] == [(f.name, f.digest) for f in second.files.files]
+    assert np.array_equal(first.truth.flow_m, second.truth.flow_m)
+
+
+def test_another_seed_is_another_sequence() -> None:
+    """The same thing elsewhere, another label."""
+    (take, label), (other, another) = (plan(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
+    assert not np.array_equal(label, another)
+    assert np.array_equal(take.act.hold.model.points, other.act.hold.model.points)
+
+
+def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
+    """A point moved by flow_m projects to where flow_px says, and where it is seen there, that is its depth. Static camera: what
+    does not move has no flow at all."""
+    clip, truth = interaction_read.run(made.files, interaction_read.Params()), made.truth
+    K, (height, width) = clip.K, clip.label.shape
+    y, x = np.mgrid[0:height, 0:width].astype(float)
+    for k in range(len(truth.flow_m)):
+        z = truth.depth_m[k].astype(float)
+        here = np.stack([(x - K[0, 2]) / K[0, 0] * z, (y - K[1, 2]) / K[1, 1] * z, z], -1)
+        there = here + truth.flow_m[k]
+        ok = truth.valid[k]
+        column = there[..., 0] / there[..., 2].clip(0.01) * K[0, 0] + K[0, 2]
+        row = there[..., 1] / there[..., 2].clip(0.01) * K[1, 1] + K[1, 2]
+        np.testing.assert_allclose((column - x)[ok], truth.flow_px[k][ok][:, 0], atol=2e-3)
+        np.testing.assert_allclose((row - y)[ok], truth.flow_px[k][ok][:, 1], atol=2e-3)
+        near = truth.visible[k]
+        r, c = np.round(row[near]).astype(int), np.round(column[near]).astype(int)
+        assert np.median(np.abs(truth.depth_m[k + 1][r, c] - there[near][:, 2])) < 1e-3
+        moving = np.abs(truth.flow_m[k]).max(-1) > 1e-4
+        assert 0.01 < moving.mean() < 0.6
+        change = np.abs(truth.depth_m[k] - truth.depth_m[k + 1])[~moving & near]
+        assert (change == 0).mean() > 0.98 and change.max() < 0.03
+
+
+def test_a_pushed_thing_moves_and_comes_to_rest() -> None:
+    """It is somewhere else at the end, it does not leave the table, and the hand has left it."""
+    take, label = plan(SPEC, 0, 64)
+    start, end = take.act.thing.at(0.0), take.act.thing.at(27.0)
+    assert 0.06 < np.linalg.norm(end[:3, 3] - start[:3, 3]) < 0.13
+    assert end[2, 3] == pytest.approx(start[2, 3])
+    last = Seen.of(take, take.instances(27.0))
+    assert set(np.unique(label)) == {AFFORDANCES.index("push"), BACKGROUND}
+    assert (last.entity()[label != BACKGROUND] == THING).all()
+
+
+def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
+    """In the picture it lies on the side that the thing was pushed away from."""
+    take, label = plan(SPEC, 0, 96)
+    last = Seen.of(take, take.instances(27.0))
+    thing = np.argwhere(last.entity() == THING)
+    moved = take.act.thing.at(27.0)[:3, 3] - take.act.thing.at(0.0)[:3, 3]
+    ahead = (take.studio.camera.T_world_cam[:3, :3].T @ moved)[:2]
+    offset = (np.argwhere(label != BACKGROUND).mean(axis=0) - thing.mean(axis=0))[::-1]
+    assert offset @ ahead < 0
+    assert 0.2 < (label != BACKGROUND).sum() / len(thing) < 0.8
+
+
+@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in USES for name in USES[kind]])
+def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
+    """A label on the thing that is seen in the last frame; the thing at rest before the touch and after the release; the hand
+    close to it between."""
+    take, label = plan(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
+    act = take.act
+    assert (label == AFFORDANCES.index(affordance)).sum() >= 10
+    for still in ((0.0, 5.0), (22.0, 27.0)):
+        np.testing.assert_allclose(act.thing.at(still[0]), act.thing.at(still[1]), atol=1e-9)
+    hand = take.hand(12.0)[0].vertices
+    assert hand is not None
+    points = batch(take.thing(12.0), take.textures).vertices
+    gap = min(float(np.linalg.norm(points - p, axis=1).min()) for p in hand[::40])
+    assert gap < 0.05, gap
+    assert take.hand(12.0)[0].entity == HAND
+    moved = np.abs(points - batch(take.thing(0.0), take.textures).vertices).max()
+    limits = {"grasp": (0, 0.02), "type": (0, 1e-6), "squeeze": (0, 0.05), "lift": (0.05, 1), "push": (0.01, 1),
+              "rotate": (0.005, 1)}  # fmt: skip
+    low, high = limits.get(affordance, (0.02, 1))
+    assert low <= moved <= high, moved
+
+
+def test_what_a_thing_is_not_used_for_is_refused() -> None:
+    """In one sentence that lists what it is used for."""
+    with pytest.raises(ValueError, match="expected one of grasp, lift, cut for a knife, got 'type'"):
+        use("knife", "type")
+
+
+def test_depth_steps_and_holes() -> None:
+    """Whole millimetres; noise grows with distance; nothing invented behind a hole; a plane has few holes, an edge many."""
+    K = np.array([[136.0, 0, 55.5], [0, 136, 55.5], [0, 0, 1]])
+    rng = np.random.default_rng(0)
+    plane = np.full((112, 112), 0.8, np.float32)
+    seen = sense(plane, K, 1.0, rng)
+    assert np.array_equal(seen, steps(seen)) and (seen == 0).mean() < 0.02
+    far = sense(np.full((112, 112), 3.0, np.float32), K, 1.0, rng)
+    assert far[far > 0].std() > 4 * seen[seen > 0].std()
+    edge = plane.copy()
+    edge[:, 56:] = 1.2
+    gone = holes(edge, K, 1.0, rng)
+    assert gone[:, 54:58].mean() > 0.25 > 10 * gone[:, :50].mean()
+    exact = sense(edge, K, 0.0, rng)
+    np.testing.assert_allclose(exact, edge, atol=6e-4)
+
+
+def test_numbers_out_of_range_are_refused(tmp_path) -> None:
+    """Before anything is drawn."""
+    with pytest.raises(ValueError, match="interaction_render: expected height_px"):
+        render(tmp_path, params=interaction_render.Params(frames=1))

@@ -1,0 +1,58 @@
+"""Laws of the plan of objects: splits are disjoint, unseen is unseen, streams are independent."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from afford.synthetic.objects.split import TRAINED, UNSEEN, specs
+from stages.synthetic import object_plan
+from stages.synthetic.object_plan import Params
+
+
+def test_unseen_categories_are_in_no_other_split() -> None:
+    """Training, validation and seen objects are of trained categories only, and no two objects are the same."""
+    plan = object_plan.run(Params())
+    by_split = {split: {spec.category for spec in plan if spec.split == split} for split in ("train", "val", "seen", "unseen")}
+    assert by_split["train"] == by_split["val"] == by_split["seen"] == set(TRAINED)
+    assert by_split["unseen"] == set(UNSEEN) and len(UNSEEN) == 6
+    assert len({spec.name for spec in plan}) == len({spec.seed for spec in plan}) == len(plan)
+
+
+def test_numbers_are_as_asked_and_half_of_the_evaluation_is_plain() -> None:
+    """By alternation, within every category."""
+    plan = object_plan.run(Params(train_per_category=4, val_per_category=1, seen_per_category=2, unseen_per_category=4))
+    counts = Counter((spec.split, spec.look) for spec in plan)
+    assert counts["seen", "plain"] == counts["seen", "mixed"] == len(TRAINED)
+    assert counts["unseen", "plain"] == counts["unseen", "mixed"] == 2 * len(UNSEEN)
+    assert counts["train", "plain"] == len(TRAINED) and counts["train", "mixed"] == 3 * len(TRAINED)
+    assert not any(spec.look == "plain" for spec in object_plan.run(Params(train_plain_every=0)) if spec.split == "train")
+
+
+def test_more_of_one_split_or_category_changes_nothing_else() -> None:
+    """Every split and category draws from a stream of its own; the seed changes all."""
+    few, many = (object_plan.run(Params(train_per_category=n)) for n in (1, 5))
+    assert {spec for spec in few if spec.split != "train"} == {spec for spec in many if spec.split != "train"}
+    assert set(few) < set(many)
+    assert specs("val", ("mug",), 2, 3, 2) == specs("val", ("knife", "mug"), 2, 3, 2)[2:]
+    assert not {s.seed for s in few} & {s.seed for s in object_plan.run(Params(seed=1, train_per_category=1))}
+
+
+def test_some_splits_and_categories_are_some_of_all() -> None:
+    """The same objects as in the whole plan; what does not exist is refused by name."""
+    plan = object_plan.run(Params())
+    some = object_plan.run(Params(splits=("val", "unseen"), categories=("mug", "axe")))
+    assert some == tuple(s for s in plan if s.split in ("val", "unseen") and s.category in ("mug", "axe"))
+    for wrong in (Params(splits=("spoon",)), Params(categories=("spoon",))):
+        with pytest.raises(ValueError, match="got spoon"):
+            object_plan.run(wrong)
+
+
+@pytest.mark.parametrize("wrong", [{"val_per_category": -1}, {"train_plain_every": -2},
+                                   dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category",
+                                                  "unseen_per_category"), 0)])  # fmt: skip
+def test_nothing_to_build_is_refused(wrong: dict[str, int]) -> None:
+    """Negative numbers and an empty plan."""
+    with pytest.raises(ValueError, match="expected numbers of 0 or more, and one object at least"):
+        object_plan.run(Params(**wrong))

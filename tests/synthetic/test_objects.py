@@ -1,0 +1,163 @@
+"""Laws of the procedural objects: closed, labelled, of household size, and the same for the same seed."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+import trimesh
+
+from afford.synthetic.objects.build import BUILDERS, shape
+from afford.synthetic.objects.cut import cut
+from afford.synthetic.objects.handles import OVERLAP_M, dee, ring, tee
+from afford.synthetic.objects.solids import Solid, block, closed, loft, plate, wire
+from afford.synthetic.objects.split import TRAINED, UNSEEN
+from afford.synthetic.objects.union import Labelled, join
+
+ALONG_Y = ("knife", "cleaver", "scissors", "saw", "chisel", "razor", "hammer", "axe", "screwdriver", "soldering_iron", "trowel",
+           "pan", "ladle", "iron", "brush", "spatula", "fork", "pliers", "wrench", "shovel", "pizza_cutter", "rolling_pin",
+           "toothbrush", "flashlight")  # fmt: skip
+"""Things that are longest along y."""
+BOTH_SIDES = ("pot", "kettle", "teapot", "iron", "drill", "rolling_pin", "wine_glass")
+"""Things whose handle may lie above, below, on both sides or in the middle."""
+HELD = {"spray_bottle": "neck", "flashlight": "body", "wine_glass": "stem"}
+"""What is held of things without a handle."""
+SEEDS = (1, 2, 3)
+
+
+@functools.cache
+def made(category: str, seed: int) -> Labelled:
+    """Coarse, which is quick; the surface is the same."""
+    return shape(category, seed, edge_m=0.02)
+
+
+def areas(thing: Labelled) -> np.ndarray:
+    tri = thing.vertices.astype(np.float32)[thing.faces].astype(float)
+    return np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1) / 2
+
+
+@pytest.mark.parametrize("category", sorted(BUILDERS))
+def test_an_object_is_one_closed_labelled_surface_of_household_size(category: str) -> None:
+    """Watertight, outwards, one body, no inner shell; every face has a part, every part a surface; it rests on z = 0."""
+    for seed in SEEDS:
+        thing = made(category, seed)
+        mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
+        assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+        assert mesh.body_count == 1
+        assert areas(thing).min() > 0
+        assert thing.part.shape == (len(thing.faces),) and thing.part.min() >= 0
+        shares = np.bincount(thing.part, areas(thing), len(thing.names)) / areas(thing).sum()
+        assert shares.min() > 0.004, dict(zip(thing.names, shares, strict=True))
+        low, high = thing.vertices.min(axis=0), thing.vertices.max(axis=0)
+        np.testing.assert_allclose((*(low + high)[:2], low[2]), 0, atol=1e-9)
+        assert 0.02 < (high - low).max() <= (1.1 if category == "shovel" else 0.6)
+
+
+@pytest.mark.parametrize("category", sorted(BUILDERS))
+def test_parts_are_those_of_the_category_and_handles_point_away(category: str) -> None:
+    """Another seed has other shapes of the same parts; what is held lies towards -y of the whole (or on both sides of it)."""
+    first, *others = (made(category, seed) for seed in SEEDS)
+    for thing in others:
+        assert thing.names == first.names
+        assert thing.vertices.shape != first.vertices.shape or not np.allclose(thing.vertices, first.vertices)
+    for thing in (first, *others):
+        size = np.ptp(thing.vertices, axis=0)
+        assert category not in ALONG_Y or size.argmax() == 1, size
+        held = HELD.get(category, "handle")
+        middle = thing.vertices[thing.faces].mean(axis=1)[thing.part == thing.names.index(held), 1].mean()
+        assert middle < (0.02 if category in BOTH_SIDES else -0.005), middle
+
+
+@pytest.mark.parametrize("category", ["knife", "kettle", "brush"])
+def test_the_same_seed_gives_the_same_bytes(category: str) -> None:
+    """Also after other objects were built."""
+    again = shape(category, 1, edge_m=0.02)
+    for name in ("vertices", "faces", "part"):
+        assert getattr(again, name).tobytes() == getattr(made(category, 1), name).tobytes(), name
+
+
+def test_edges_are_as_short_as_asked_unless_that_takes_too_many_faces() -> None:
+    """Six millimetres at most when six are asked (and some micrometres); fewer faces than the limit come first."""
+    fine = shape("knife", 1, edge_m=0.006)
+    tri = fine.vertices[fine.faces]
+    assert np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max() < 0.00605
+    assert len(shape("pot", 1, edge_m=0.006, max_faces=9000).faces) <= 9000
+    with pytest.raises(ValueError, match=r"max_faces: expected at least \d+ for this object, got 10"):
+        shape("pot", 1, edge_m=0.006, max_faces=10)
+
+
+def test_the_union_knows_where_a_face_came_from() -> None:
+    """Two boxes through each other: the surface is that of both, without what is inside, each face with its own box."""
+    across, along = block((0.1, 0.02, 0.02), bevel=0), block((0.02, 0.1, 0.02), (0, 0, 0.005), bevel=0)
+    thing = join((Solid("a", across), Solid("b", along)), 1.0, 999)
+    mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
+    assert mesh.volume == pytest.approx(2 * 0.1 * 0.02 * 0.02 - 0.02 * 0.02 * 0.015, rel=1e-6)
+    middle = thing.vertices[thing.faces].mean(axis=1)
+    assert (thing.part[np.abs(middle[:, 0]) > 0.0101] == thing.names.index("a")).all()
+    assert (thing.part[np.abs(middle[:, 1]) > 0.0101] == thing.names.index("b")).all()
+
+
+def test_parts_that_do_not_touch_are_refused() -> None:
+    """An object is one body."""
+    apart = (Solid("a", block((0.01, 0.01, 0.01))), Solid("b", block((0.01, 0.01, 0.01), (0.05, 0, 0))))
+    with pytest.raises(ValueError, match="parts a, b: expected one body, got 2"):
+        join(apart, 0.01, 999)
+
+
+def test_solids_are_closed_and_turned_outwards() -> None:
+    """Rings in either order give the same volume; an open surface is refused."""
+    square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * 0.01
+    rings = np.stack([square, square + [0, 0, 0.02]])
+    assert loft(rings).volume() == pytest.approx(8e-6) == loft(rings[::-1]).volume()
+    with pytest.raises(ValueError, match="expected a closed surface"):
+        closed(np.eye(3), np.array([[0, 1, 2]]))
+
+
+def test_a_plate_has_its_area_times_its_thickness_also_when_it_is_curved() -> None:
+    """Over a grid of any height; its two ends are closed without a cap that crosses it."""
+    x, y = np.meshgrid(np.linspace(-0.05, 0.05, 21), np.linspace(0, 0.1, 11))
+    for height in (0 * x, 20 * x**2, 0.01 * np.sin(60 * y)):
+        assert plate(np.stack([x, y, height], -1), 0.004).volume() == pytest.approx(0.1 * 0.1 * 0.004, rel=1e-6)
+
+
+def test_a_wire_goes_from_end_to_end_and_cuts_its_corners() -> None:
+    """Both ends stay; it is a little shorter than its lines, and one body."""
+    shape = wire([(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0)], 0.003, 0.02, sides=48)
+    low_x, low_y, low_z, high_x, high_y, high_z = shape.bounding_box()
+    np.testing.assert_allclose((low_x, high_y, low_z, high_z), (0, 0.1, -0.003, 0.003), atol=1e-4)
+    length = shape.volume() / (np.pi * 0.003**2)
+    assert 0.18 < length < 0.2 and len(shape.decompose()) == 1 and high_x < 0.1031 and low_y > -0.0031
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_grips_are_one_body_that_reaches_into_the_tool(seed: int) -> None:
+    """T, D and ring end just past y = 0, and lie towards -y; D and ring have a hole."""
+    rng = np.random.default_rng(seed)
+    for grip, holes in ((tee(rng, 0.12, 0.014), 0), (dee(rng, 0.12, 0.12, 0.014), 1), (ring(rng, 0.02, 0.005), 1)):
+        assert len(grip.decompose()) == 1 and grip.genus() == holes
+        assert OVERLAP_M <= round(grip.bounding_box()[4], 6) <= 2 * OVERLAP_M
+
+
+def test_specks_of_no_volume_are_no_bodies() -> None:
+    """Of this seed, rounding leaves four faces of 1e-26 m^3 where the socket of a shovel leaves its blade."""
+    thing = shape("shovel", 29, edge_m=0.02)
+    assert trimesh.Trimesh(thing.vertices, thing.faces, process=False).body_count == 1
+
+
+def test_a_cut_keeps_the_surface_and_separates_its_sides() -> None:
+    """A closed surface stays closed with the same area; every piece lies on its side; a piece knows its face."""
+    ball = trimesh.creation.icosphere(2)
+    level = ball.vertices[:, 2] - 0.3
+    points, faces, source, side = cut(ball.vertices, ball.faces, level)
+    after = trimesh.Trimesh(points, faces, process=False)
+    assert after.is_watertight and after.is_winding_consistent
+    assert after.area == pytest.approx(ball.area) and after.volume == pytest.approx(ball.volume)
+    np.testing.assert_allclose(np.bincount(source, after.area_faces), ball.area_faces, rtol=1e-9)
+    assert (after.triangles_center[side == 1][:, 2] > 0.25).all() and (after.triangles_center[side == 0][:, 2] < 0.35).all()
+    assert 0 < side.mean() < 1
+
+
+def test_every_category_is_trained_or_unseen() -> None:
+    """One or the other."""
+    assert {*TRAINED, *UNSEEN} == set(BUILDERS) and not {*TRAINED} & {*UNSEEN}

@@ -1,0 +1,131 @@
+"""The stage that renders a clip: same bytes twice, files that read back, truth that agrees with itself."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import av
+import numpy as np
+import pytest
+
+from afford.codecs import load
+from afford.synthetic.kitchens import polygons
+from afford.synthetic.kitchens.play import LENGTH
+from afford.synthetic.kitchens.scripts import SCRIPTS
+from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
+from afford.synthetic.kitchens.world import build_world, elbow
+from schemas.video import SIDES
+from schemas.scene import SceneSpec
+from stages.synthetic import scene_render
+
+SPEC = SceneSpec("P91_01", "pour", "kitchen", 3, frames=5, key_gap=2)
+PARAMS = scene_render.Params(supersample=1)
+
+
+def render(folder, spec=SPEC):
+    """Run the stage in a folder."""
+    return scene_render.run(spec, PARAMS, SimpleNamespace(scratch=folder, progress=lambda done, total: None))
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    """A short pour."""
+    return render(tmp_path_factory.mktemp("clip"))
+
+
+@pytest.fixture(scope="module")
+def truth(clip):
+    """Its truth."""
+    return load("ClipTruth", {file.name.rsplit("/", 1)[1]: file.path for file in clip.truth.files})
+
+
+def test_the_same_spec_gives_the_same_bytes(clip, tmp_path):
+    """Rendering again, in another folder, gives files of the same names and digests."""
+    again = render(tmp_path)
+    for first, second in ((clip.files, again.files), (clip.truth, again.truth)):
+        assert [(f.name, f.digest) for f in first.files] == [(f.name, f.digest) for f in second.files]
+
+
+def test_the_root_looks_like_epic(clip):
+    """Video, annotations and tables are where EPIC and VISOR have them, and no truth is among them."""
+    names = [file.name for file in clip.files.files]
+    assert names == sorted(names)
+    assert {"videos/P91/P91_01.MP4", "GroundTruth-SparseAnnotations/annotations/train/P91_01.json", "EPIC_100_train.csv",
+            "EPIC_100_video_info.csv", "EPIC_100_verb_classes.csv", "EPIC_100_noun_classes_v2.csv"} == set(names)
+    assert all(file.name.startswith("truth/P91_01/") for file in clip.truth.files)
+
+
+def test_the_video_has_every_frame(clip):
+    """Frame n is the n-th decoded frame."""
+    with av.open(str(clip.files.find("videos/P91/P91_01.MP4").path)) as container:
+        assert sum(1 for _ in container.decode(video=0)) == SPEC.frames
+
+
+def test_annotations_are_the_visible_masks(clip, truth):
+    """Drawing the polygons of a key frame by VISOR's rule gives the true visible masks; key frames are 1, 1 + gap, ..."""
+    path = clip.files.find("GroundTruth-SparseAnnotations/annotations/train/P91_01.json").path
+    points = json.loads(path.read_text())["video_annotations"]
+    assert [int(point["image"]["name"][-14:-4]) for point in points] == [1, 3, 5]
+    names = [entity.name for entity in truth.entities]
+    for point in points:
+        t = int(point["image"]["name"][-14:-4]) - 1
+        for row in point["annotations"]:
+            np.testing.assert_array_equal(polygons.draw(row["segments"], 456, 256), truth.visible[names.index(row["name"]), t])
+
+
+def test_contacts_point_to_masks_of_the_same_image(clip, truth):
+    """A hand's contact is the id of an annotation of the same image, or VISOR's word for none."""
+    points = json.loads(clip.files.find("GroundTruth-SparseAnnotations/annotations/train/P91_01.json").path.read_text())
+    for point in points["video_annotations"]:
+        ids = {row["id"] for row in point["annotations"]}
+        for row in point["annotations"]:
+            assert ("in_contact_object" in row) == (row["name"] in ("left hand", "right hand"))
+            assert row.get("in_contact_object", "hand-not-in-contact") in ids | {"hand-not-in-contact", "none-of-the-above"}
+    assert (truth.contact >= 0).any()
+
+
+def test_the_truth_agrees_with_itself(truth):
+    """Visible is within amodal, entities do not overlap, touched pixels are the hand's, and where no hand nor its shadow is,
+    the image without hands is the one with its shadows kept."""
+    assert not (truth.visible & ~truth.amodal).any()
+    assert truth.visible.sum(axis=0).max() <= 1
+    assert not (truth.contact_mask & ~truth.visible[:2]).any()
+    assert truth.contact_mask.any()
+    assert (truth.rgb_no_hands[0] == truth.rgb_no_hands_shadow[0]).mean() > 0.5
+
+
+def test_hands_hide_what_they_hold(truth):
+    """While a hand holds a thing, some of the thing is behind the hand."""
+    side, t = np.argwhere(truth.contact >= 0)[0]
+    held = truth.contact[side, t]
+    assert (truth.amodal[held, t] & truth.visible[side, t]).any()
+
+
+def test_an_unknown_script_is_refused():
+    """The error lists the scripts there are."""
+    with pytest.raises(ValueError, match="carry_both"):
+        build_world(SceneSpec("P91_01", "juggle", "kitchen", 0))
+
+
+@pytest.mark.parametrize("script", sorted(SCRIPTS))
+def test_every_script_is_played(script):
+    """Every choreography gives a world whose arms reach what they touch without breaking their wrists, and speaks of it."""
+    setting = {"hammer": "workshop", "screw": "workshop", "fetch_tool": "workshop", "fetch_item": "desk", "tidy_desk": "desk"}
+    world = build_world(SceneSpec("P91_01", script, setting.get(script, "kitchen"), 5))
+    touches = [touch for side in SIDES for touch in world.play.arms[side].touches]
+    assert touches
+    assert world.play.sayings
+    for touch in touches:
+        palm = world.play.arms[touch.grip.side].track.at(0.5 * (touch.start + touch.stop))
+        forearm = elbow(touch.grip.side, palm) - palm[:3, 3]
+        assert -palm[:3, 0] @ forearm / np.linalg.norm(forearm) > np.cos(np.radians(80))
+        assert 0 <= touch.start < touch.stop <= LENGTH
+
+
+def test_every_thing_said_is_there():
+    """Narrations of the standard sets speak only of nouns that have a class and of intervals inside the clip."""
+    for spec in (*standard_specs(2, 3), *hard_specs(2)[:2], dataset_specs(2)[-1]):
+        for saying in build_world(spec).play.sayings:
+            assert 0 <= saying.start < saying.stop <= LENGTH
+            assert saying.nouns

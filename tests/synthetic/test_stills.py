@@ -1,0 +1,229 @@
+"""Rendered stills: labels that agree with one another, hands that depend on the picture, sets that share nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from afford.codecs import CODEC
+from afford.dataset.still_samples import samples
+from afford.synthetic.things import objects
+from afford.render.motion import about, pose
+from afford.synthetic.stills.still_draw import Sizes, shoot
+from afford.synthetic.stills.still_layout import Placed, heights, lay_out
+from afford.synthetic.stills.still_plans import plans, weights
+from afford.synthetic.stills.still_sets import KNOWN, NEW, NEW_PAIRS, Extent, benchmark_specs, is_asked, is_new, kinds, train_specs
+from afford.synthetic.stills.still_tasks import Act, acts
+from afford.synthetic.stills.still_ways import Reach, with_more_grips
+from afford.synthetic.stills.still_world import StillWorld
+from afford.synthetic.stills.stills import Quality, stills
+from schemas.scene import StillSpec
+from schemas.scene import Stills
+
+SMALL = Quality(Sizes((228, 128), (228, 128)), supersample=1, jpeg_quality=90)
+EXTENT = Extent(layouts=2, views=1, tasks=6)
+SPEC = train_specs(3, 1, 0, EXTENT)[0]
+
+
+def quiet(done: int, total: int) -> None:
+    """Nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def room() -> Stills:
+    """Two pictures of a training kitchen."""
+    return stills(SPEC, SMALL, quiet)
+
+
+def stand(kind: str, x: float, y: float = 0.30, yaw: float = 0.0, number: int = 0) -> Placed:
+    """A thing at a place."""
+    model = with_more_grips(objects.build(kind, np.random.default_rng(5)))
+    T = pose((x, y, 0.0), about((0, 0, 1), yaw))
+    points = model.points @ T[:3, :3].T + T[:3, 3]
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])], np.float32)
+    return Placed(number, model, T, corners)
+
+
+def hands_for(*things: Placed, parts: tuple[str, ...] = ()) -> set[int]:
+    """Taxonomies of the natural ways to take the first of some things."""
+    act = Act("take", "take it", things[:1], parts)
+    return {plan.taxonomy for plan in plans(act, Reach(things))}
+
+
+# -- labels ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_spec_gives_the_same_bytes(room: Stills) -> None:
+    """Pictures, words and masks; another seed gives others."""
+    again, other = (stills(spec, SMALL, quiet) for spec in (SPEC, replace(SPEC, seed=SPEC.seed + 1)))
+    assert CODEC.digest(room) == CODEC.digest(again) != CODEC.digest(other)
+
+
+def test_masks_agree_with_taxonomy_and_objects(room: Stills) -> None:
+    """In every mode the hands that take part, and no others, have an affordance, inside the complete object of that hand."""
+    assert len(room.stills) > 4
+    for mode in (mode for still in room.stills for mode in still.modes):
+        affordance, things = mode.masks[:2], mode.masks[2:]
+        assert not (affordance & ~things).any()
+        active = affordance.any(axis=(1, 2)).tolist()
+        assert active == [mode.taxonomy != 1, mode.taxonomy != 0] == [bool(name) for name in mode.objects]
+        assert active == things.any(axis=(1, 2)).tolist() == [bool(name) for name in mode.grips]
+        assert not (affordance[0] & affordance[1]).any()
+        if mode.taxonomy >= 2:
+            assert np.array_equal(*things) == (mode.taxonomy == 2)
+
+
+def test_an_affordance_is_the_visible_hand_on_the_complete_object() -> None:
+    """And the hand is seen where it is drawn in front only: behind a wall of nearness nothing of it is left."""
+    world = StillWorld(SPEC)
+    layout = world.layout()
+    shot, reach = shoot(world, layout, SMALL.sizes, 1), Reach(layout.things)
+    plan = next(plan for thing in layout.things for plan in plans(Act("take", "", (thing,), ()), reach))
+    seen = shot.hands(world, plan.ways)
+    assert seen.any() and not (seen[0] & seen[1]).any()
+    walled = replace(shot, nearness=np.full_like(shot.nearness, 50.0))
+    assert not walled.hands(world, plan.ways).any()
+
+
+def test_modes_are_ways_that_differ(room: Stills) -> None:
+    """Their weights fall and sum to 1; no two look the same."""
+    for still in room.stills:
+        shares = [mode.weight for mode in still.modes]
+        assert shares == sorted(shares, reverse=True) and sum(shares) == pytest.approx(1)
+        shapes = [mode.masks[:2].tobytes() for mode in still.modes]
+        assert len(set(shapes)) == len(shapes)
+
+
+def test_one_picture_is_asked_for_several_things(room: Stills) -> None:
+    """So that the text decides; and every sentence names what it is about."""
+    for image in range(len(room.images)):
+        said = [still.narration for still in room.stills if still.image == image]
+        assert len(said) > 1 and len({(n.verb, n.all_nouns) for n in said}) == len(said)
+        assert all(noun.split(":")[0] in n.text for n in said for noun in n.all_nouns)
+
+
+# -- samples -----------------------------------------------------------------------------------------------------------
+
+
+def test_samples_show_one_way_each(room: Stills) -> None:
+    """The same picture and text come with different ways, each of them valid; likely ways come more often."""
+    drawn = samples(room, 2, 1)
+    by_number = {still.narration.narration_id: still for still in room.stills}
+    ways: dict[str, list[bytes]] = {}
+    for sample in drawn.samples:
+        valid = [mode.masks.tobytes() for mode in by_number[sample.narration.narration_id].modes]
+        assert sample.masks.tobytes() in valid
+        ways.setdefault(sample.narration.narration_id, []).append(sample.masks.tobytes())
+    assert all(len(found) == min(2, len(by_number[name].modes)) == len(set(found)) for name, found in ways.items())
+    assert any(len(found) == 2 for found in ways.values())
+    assert len({sample.sample_id for sample in drawn.samples}) == len(drawn.samples)
+
+
+def test_draws_follow_the_weights(room: Stills) -> None:
+    """Over many seeds the first way of a still with several comes as often as its weight says."""
+    still = next(still for still in room.stills if len(still.modes) > 1)
+    alone = replace(room, stills=(still,))
+    first = [samples(alone, 1, seed).samples[0].masks.tobytes() == still.modes[0].masks.tobytes() for seed in range(200)]
+    assert np.mean(first) == pytest.approx(still.modes[0].weight, abs=0.12)
+
+
+def test_no_draws_are_refused(room: Stills) -> None:
+    """One sample is the least."""
+    with pytest.raises(ValueError, match="expected 1 or more, got 0"):
+        samples(room, 0, 1)
+
+
+# -- which hand --------------------------------------------------------------------------------------------------------
+
+
+def test_the_place_of_a_thing_decides_the_hand() -> None:
+    """What stands at the right is taken with the right hand, at the left with the left, in the middle with either."""
+    assert [hands_for(stand("can", x), parts=("body",)) for x in (-0.2, 0.0, 0.2)] == [{0}, {0, 1}, {1}]
+
+
+def test_an_occupied_side_decides_the_hand() -> None:
+    """A tall box beside a can leaves no room for that hand."""
+    can = stand("can", 0.0)
+    for side, free in ((1, {0}), (-1, {1})):
+        assert hands_for(can, stand("box", side * 0.115, number=1), parts=("body",)) == free
+
+
+def test_the_handle_decides_the_hand() -> None:
+    """A mug in the middle is taken by its handle with the hand that the handle points to."""
+    assert hands_for(stand("mug", 0.0), parts=("handle",)) == {1}
+    assert hands_for(stand("mug", 0.0, yaw=np.pi), parts=("handle",)) == {0}
+
+
+def test_wide_things_take_two_hands_where_there_is_room() -> None:
+    """A plate in the middle is lifted with both; with a box at one side, with the other hand."""
+    plate = stand("plate", 0.0, 0.26)
+    lift = next(act for act in acts([plate], {0: "plate"}) if act.verb == "lift")
+    assert {plan.taxonomy for plan in plans(lift, Reach([plate]))} == {2}
+    crowded = [plate, stand("box", 0.20, 0.26, number=1), stand("box", 0.20, 0.15, number=2)]
+    assert {plan.taxonomy for plan in plans(lift, Reach(crowded))} == {0}
+
+
+def test_words_of_parts_decide_the_part() -> None:
+    """A jar is taken by its body, opened at its lid."""
+    jar = stand("jar", 0.0)
+    of = {act.verb: plans(act, Reach([jar])) for act in acts([jar], {0: "jar"})}
+    assert {way.grip.name for plan in of["take"] for way in plan.ways if way} == {"body"}
+    assert all({way.grip.name for way in plan.ways if way} == {"body", "lid"} for plan in of["open"]) and of["open"]
+
+
+def test_likelier_is_more_comfortable() -> None:
+    """Weights follow comfort."""
+    chosen = plans(Act("take", "", (stand("mug", 0.05),), ()), Reach([stand("mug", 0.05)]))
+    assert len(chosen) > 1 and (np.diff(weights(chosen)) <= 0).all() and weights(chosen).sum() == pytest.approx(1)
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_stands_in_another_thing_or_floats() -> None:
+    """Footprints are apart and everything rests on the table."""
+    models = [objects.build(kind, np.random.default_rng(2)) for kind in KNOWN]
+    things = lay_out(models, np.random.default_rng(0))
+    assert len(things) > 3
+    built = [heights([thing]) > 0 for thing in things]
+    assert np.sum(built, axis=0).max() == 1
+    assert all(abs(float((thing.model.points @ thing.T_world_obj[:3, :3].T)[:, 2].min())) < 0.003 for thing in things)
+
+
+# -- what is held out --------------------------------------------------------------------------------------------------
+
+
+def test_training_and_benchmark_share_no_room_and_no_thing() -> None:
+    """Whatever the seeds, even equal ones: no two rooms draw from the same stream, and no mesh is in both."""
+    train, test = train_specs(7, 20, 5, EXTENT), benchmark_specs(7, 26, EXTENT)
+    seeds = [spec.seed for spec in (*train, *test)]
+    assert len(set(seeds)) == len(seeds) == len({spec.video_id for spec in (*train, *test)})
+    assert {spec.split for spec in test} == {"test"} and {spec.split for spec in train} == {"train", "val"}
+    shapes = [{part.mesh.vertices.tobytes() for model in StillWorld(spec).models for part in model.parts}
+              for spec in (train[0], test[0])]
+    assert not shapes[0] & shapes[1]
+
+
+def test_training_never_shows_new_kinds_and_uses() -> None:
+    """New kinds are not even in the pool; a new use of a known kind is not asked for."""
+    assert not set(NEW) & set(kinds("kitchen", "known", "train")) and set(NEW) < set(kinds("kitchen", "new", "test"))
+    for verb, kind in NEW_PAIRS:
+        assert kind in KNOWN and is_new(verb, (kind,)) and not is_asked("known", is_new(verb, (kind,)))
+        assert any(not is_new(verb, (other,)) for other in KNOWN) and not is_new("take", (kind,))
+    assert all(spec.asks == "known" and spec.setting == "kitchen" for spec in train_specs(1, 5, 2, EXTENT))
+
+
+def test_an_unknown_question_is_refused() -> None:
+    """The error says which words there are."""
+    with pytest.raises(ValueError, match="known, new or any"):
+        is_asked("all", True)
+
+
+@pytest.mark.parametrize("spec", [benchmark_specs(1, 1, Extent(1, 1, 4))[k] for k in (1, 2, 3)], ids=lambda spec: spec.video_id)
+def test_every_row_of_the_benchmark_has_stills(spec: StillSpec) -> None:
+    """New kinds, workshop and desk; the row of new things asks for nothing else."""
+    made = stills(replace(spec, layouts=4), SMALL, quiet)
+    assert made.stills and (spec.asks != "new" or all(still.new for still in made.stills))

@@ -1,0 +1,68 @@
+"""Views are added until what can be seen has been seen well, and every share is what rays say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from afford.render.views.cameras import CARDINAL, Sphere
+from afford.render.views.plan import Plan, Wish, plan, well_seen
+from afford.render.views.rays import Rays
+from afford.render.views.surface import Surface, sphere
+from tests.helpers.made_meshes import as_object, ball, cup, ring, shell, slotted
+
+SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup, "shell": shell}
+
+
+def planned(shape: trimesh.Trimesh, wish: Wish) -> tuple[Plan, Surface, Rays, Sphere]:
+    thing = as_object(shape)
+    surface, rays, around = Surface.of(thing), Rays(thing.vertices, thing.faces), Sphere.of(thing.vertices)
+    return plan(surface, rays, around, wish, sphere(256)), surface, rays, around
+
+
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_concave_or_not_everything_is_seen_well(shape) -> None:  # type: ignore[no-untyped-def]
+    """At least 99 % of what can be seen from outside; the share never falls, and the six come first."""
+    found, *_ = planned(shape(), Wish(good_deg=75))
+    assert found.share[-1] >= 0.99 and (np.diff(found.share) >= 0).all()
+    six = found.towards[:6] / np.linalg.norm(found.towards[:6], axis=1, keepdims=True)
+    assert six == pytest.approx(np.array(list(CARDINAL.values()), float))
+
+
+def test_six_views_do_not_see_into_a_slot() -> None:
+    """They see less, and they alone are taken when no share is wished."""
+    six, *_ = planned(slotted(), Wish(good_deg=75, share=0))
+    more, *_ = planned(slotted(), Wish(good_deg=75))
+    assert len(six.share) == 6 and six.share[-1] < 0.85 < 0.99 <= more.share[-1]
+    assert np.array_equal(six.share, more.share[:6])
+
+
+def test_the_share_is_what_rays_from_the_cameras_find() -> None:
+    """Counted again from the other end: rays from each camera to each point hit the point's own face first."""
+    found, surface, rays, around = planned(cup(), Wish(good_deg=75))
+    seen = np.zeros(len(surface.points), bool)
+    for eye in around.centre + found.towards:
+        line = surface.points - eye
+        line /= np.linalg.norm(line, axis=1, keepdims=True)
+        square = -(line * surface.normals).sum(1) >= np.cos(np.radians(75))
+        seen |= square & (rays.first(np.broadcast_to(eye, line.shape), line) == surface.face)
+    area = np.where(found.visible, surface.area, 0)
+    assert area[seen].sum() / area.sum() == pytest.approx(found.share[-1], abs=0.003)
+
+
+def test_an_angle_is_kept() -> None:
+    """One eye above a ball sees the cap that geometry says: no more than the angle, no more than the horizon."""
+    thing = as_object(ball(0.1, 5))
+    surface, rays = Surface.of(thing), Rays(thing.vertices, thing.faces)
+    eye = np.array([[0, 0, 0.4]])
+    for good_deg in (30.0, 60.0, 89.0):
+        z = surface.points[well_seen(surface, rays, eye, good_deg)[0], 2]
+        cosines = [(0.4 * h - 0.01) / (0.1 * np.sqrt(0.17 - 0.8 * h)) for h in np.linspace(0.025, 0.1, 2000)]
+        lowest = np.linspace(0.025, 0.1, 2000)[np.argmax(np.array(cosines) >= np.cos(np.radians(good_deg)))]
+        assert z.min() == pytest.approx(lowest, abs=0.003)
+
+
+def test_no_more_views_than_allowed() -> None:
+    """`most` holds even where more would see more."""
+    assert len(planned(cup(), Wish(good_deg=60, most=8))[0].share) <= 8

@@ -1,0 +1,80 @@
+"""Words that a training contained: what is unknown, on disk and back, and where a user meets the warning."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from afford.twohands.model import known
+from afford.twohands.model.known import KnownWords
+from tests.helpers import tiny_asked
+from tests.helpers.command import call
+
+KNOWN = known.of([("Pour tea from kettle", "pour", "kettle"), ("cut bread", "cut", "bread"), ("cut  Bread!", "cut", "bread")])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model with words."""
+    folder = tiny_asked.write_model(tmp_path_factory.mktemp("store") / "models" / "small" / "model")
+    known.write(KNOWN, folder)
+    return folder
+
+
+def test_samples_give_verbs_things_and_words() -> None:
+    """Each once, in order; a training mirrors pictures, and with them left and right."""
+    assert known.of([("use the left hand", "use", "")]).words == ("hand", "left", "right", "the", "use")
+    assert KnownWords(("cut", "pour"), ("bread", "kettle"), ("bread", "cut", "from", "kettle", "pour", "tea")) == KNOWN
+
+
+@pytest.mark.parametrize(("task", "unknown"), [
+    ("pour tea from kettle", []), ("Pour the tea, into my KETTLE!", []), ("pour zorgblatt", ["zorgblatt"]),
+    ("zorgblatt, ZORGBLATT and quux", ["zorgblatt", "quux"]), ("", []), ("verser le thé", ["verser", "le", "thé"]),
+])  # fmt: skip
+def test_a_word_of_no_task_is_unknown(task: str, unknown: list[str]) -> None:
+    """Once, in the order of the task; articles and prepositions are never."""
+    assert KNOWN.unknown(task) == unknown
+
+
+def test_words_lie_beside_the_weights(tmp_path: Path) -> None:
+    """The same again, to the byte; none where there are none."""
+    assert known.read(tmp_path) is None
+    known.write(KNOWN, tmp_path)
+    before = (tmp_path / known.FILE).read_bytes()
+    found = known.read(tmp_path)
+    assert found == KNOWN
+    known.write(found, tmp_path)
+    assert (tmp_path / known.FILE).read_bytes() == before
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other"}', '{"format": "afford-words-1", "verbs": 3}', "[" * 10000,
+                                  '{"format": "afford-words-1", "verbs": [1], "things": [], "words": []}', "\xff"])  # fmt: skip
+def test_a_damaged_file_is_named(text: str, model: Path, tmp_path: Path) -> None:
+    """In one sentence; exit 2."""
+    folder = tmp_path / "model"
+    folder.mkdir()
+    for path in model.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes() if path.name != known.FILE else text.encode("latin-1"))
+    image = tiny_asked.write_picture(tmp_path / "kettle.png")
+    refused = call("predict", image, "cut", "--out", tmp_path / "out", "--model", folder)
+    assert refused.code == 2 and "words.json: expected" in refused.words and "Traceback" not in refused.err
+
+
+def test_predict_warns_of_unknown_words(model: Path, tmp_path: Path) -> None:
+    """On the terminal, in the summary and in the record; nothing is said of known ones."""
+    image = tiny_asked.write_picture(tmp_path / "kettle.png")
+    done = call("predict", image, "pour zorgblatt", "--out", tmp_path / "out", "--model", model, "--json")
+    assert done.code == 0 and done.json["unknown_words"] == ["zorgblatt"]
+    assert "unknown words zorgblatt: the training of this model did not contain them" in done.words
+    assert json.loads((tmp_path / "out" / "kettle" / "prediction.json").read_text())["unknown_words"] == ["zorgblatt"]
+    done = call("predict", image, "pour tea", "--out", tmp_path / "out", "--model", model, "--json")
+    assert done.json["unknown_words"] == [] and "unknown words" not in done.words
+
+
+def test_a_model_without_words_claims_nothing(tmp_path: Path) -> None:
+    """null, which is not the same as none."""
+    folder, image = tiny_asked.write_model(tmp_path / "model"), tiny_asked.write_picture(tmp_path / "kettle.png")
+    done = call("predict", image, "pour zorgblatt", "--out", tmp_path / "out", "--model", folder, "--json")
+    assert done.code == 0 and done.json["unknown_words"] is None and "unknown words" not in done.words

@@ -1,0 +1,65 @@
+"""LLaVA-13B with SAM ViT-H, built without memory: as many parameters as the public models have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from torch import nn
+from transformers import CLIPVisionConfig, LlamaConfig, LlavaConfig, SamConfig
+
+from afford.twohands.model.build import build
+from afford.twohands.model.config import ModelConfig
+from afford.models.tokens import HashedTokens
+
+VOCABULARY = 32003
+"""Llama's 32000, and [SEG] and the two marks around the image"""
+LANGUAGE = {"7b": (4096, 11008, 32, 32), "13b": (5120, 13824, 40, 40)}
+"""width, width of the perceptron, layers, heads: Touvron et al. 2023, table 2, and the configs of Vicuna 7B and 13B"""
+SAM_H = (637_026_048, 6_220 + 256, 2 * 4_058_340)
+"""image encoder, prompt encoder, two mask decoders: with one decoder the 641,090,608 of sam_vit_h_4b8939, and its 256 random
+frequencies of positions, a buffer there and a parameter in transformers"""
+TOWER = 303_179_776
+"""CLIP ViT-L/14 at 224 x 224, its image half"""
+
+
+def write_backbones(folder: Path, size: str) -> Path:
+    """The public configurations: LLaVA-1.5 with CLIP ViT-L/14 at 224 px as 2HandedAfforder has it, and SAM ViT-H."""
+    width, inner, layers, heads = LANGUAGE[size]
+    text = LlamaConfig(hidden_size=width, intermediate_size=inner, num_hidden_layers=layers, num_attention_heads=heads,
+                       num_key_value_heads=heads, vocab_size=VOCABULARY)  # fmt: skip
+    vision = CLIPVisionConfig(hidden_size=1024, intermediate_size=4096, num_hidden_layers=24, num_attention_heads=16,
+                              image_size=224, patch_size=14, projection_dim=768)  # fmt: skip
+    LlavaConfig(text_config=text, vision_config=vision, image_token_index=3).save_pretrained(folder / "vlm")
+    encoder = {"hidden_size": 1280, "num_hidden_layers": 32, "num_attention_heads": 16, "global_attn_indexes": [7, 15, 23, 31]}
+    SamConfig(vision_config=encoder).save_pretrained(folder / "sam")
+    (folder / "vlm" / "tokenizer.json").write_text(HashedTokens(VOCABULARY).to_json())
+    return folder
+
+
+def count(module: nn.Module, *, trained: bool = False) -> int:
+    return sum(parameter.numel() for parameter in module.parameters() if parameter.requires_grad or not trained)
+
+
+@pytest.mark.parametrize("size", ["7b", "13b"])
+def test_the_large_models_have_the_public_sizes(tmp_path: Path, size: str) -> None:
+    """Part by part, and what is trained: low-rank updates of rank 8, both vocabularies, projection, decoders, taxonomy."""
+    config = ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(write_backbones(tmp_path, size)))
+    with torch.device("meta"):
+        model = build(config, 0, pretrained=False)
+    assert all(parameter.is_meta for parameter in model.parameters())
+    width, inner, layers, _ = LANGUAGE[size]
+    lora = layers * 2 * (8 * width + width * 8)
+    llama = 2 * VOCABULARY * width + layers * (4 * width**2 + 3 * width * inner + 2 * width) + width
+    assert llama == {"7b": 6_738_415_616, "13b": 13_015_864_320}[size] + 3 * 2 * width  # the sizes that Llama is known by
+    connector = 1024 * width + width + width * width + width
+    projection = width * width + width + width * 256 + 256
+    taxonomy = 2 * (1024 * 1024 + 1024) + 1024 * 4 + 4
+    regions = model.get_submodule("regions")
+    parts = (regions.image_encoder, regions.prompt_encoder, regions.decoders)
+    assert tuple(map(count, parts)) == SAM_H
+    assert count(model.get_submodule("vlm.model.vision_tower")) == TOWER
+    assert count(model.get_submodule("vlm")) == llama + lora + TOWER + connector
+    assert count(model, trained=True) == lora + 2 * VOCABULARY * width + projection + SAM_H[2] + taxonomy
+    assert count(model) == llama + lora + TOWER + connector + projection + sum(SAM_H) + taxonomy
