@@ -15,19 +15,19 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from afford.grasping.candidates.report import table
 from afford.common.files import tree
+from afford.grasping.candidates.report import table
 from afford.grasping.hand.assets import shadow_files
 from afford.surface.negative.files import slug
 from afford.synthetic.objects.split import specs
 from benchmarks.pages import ROOT, into
-from schemas.grasp import GraspComparison
 from schemas.files import FileTree
+from schemas.grasp import GraspComparison
 from schemas.hand import HandModel
 from schemas.mesh import ObjectSpec
 from stages.grasping import grasp_compare, hand_model, object_solids
-from stages.synthetic import object_build
 from stages.surface import part_describe, view_render
+from stages.synthetic import object_build
 
 CATEGORIES = ("hammer", "knife", "screwdriver", "spatula", "chisel", "ladle", "saw", "brush", "trowel", "cleaver", "axe", "razor")
 """that lie still, and have a handle and something to keep off; the last three are of the categories that training never shows"""

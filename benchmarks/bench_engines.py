@@ -18,14 +18,14 @@ import numpy as np
 import psutil
 import torch
 
+from afford.common.registry import extra
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.policies.refine import Plan, made
 from afford.grasping.env.task import Task
 from afford.grasping.env.vector import Learning
 from afford.grasping.hand.assets import shadow_files
-from afford.common.registry import extra
+from afford.grasping.policies.refine import Plan, made
 from afford.grasping.rl import ppo
 from afford.grasping.sim.scene import Physics
 from benchmarks.bench_grasp_env import TOOLS, tool

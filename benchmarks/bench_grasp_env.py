@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.grasping.imitation import imitation
 from afford.grasping.env import reward, wrench
 from afford.grasping.env.act import RATES, table
 from afford.grasping.env.env import AffordanceGraspVector
@@ -23,6 +22,7 @@ from afford.grasping.env.observe import LAYOUTS, STATES, blocks
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.hand.coupling import driven, limits_u
+from afford.grasping.imitation import imitation
 from afford.grasping.sim.scene import RANDOM, Physics
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel

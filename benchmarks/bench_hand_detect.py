@@ -21,13 +21,13 @@ import cv2
 import numpy as np
 import torch
 
-from afford.extraction.hands.network import find
 from afford.common.encode import jpeg
 from afford.common.mask_metrics import iou
-from afford.models.hub import files
 from afford.common.palette import HANDS, colours_of
+from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.polygons import rasterise
+from afford.models.hub import files
 from afford.render.batch import batch
 from afford.render.view import View
 from afford.synthetic.kitchens.play import LENGTH
@@ -37,11 +37,10 @@ from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Runner
-from schemas.video import NOT_IN_CONTACT
 from schemas.files import FileTree
-from schemas.video import SIDES
 from schemas.masks import Tracks
 from schemas.scene import SceneSpec
+from schemas.video import NOT_IN_CONTACT, SIDES
 from stages.extraction import clip_footage, frame_decode, hand_detect, mask_densify, source_read
 
 ROOT = Path(__file__).resolve().parent.parent

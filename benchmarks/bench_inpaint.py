@@ -25,10 +25,10 @@ from torch import nn
 
 from afford.extraction.inpaint.lama import fill as fill_lama
 from afford.extraction.inpaint.lama.generator import Generator, LamaConfig
-from afford.models.pretrained import device_of, dtype_of
 from afford.extraction.inpaint.vidm.config import VidmConfig
 from afford.extraction.inpaint.vidm.model import Vidm
 from afford.extraction.inpaint.vidm.model import fill as fill_vidm
+from afford.models.pretrained import device_of, dtype_of
 
 PAGE = Path(__file__).with_name("inpaint.md")
 ROOT = PAGE.parent.parent

@@ -20,8 +20,8 @@ sys.path.insert(0, str(ROOT))
 
 from afford.common.lettering import label  # noqa: E402
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, InteractionSpec, InteractionTruth  # noqa: E402
-from stages.synthetic import interaction_plan, interaction_render
 from stages.rgbd import interaction_read  # noqa: E402
+from stages.synthetic import interaction_plan, interaction_render  # noqa: E402
 
 SHOWN = (0, 1, 2, 4, 5, 6, 8, 9)
 """frames of a row"""

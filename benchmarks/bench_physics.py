@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from afford.grasping.hand.assets import shadow_files
-from afford.synthetic.objects.split import TRAINED, UNSEEN
 from afford.grasping.sim.engine import world
 from afford.grasping.sim.scene import Physics, Scene
 from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
+from afford.synthetic.objects.split import TRAINED, UNSEEN
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids

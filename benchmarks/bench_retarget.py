@@ -20,8 +20,7 @@ from afford.grasping.hand.assets import shadow_files
 from benchmarks.pages import ROOT
 from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget, HandMotion, Retargeted
+from schemas.hand import GraspTarget, HandModel, HandMotion, Retargeted
 from stages.grasping import hand_model, hand_retarget, motion_read, motion_synthesise
 
 PAGE = ROOT / "benchmarks" / "retarget.md"

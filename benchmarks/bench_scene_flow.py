@@ -16,10 +16,9 @@ import numpy as np
 
 from afford.rgbd.evaluate.flow_metrics import EndPointError, end_point_error, moves
 from benchmarks.pages import ROOT
-from schemas.interaction import InteractionClip, InteractionTruth
-from schemas.interaction import SceneFlow
-from stages.synthetic import interaction_plan, interaction_render
+from schemas.interaction import InteractionClip, InteractionTruth, SceneFlow
 from stages.rgbd import interaction_read, scene_flow
+from stages.synthetic import interaction_plan, interaction_render
 
 PAGE = ROOT / "benchmarks" / "scene_flow.md"
 SIZES_PX = (112, 300)

@@ -17,9 +17,9 @@ from typing import Any
 
 import cv2
 
+from afford.rgbd.evaluate import published
 from afford.rgbd.model.config import VARIANTS
 from afford.rgbd.model.model import build
-from afford.rgbd.evaluate import published
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
 from commands.settings import described

@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from afford.grasping.policies import cameras, sight
-from afford.grasping.policies.cameras import Rig, shoot
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
+from afford.grasping.env.task import task
+from afford.grasping.hand.assets import shadow_files
+from afford.grasping.policies import cameras, sight
+from afford.grasping.policies.cameras import Rig, shoot
 from afford.grasping.policies.depth_noise import RANDOM_DEPTH
 from afford.grasping.policies.sight import Eyes
 from afford.grasping.policies.student import Senses, Sight
-from afford.grasping.env.task import task
 from afford.grasping.policies.teach import made
-from afford.grasping.hand.assets import shadow_files
 from benchmarks.pages import ROOT, into
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids

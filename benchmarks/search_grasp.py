@@ -1,4 +1,4 @@
-"""Search the numbers of the scripted grasp (afford/grasping/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
+"""Search the numbers of the scripted grasp (grasping/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
 
     PYTHONPATH=. python benchmarks/search_grasp.py
 

@@ -12,13 +12,13 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.surface.meshes.files import URDF
-from afford.surface.meshes.references import is_mesh
+from afford.common.errors import SourceError
+from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
-from afford.common.errors import SourceError
 from afford.extraction.sources.examine import Examined, examine
-from afford.common.folders import VIDEO_SUFFIXES, entries
+from afford.surface.meshes.files import URDF
+from afford.surface.meshes.references import is_mesh
 from commands.errors import UsageError, unknown
 from commands.settings import settings
 from maps.settings import Settings

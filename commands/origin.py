@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.extraction.sources.discover import Refused, Source, discover
 from afford.common.folders import media_of
+from afford.extraction.sources.discover import Refused, Source, discover
 from commands.errors import UsageError, unknown
 from maps.settings import Origin, Settings
 from schemas.files import FileRef, FileTree

@@ -11,13 +11,11 @@ from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
-from schemas.affordance import Affordances, FrameLabels
-from schemas.video import Clip
+from schemas.affordance import Affordances, FrameLabels, Samples
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
-from schemas.affordance import Samples
 from schemas.scene import RenderedClip
-from schemas.video import Frames, Inpainted
+from schemas.video import Clip, Frames, Inpainted
 from stages.extraction import (
     affordance_intersect,
     clip_footage,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
-from stages.synthetic import hand_lessons, hand_plan
 from stages.extraction import hands_train
+from stages.synthetic import hand_lessons, hand_plan
 
 
 def finder(g: Graph, p: Settings) -> FileTree:

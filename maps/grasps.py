@@ -15,11 +15,9 @@ from maps.weights import weights
 from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
-from schemas.grasp import GraspObject
-from schemas.grasp import LEVELS, GraspTask
-from schemas.hand import HandModel
+from schemas.grasp import LEVELS, GraspObject, GraspTask
+from schemas.hand import GraspTarget, HandModel, ReferenceSet
 from schemas.mesh import ObjectSpec
-from schemas.hand import GraspTarget, ReferenceSet
 from schemas.training import Trained, TrainingLog
 from stages.grasping import (
     grasp_evaluate,
@@ -40,8 +38,8 @@ from stages.grasping import (
     rl_grasp_refinement,
 )
 from stages.recording import grasp_record
-from stages.synthetic import object_build, object_plan
 from stages.surface import part_describe, positive_affordance_projection
+from stages.synthetic import object_build, object_plan
 
 HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver", "spatula")
 """categories that policies learn on"""

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.interaction import InteractionClip, InteractionTruth
-from stages.synthetic import interaction_plan, interaction_render
 from stages.rgbd import interaction_read
+from stages.synthetic import interaction_plan, interaction_render
 
 
 class Interactions(NamedTuple):

@@ -13,6 +13,7 @@ from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+from stages.recording import object_record
 from stages.surface import (
     mask_propose,
     mask_score,
@@ -28,7 +29,6 @@ from stages.surface import (
     view_render,
 )
 from stages.synthetic import object_build, object_plan
-from stages.recording import object_record
 
 
 class Looked(NamedTuple):

@@ -8,18 +8,6 @@ from typing import Any, NamedTuple
 from maps.from_above import FITTED, MOTION, RECORDED
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
-from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
-from stages.rgbd import (
-    action_pack,
-    action_read,
-    interaction_pack,
-    interaction_read,
-    scene_flow,
-    sor3d_evaluate,
-    sor3d_report,
-    static_evaluate,
-    static_read,
-)
 from stages.extraction import (
     affordance_intersect,
     dataset_pack,
@@ -35,19 +23,6 @@ from stages.extraction import (
     object_completion,
     sample_assemble,
     source_read,
-)
-from stages.synthetic import (
-    benchmark_plan,
-    hand_lessons,
-    hand_plan,
-    interaction_plan,
-    interaction_render,
-    object_build,
-    object_plan,
-    scene_render,
-    still_render,
-    still_sample,
-    train_plan,
 )
 from stages.grasping import (
     grasp_evaluate,
@@ -67,7 +42,19 @@ from stages.grasping import (
     object_solids,
     rl_grasp_refinement,
 )
+from stages.grasping.hand_retarget import Params as Retarget
 from stages.recording import grasp_record, interaction_record
+from stages.rgbd import (
+    action_pack,
+    action_read,
+    interaction_pack,
+    interaction_read,
+    scene_flow,
+    sor3d_evaluate,
+    sor3d_report,
+    static_evaluate,
+    static_read,
+)
 from stages.surface import (
     mask_propose,
     mask_score,
@@ -82,7 +69,20 @@ from stages.surface import (
     scorer_train,
     view_render,
 )
-from stages.grasping.hand_retarget import Params as Retarget
+from stages.synthetic import (
+    benchmark_plan,
+    hand_lessons,
+    hand_plan,
+    interaction_plan,
+    interaction_render,
+    object_build,
+    object_plan,
+    scene_render,
+    still_render,
+    still_sample,
+    train_plan,
+)
+from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
 from stages.twohands.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
 from stages.twohands.model_train import Params as Training
 

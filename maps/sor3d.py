@@ -12,11 +12,10 @@ from maps.settings import Origin, Settings
 from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
-from schemas.interaction import InteractionScores
-from schemas.interaction import SceneFlow
+from schemas.interaction import InteractionScores, SceneFlow
 from schemas.training import Recipe, Trained
-from stages.rgbd import action_pack, action_read, interaction_pack, scene_flow, scene_flow_score, sor3d_evaluate, sor3d_report
 from stages.recording import interaction_record, training_record
+from stages.rgbd import action_pack, action_read, interaction_pack, scene_flow, scene_flow_score, sor3d_evaluate, sor3d_report
 from stages.twohands import model_train
 
 

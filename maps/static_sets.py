@@ -11,8 +11,8 @@ from maps.sor3d import lessons, teach, usual
 from runner import Graph
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSet
-from stages.twohands import model_train
 from stages.rgbd import static_evaluate, static_read, static_report
+from stages.twohands import model_train
 
 REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
 """stages that report, in the order of Told: which model, whether it is told the box"""

@@ -14,10 +14,10 @@ from runner import Graph
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
-from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
-from stages.synthetic import benchmark_plan, still_render, still_sample, train_plan
 from stages.extraction import dataset_pack
 from stages.recording import training_record
+from stages.synthetic import benchmark_plan, still_render, still_sample, train_plan
+from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
 
 
 def stills_to_train(g: Graph, p: Settings) -> FileTree:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
+
 from schemas.masks import Entity
 from schemas.spec import Schema, array, value
 from schemas.video import Narration
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 from schemas.spec import Schema, array, value
 from schemas.video import SIDES
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
 from schemas.spec import Schema, array, value
-from typing import Literal, TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from schemas.spec import Schema, array, value
 from typing import TYPE_CHECKING
+
+from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 from schemas.files import FileTree
 from schemas.spec import Schema, array, value
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np

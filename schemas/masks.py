@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TYPE_CHECKING, Literal
 
-from schemas.video import Side
 from schemas.spec import Schema, array, value
+from schemas.video import Side
 
 if TYPE_CHECKING:
     import numpy as np

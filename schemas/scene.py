@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 from schemas.files import FileTree
 from schemas.masks import Entity
 from schemas.spec import Schema, SchemaError, array, value
 from schemas.video import Narration
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np

@@ -12,32 +12,64 @@ from blake3 import blake3
 from schemas import (
     affordance,
     benchmark,
-    grasp as candidates,
-    video as clip,
-    grasp as comparison,
     episodes,
     files,
     grasp,
-    grasp as grasp_task,
     hand,
-    scene as hand_lessons,
     interaction,
-    interaction as interaction_scores,
     masks,
     mesh,
-    hand as motion,
-    surface as negative,
-    grasp as object_list,
-    surface as positive,
-    benchmark as prediction,
-    benchmark as report,
-    affordance as sample,
     scene,
-    interaction as scene_flow,
-    scene as still,
     training,
-    scene as truth,
     video,
+)
+from schemas import (
+    affordance as sample,
+)
+from schemas import (
+    benchmark as prediction,
+)
+from schemas import (
+    benchmark as report,
+)
+from schemas import (
+    grasp as candidates,
+)
+from schemas import (
+    grasp as comparison,
+)
+from schemas import (
+    grasp as grasp_task,
+)
+from schemas import (
+    grasp as object_list,
+)
+from schemas import (
+    hand as motion,
+)
+from schemas import (
+    interaction as interaction_scores,
+)
+from schemas import (
+    interaction as scene_flow,
+)
+from schemas import (
+    scene as hand_lessons,
+)
+from schemas import (
+    scene as still,
+)
+from schemas import (
+    scene as truth,
+)
+from schemas import (
+    surface as negative,
+)
+from schemas import (
+    surface as positive,
+)
+from schemas import (
+    video as clip,
 )
 from schemas.spec import Schema
 

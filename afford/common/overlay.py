@@ -9,8 +9,8 @@ from PIL import Image, ImageDraw, ImageFont
 from afford.common.lettering import font
 from afford.common.palette import FAINT, HANDS, INK, PAPER, Colour
 from schemas.affordance import TAXONOMY
-from schemas.video import SIDES
 from schemas.benchmark import Prediction
+from schemas.video import SIDES
 
 TRACK = (226, 228, 226)
 WORDS = {"left": "left hand", "right": "right hand", "both_same": "both, one thing", "both_different": "both, two things"}

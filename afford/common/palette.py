@@ -11,6 +11,8 @@ from blake3 import blake3
 
 from schemas.masks import Entity
 
+TONES = ((216, 174, 152), (206, 158, 132), (190, 142, 114), (162, 116, 90), (122, 86, 66), (90, 63, 49))
+
 Colour = tuple[int, int, int]
 Palette = Sequence[Colour]
 """one colour per label or mask"""

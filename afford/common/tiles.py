@@ -9,21 +9,8 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.recording.moments import Moment
-
 TILE_W, HEAD, GAP = 304, 30, 4
 BACK, INK = (24, 26, 30), (236, 238, 240)
-
-
-def tile_of(moment: Moment, picture: str, overlay: str, width: int = TILE_W, edges: bool = True) -> np.ndarray | None:
-    """One picture with its overlay, (h, width, 3); None when the moment does not have it. `edges`: drawn at full strength."""
-    image = moment.picture(picture)
-    if image is None:
-        return None
-    layer = moment.picture(overlay) if overlay else None
-    if layer is not None:
-        image = _laid(image, layer, edges)
-    return cv2.resize(image, (width, round(image.shape[0] * width / image.shape[1])), interpolation=cv2.INTER_AREA)
 
 
 def titles(words: Sequence[str], width: int, step: int = TILE_W) -> np.ndarray:
@@ -48,13 +35,3 @@ def write_page(out: Path, strips: Sequence[np.ndarray]) -> None:
     Image.fromarray(np.concatenate(wide)).save(out)
 
 
-def _laid(image: np.ndarray, layer: np.ndarray, edges: bool) -> np.ndarray:
-    """Lay an RGBA overlay over a picture."""
-    alpha = layer[..., 3:].astype(np.float32) / 255
-    mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
-    if edges:
-        code = layer[..., :3].astype(np.int32) @ np.array([65536, 256, 1]) * (layer[..., 3] > 0)
-        edge = cv2.morphologyEx(code.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
-        edge &= layer[..., 3] > 0
-        mixed[edge] = layer[..., :3][edge]
-    return mixed

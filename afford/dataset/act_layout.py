@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 
 from afford.common.boxes import box
-from afford.common.files import write_json
 from afford.common.encode import png
-from schemas.video import SIDES
+from afford.common.files import write_json
 from schemas.scene import Mode, Still, Stills
+from schemas.video import SIDES
 
 PAPER_PX = 855
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.dataset.motion import Paths
 from afford.common.encode import jpeg
-from schemas.affordance import Affordances, FrameLabels, Rejection
-from schemas.video import Clip, Narration
-from schemas.video import SIDES
+from afford.dataset.motion import Paths
+from schemas.affordance import Affordances, FrameLabels, Rejection, Sample, Samples
 from schemas.masks import CompleteObjects, Tracks
-from schemas.affordance import Sample, Samples
-from schemas.video import Frames, Inpainted
+from schemas.video import SIDES, Clip, Frames, Inpainted, Narration
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from afford.common.boxes import BORDER, box
-from afford.dataset.load import Item
 from afford.common.sides import swap_sides
+from afford.dataset.load import Item
 from schemas.affordance import MIRRORED
 
 SWAP_MASKS, SWAP_PATHS = [1, 0, 3, 2], [1, 0, 3, 2]

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from afford.dataset.columns import Column, Feature
 from afford.common.files import sha256
+from afford.dataset.columns import Column, Feature
 
 PREFIXES = {
     "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.codecs.identity import digest
-from afford.dataset import card, classes, columns, croissant, plots, rows, shards, sheet
 from afford.common import files
+from afford.dataset import card, classes, columns, croissant, plots, rows, shards, sheet
 from afford.dataset.licence import licence_of
 from afford.dataset.split import Rule, assign
 from afford.dataset.tally import Tally, statistics

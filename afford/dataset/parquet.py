@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from afford.common.bounded import TooLargeError, reason
-from afford.common.files import FOOTER, MANIFEST, footer_digest
 from afford.common.errors import SourceError
+from afford.common.files import FOOTER, MANIFEST, footer_digest
 
 MOST_BYTES = 1 << 30
 """uncompressed, of one row group: 100 pictures of 10 MB"""

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from afford.common import palette
-from afford.dataset.tally import Tally
 from afford.common.figures import Figure
+from afford.dataset.tally import Tally
 from schemas.video import SIDES
 
 LEFT, RIGHT, NEW = (palette.web(colour) for colour in (palette.LEFT, palette.RIGHT, palette.OBJECTS[2]))

@@ -7,8 +7,7 @@ from typing import Any
 
 from afford.dataset import masks
 from afford.dataset.columns import MASKS, PATHS
-from schemas.affordance import Taxonomy
-from schemas.affordance import Sample, Samples
+from schemas.affordance import Sample, Samples, Taxonomy
 
 TAXONOMY3 = {Taxonomy.LEFT: 0, Taxonomy.RIGHT: 0, Taxonomy.BOTH_SAME: 1, Taxonomy.BOTH_DIFFERENT: 2}
 

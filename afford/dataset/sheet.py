@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.dataset import masks
-from afford.dataset.columns import MASKS, PATHS
 from afford.common.lettering import font
 from afford.common.palette import FAINT, INK, LEFT, PAPER, RIGHT
+from afford.dataset import masks
+from afford.dataset.columns import MASKS, PATHS
 from schemas.affordance import TAXONOMY
 
 TILE_PX = (456, 256)

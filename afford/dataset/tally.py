@@ -11,8 +11,7 @@ import numpy as np
 
 from afford.dataset.classes import Classes
 from afford.dataset.columns import MASKS, TAXONOMY3
-from schemas.affordance import TAXONOMY
-from schemas.affordance import Sample, Samples
+from schemas.affordance import TAXONOMY, Sample, Samples
 
 GRID = (36, 64)
 """rows and columns of the heat maps"""

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from schemas.affordance import Rejection, Taxonomy
-from schemas.video import SIDES
 from schemas.masks import CompleteObjects, Tracks
+from schemas.video import SIDES
 
 PAPER_SIDE_PX = 855
 UNKNOWN_CONTACT = -2

@@ -19,8 +19,8 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 from transformers import Sam3Model
 
+from afford.models.clip_text import text_batch
 from afford.models.pretrained import ERRORS, first, fit, kept, place
-from afford.twohands.model.clip import text_batch
 from afford.models.tokens import Tokens, read_tokens
 
 KINDS = ("sam3", "sam3_video")

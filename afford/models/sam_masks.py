@@ -14,8 +14,8 @@ from torch import Tensor
 from torch.nn.functional import interpolate, pad
 from transformers import SamModel
 
+from afford.models.normalise import normalised
 from afford.models.pretrained import pretrained
-from afford.twohands.model.model import normalised
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.recording.moments import Moment, moments
+from afford.common.tiles import framed, titles
+from afford.recording.moments import Moment, moments, tile_of
 from afford.recording.of_grasp import IMAGE, SAID, STATE
-from afford.common.tiles import framed, tile_of, titles
 
 SHOWN, SIDE, EPISODES = 6, 220, 8
 """moments of an episode, width of a tile in px, episodes at most"""

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.recording.moments import moments
+from afford.common.tiles import framed, titles
+from afford.recording.moments import moments, tile_of
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH_COLOUR, FLOW, IMAGE, SAID, SURE, TRUTH, WORDS
-from afford.common.tiles import framed, tile_of, titles
 
 SHOWN, SIDE = 10, 150
 """frames at most, spread evenly, the last one among them; width of a tile in px"""

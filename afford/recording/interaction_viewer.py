@@ -7,9 +7,9 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from afford.rgbd.evaluate.drawn import COLOURS
 from afford.recording.moments import Moment, moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, SURE, TRUTH, WORDS
+from afford.rgbd.evaluate.drawn import COLOURS
 from schemas.interaction import AFFORDANCES
 
 PLACES = {"said": SAID, "confident": SURE, "truth": TRUTH}

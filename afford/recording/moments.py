@@ -13,6 +13,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from afford.common.tiles import TILE_W
 from afford.recording.content import EPOCH_NS
 
 IMAGE = "foxglove.CompressedImage"
@@ -58,3 +59,26 @@ def moments(path: Path, topics: list[str] | None = None, times_ns: list[int] | N
                 for _, channel, _, value in group:
                     moment.values.setdefault(channel.topic, []).append(value)
                 yield moment
+
+
+def tile_of(moment: Moment, picture: str, overlay: str, width: int = TILE_W, edges: bool = True) -> np.ndarray | None:
+    """One picture with its overlay, (h, width, 3); None when the moment does not have it. `edges`: drawn at full strength."""
+    image = moment.picture(picture)
+    if image is None:
+        return None
+    layer = moment.picture(overlay) if overlay else None
+    if layer is not None:
+        image = _laid(image, layer, edges)
+    return cv2.resize(image, (width, round(image.shape[0] * width / image.shape[1])), interpolation=cv2.INTER_AREA)
+
+
+def _laid(image: np.ndarray, layer: np.ndarray, edges: bool) -> np.ndarray:
+    """Lay an RGBA overlay over a picture."""
+    alpha = layer[..., 3:].astype(np.float32) / 255
+    mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
+    if edges:
+        code = layer[..., :3].astype(np.int32) @ np.array([65536, 256, 1]) * (layer[..., 3] > 0)
+        edge = cv2.morphologyEx(code.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+        edge &= layer[..., 3] > 0
+        mixed[edge] = layer[..., :3][edge]
+    return mixed

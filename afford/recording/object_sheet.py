@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.recording.moments import moments
+from afford.common.tiles import framed, titles
+from afford.recording.moments import moments, tile_of
 from afford.recording.of_object import CANDIDATES, ROOM, VIEW
-from afford.common.tiles import framed, tile_of, titles
 
 SIX, SIDE, TASKS = 6, 190, 4
 """views, width of a tile in px, tasks at most"""

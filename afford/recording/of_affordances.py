@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from afford.common.palette import HANDS, LEFT, RIGHT
+from afford.common.pictures import mask_png, overlay_png
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import AffordanceState
-from afford.common.pictures import mask_png, overlay_png
 from afford.recording.topics import channel, image, image_channel, stamped, times_of
 from schemas.affordance import Affordances, Rejection, Taxonomy
-from schemas.video import SIDES
-from schemas.video import Frames
+from schemas.video import SIDES, Frames
 
 ROOM = "/affordance"
 

@@ -18,9 +18,8 @@ from afford.recording import own_types
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.of_labels import narration_message
 from afford.recording.topics import channel, log, stamped
-from schemas.video import Annotation, Clip, KeyFrame
 from schemas.masks import Entity
-from schemas.video import Frames
+from schemas.video import Annotation, Clip, Frames, KeyFrame
 
 OUTLINES, NARRATION, LOG = "/source_read/outlines", "/source_read/narration", "/source_read/log"
 LINE_PX, LETTERS_PX = 2.0, 12.0

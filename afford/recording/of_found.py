@@ -7,8 +7,7 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from afford.recording.content import Recording
 from afford.recording.of_clip import outlines
 from afford.recording.topics import channel
-from schemas.video import Clip
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 OUTLINES = "/hand_detect/outlines"
 

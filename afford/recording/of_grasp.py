@@ -18,15 +18,15 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from afford.common.palette import Colour
+from afford.common.pictures import jpeg
+from afford.common.points import sample
 from afford.grasping.evaluate.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
 from afford.grasping.evaluate.traced import Traced, traced
 from afford.grasping.hand.kinematics import forward, moving
 from afford.grasping.hand.skin import Skin, skins
-from afford.common.points import sample
-from afford.common.palette import Colour
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
-from afford.common.pictures import jpeg
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
 from afford.recording.topics import CAMERA, SECOND_NS, channel, image, image_channel, log, stamped
 from schemas.episodes import GraspEpisodes, GraspTrace

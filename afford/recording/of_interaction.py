@@ -13,14 +13,14 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.dataset.sor3d.sequences import Sequence
 from afford.common.encode import png
-from afford.rgbd.evaluate.drawn import COLOURS, heat
-from afford.rgbd.model.found import Found, likeliest
+from afford.common.pictures import PNG, jpeg, overlay_png
+from afford.dataset.sor3d.sequences import Sequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
-from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
+from afford.rgbd.evaluate.drawn import COLOURS, heat
+from afford.rgbd.model.found import Found, likeliest
 from schemas.interaction import AFFORDANCES
 
 IMAGE, DEPTH, DEPTH_COLOUR = "/interaction_read/image", "/interaction_read/depth", "/interaction_read/depth_colour"

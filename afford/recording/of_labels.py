@@ -10,8 +10,7 @@ from afford.recording import own_types
 from afford.recording.content import Message, Recording
 from afford.recording.topics import channel, log, stamped, times_of
 from schemas.affordance import FrameLabels
-from schemas.video import Narration
-from schemas.video import Frames
+from schemas.video import Frames, Narration
 
 NARRATION, LOG = "/narration", "/narration/log"
 

@@ -14,13 +14,13 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
 from afford.common.encode import png
-from afford.surface.negative.files import colours, slug
 from afford.common.palette import Palette
+from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
-from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.spatial import cloud
 from afford.recording.topics import channel, image, image_channel, log, stamped
+from afford.surface.negative.files import colours, slug
 from schemas.mesh import ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 

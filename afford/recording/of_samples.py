@@ -6,13 +6,12 @@ from collections.abc import Iterator
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
+from afford.common.pictures import mask_png
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import SampleState
-from afford.common.pictures import mask_png
 from afford.recording.topics import channel, image, image_channel, log, stamped
-from schemas.video import SIDES
 from schemas.affordance import Sample, Samples
-from schemas.video import Frames
+from schemas.video import SIDES, Frames
 
 ROOM = "/sample_assemble"
 

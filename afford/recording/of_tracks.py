@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from afford.common.palette import Palette, colours_of
+from afford.common.pictures import mask_png, overlay_png
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import Contact, MaskState
-from afford.common.pictures import mask_png, overlay_png
 from afford.recording.topics import about, channel, image, image_channel, slugs, stamped, times_of
 from schemas.masks import TrackFlag, Tracks
 from schemas.video import Frames

@@ -8,13 +8,12 @@ from typing import Any
 from afford.codecs.identity import digest
 from afford.codecs.kinds import kind_of, schema_version
 from afford.recording.content import Recording
-from schemas.video import Clip
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.hand import HandModel
 from schemas.mesh import ObjectViews
 from schemas.surface import NegativeAffordances
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 
 def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames) -> Recording:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from afford.common.tiles import BACK, INK, TILE_W, framed, titles, write_page
 from afford.recording import (
     grasp_strips,
     interaction_strips,
@@ -23,8 +24,7 @@ from afford.recording import (
     of_labels,
     of_tracks,
 )
-from afford.recording.moments import Moment, moments
-from afford.common.tiles import BACK, INK, TILE_W, framed, tile_of, titles, write_page
+from afford.recording.moments import Moment, moments, tile_of
 
 TEXT_W = 250
 FAINT = (150, 156, 164)

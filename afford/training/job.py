@@ -15,14 +15,6 @@ from afford.training.state import State
 from afford.training.task import Plan, Task
 from schemas.training import TrainingLog
 
-BACKENDS = {
-    "twohands": "afford.twohands.train.hands_job:HandsJob",
-    "sor3d": "afford.rgbd.train.sor3d_job:Sor3dJob",
-    "sor3d_actions": "afford.rgbd.train.actions_job:ActionsJob",
-    "boxes": "afford.rgbd.train.boxes_job:BoxesJob",
-}
-"""`model_train.backend` -> its job"""
-
 
 class Job(Protocol):
     """A model, what it learns from, and how."""
@@ -47,11 +39,11 @@ class Job(Protocol):
         """The card of the trained model, Markdown."""
 
     def to_json(self) -> str:
-        """The job as text, with its backend."""
+        """The job as text: its fields, and `job`, the "module:class" that reads them."""
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Job:
-        """The job again, of what its JSON says beside the backend."""
+        """The job again, of what its JSON says beside its class."""
 
 
 class Dataset(Protocol):
@@ -73,5 +65,5 @@ class Dataset(Protocol):
 def read(text: str) -> Job:
     """The job that `to_json` wrote."""
     fields = json.loads(text)
-    found: Job = load(BACKENDS, fields.pop("backend")).from_fields(fields)
+    found: Job = load({"job": fields.pop("job")}, "job").from_fields(fields)
     return found

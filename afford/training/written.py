@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +13,6 @@ import pyarrow.parquet as pq
 
 from afford.codecs.identity import digest
 from afford.common.files import empty_folder
-from afford.twohands.train import card
 from afford.training.fit import Fitted
 from afford.training.job import Job
 from schemas.files import FileTree
@@ -37,7 +37,7 @@ def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted,
         if (scratch / folder).exists():
             shutil.copytree(scratch / folder, root / folder)
     _history(curves, root / HISTORY)
-    source = Source(dataset.name, digest(dataset), card.licence_of(dataset))
+    source = Source(dataset.name, digest(dataset), _licence(dataset))
     text = job.card(name, source, scratch, fitted.model, curves)
     (root / CARD).write_text(text, encoding="utf-8", newline="\n")
     return root
@@ -51,3 +51,10 @@ def _history(curves: TrainingLog, path: Path) -> None:
         "value": np.concatenate([curve.value for curve in curves.curves]),
     })
     pq.write_table(table, path, compression="zstd")
+
+
+def _licence(dataset: FileTree) -> str:
+    """The licence on the data set's own card, 'unknown' where it says none."""
+    found = dataset.find("README.md")
+    line = re.search(r"^license: *(\S+)", found.path.read_text(encoding="utf-8"), re.MULTILINE) if found else None
+    return line[1] if line else "unknown"

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
-from schemas.files import FileTree
 from schemas.affordance import Samples
+from schemas.files import FileTree
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "pyarrow", "pycocotools", "blake3", "matplotlib", "pillow", "opencv-python-headless")
 THREADS = 1

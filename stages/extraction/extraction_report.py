@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
-from schemas.files import FileTree
 from schemas.benchmark import ClipScores
+from schemas.files import FileTree
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "opencv-python-headless", "matplotlib", "blake3")
 THREADS = 1

@@ -11,11 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from schemas.affordance import Affordances
-from schemas.video import Clip
+from schemas.benchmark import ClipScores
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
-from schemas.benchmark import ClipScores
-from schemas.video import Frames, Inpainted
+from schemas.video import Clip, Frames, Inpainted
 
 LIBRARIES = ("numpy", "opencv-python-headless", "safetensors", "zstandard", "av", "pycocotools", "blake3", "matplotlib",
              "pillow")

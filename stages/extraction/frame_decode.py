@@ -13,9 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.video import Footage
 from schemas.files import FileTree
-from schemas.video import Frames
+from schemas.video import Footage, Frames
 
 LIBRARIES = ("numpy", "opencv-python-headless", "av", "pillow")
 THREADS = 1

@@ -16,9 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.video import Clip
 from schemas.files import FileTree
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors", "tokenizers")
 THREADS = 1
@@ -94,7 +93,7 @@ class Params:
 
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Clip:
     """The clip with the hands that were found; ValueError when the finder cannot be used."""
-    from afford.extraction.hands.clip import detect
     from afford.common.registry import load
+    from afford.extraction.hands.clip import detect
 
     return detect(clip, frames, load(BACKENDS, params.backend), params, weights)

@@ -60,10 +60,10 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     """Replace the hands. Outside `mask` no pixel changes."""
     import numpy as np
 
-    from afford.extraction.layers import regions
-    from afford.models.weights import placed
     from afford.common.morphology import dilate
     from afford.common.registry import load
+    from afford.extraction.layers import regions
+    from afford.models.weights import placed
 
     _check(frames, tracks)
     hole = dilate(regions.hands(tracks), params.dilate_px)

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.scene import HandLessons
+from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
@@ -50,10 +50,11 @@ class Params:
 def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
+    from afford.extraction.finder import card as finder_card
     from afford.extraction.finder import files
+    from afford.extraction.finder import train as finder
     from afford.extraction.finder.model import HandsConfig
     from afford.training import curves
-    from afford.extraction.finder import train as finder, card as finder_card
     from afford.training.loop import seed_of, train
     from afford.training.repeatable import repeatable
 

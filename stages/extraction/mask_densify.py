@@ -15,10 +15,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.video import Clip
 from schemas.files import FileTree
 from schemas.masks import Tracks
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors")
 THREADS = 1
@@ -64,8 +63,8 @@ class Params:
 
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Tracks:
     """Tracks of the clip on every frame of `frames`; ValueError when none of its key frames is among them."""
-    from afford.models.weights import placed
     from afford.common.registry import load
     from afford.extraction.tracks.densify import densify
+    from afford.models.weights import placed
 
     return densify(clip, frames, load(BACKENDS, params.backend), placed(params, weights))

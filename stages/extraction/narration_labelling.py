@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.affordance import FrameLabels
-from schemas.video import Clip
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 LIBRARIES = ("numpy",)
 THREADS = 1
@@ -36,7 +35,7 @@ class Params:
 
 def run(clip: Clip, frames: Frames, params: Params) -> FrameLabels:
     """Label the frames of a clip; frames without a narration get no row."""
-    from afford.extraction.labels.label import label_frames
     from afford.common.registry import load
+    from afford.extraction.labels.label import label_frames
 
     return label_frames(clip, frames.frame, params.excluded, load(POLICIES, params.policy))

@@ -50,9 +50,9 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
     """Complete every touched object. Only pixels that another entity covers are ever added to the visible mask."""
     import numpy as np
 
+    from afford.common.registry import load
     from afford.extraction.layers import regions
     from afford.models.weights import placed
-    from afford.common.registry import load
 
     _check(frames, tracks, inpainted)
     complete, indices, params = load(BACKENDS, params.backend), regions.touched_indices(tracks), placed(params, weights)

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.affordance import Affordances, FrameLabels
-from schemas.video import Clip
+from schemas.affordance import Affordances, FrameLabels, Samples
 from schemas.masks import CompleteObjects, Tracks
-from schemas.affordance import Samples
-from schemas.video import Frames, Inpainted
+from schemas.video import Clip, Frames, Inpainted
 
 LIBRARIES = ("numpy", "opencv-python-headless")
 THREADS = 1

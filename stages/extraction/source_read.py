@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.video import Clip
 from schemas.files import FileTree
+from schemas.video import Clip
 
 LIBRARIES = ("numpy", "opencv-python-headless", "av", "pycocotools")
 THREADS = 1

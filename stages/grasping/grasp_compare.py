@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.grasp import GraspComparison
-from schemas.spec import Context
 from schemas.files import FileTree
-from schemas.grasp import GraspObject
+from schemas.grasp import GraspComparison, GraspObject
 from schemas.hand import HandModel
 from schemas.mesh import MeshParts, ObjectMesh
+from schemas.spec import Context
 from schemas.surface import PartDescriptions
 
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "trimesh", "mujoco", "pybullet", "torch", "safetensors",

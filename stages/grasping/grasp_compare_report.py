@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.files import FileTree
 from schemas.grasp import GraspComparison
 from schemas.spec import Context
-from schemas.files import FileTree
 
 LIBRARIES = ("numpy", "scipy", "blake3")
 THREADS = 1
@@ -31,8 +31,8 @@ def run(comparisons: tuple[GraspComparison, ...], params: Params, ctx: Context) 
     """Count."""
     from dataclasses import asdict
 
-    from afford.grasping.candidates.report import differences, shares, table
     from afford.common.files import empty_folder, tree, write_json
+    from afford.grasping.candidates.report import differences, shares, table
 
     kinds = {(one.methods, one.engines) for one in comparisons}
     if len(kinds) != 1:

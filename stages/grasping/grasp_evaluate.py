@@ -12,12 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
-from schemas.hand import HandModel
-from schemas.hand import ReferenceSet
+from schemas.hand import HandModel, ReferenceSet
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "pillow", "safetensors", "blake3")
 THREADS = 1

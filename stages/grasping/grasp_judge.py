@@ -70,9 +70,9 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     """Ask about every trace."""
     import numpy as np
 
+    from afford.common.registry import load
     from afford.grasping.evaluate.studio import Studio
     from afford.models.weights import placed
-    from afford.common.registry import load
 
     given = placed(params, weights)
     judge, known, scores = load(BACKENDS, params.backend), {one.name: one for some in tasks for one in some}, list[float]()

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
+from schemas.spec import Context
 from schemas.training import TrainingLog
 
 LIBRARIES = ("numpy", "scipy", "matplotlib", "opencv-python-headless", "pillow", "blake3")
@@ -31,7 +31,7 @@ class Params:
     rows: tuple[str, ...] = ("teacher", "no_negative", "student", "naa_only", "neither", "on_script", "on_script_no_negative",
                              "lambda_half", "lambda_double", "positive_truth", "transfer_none", "transfer_hti", "transfer_naa",
                              "transfer_both")
-    """grasp_full: what is trained (afford/grasping/evaluate/recipes.py); student comes after its teacher; `positive` asks for a two-hand model,
+    """grasp_full: what is trained (evaluate/recipes.py); student comes after its teacher; `positive` asks for a two-hand model,
     which is trained where there is none"""
     seeds: int = 3
     """grasp_full: trainings of each row, with the seeds 0, 1, ..."""

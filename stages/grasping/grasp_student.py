@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
+from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "pillow", "safetensors",
@@ -69,10 +69,10 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.grasping.policies import acting, teach
     from afford.grasping.env.core import Grasping
-    from afford.grasping.policies.lessons import Lessons
     from afford.grasping.env.task import of
+    from afford.grasping.policies import acting, teach
+    from afford.grasping.policies.lessons import Lessons
     from afford.training import curves
     from afford.training.repeatable import repeatable
 

@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget
+from schemas.hand import GraspTarget, HandModel
 
 LIBRARIES = ("numpy", "scipy", "trimesh", "mujoco", "pybullet")
 THREADS = 1

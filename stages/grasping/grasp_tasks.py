@@ -14,8 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.grasp import GraspObject
-from schemas.grasp import GraspTask
+from schemas.grasp import GraspObject, GraspTask
 from schemas.mesh import ObjectSpec
 
 LIBRARIES = ("numpy", "scipy", "trimesh")

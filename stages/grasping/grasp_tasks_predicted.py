@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 from schemas.grasp import GraspTask
 from schemas.mesh import ObjectMesh
-from schemas.surface import NegativeAffordances
-from schemas.surface import PositiveAffordances
+from schemas.surface import NegativeAffordances, PositiveAffordances
 
 LIBRARIES = ("numpy", "scipy")
 THREADS = 1

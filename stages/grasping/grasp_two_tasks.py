@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.episodes import TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "trimesh", "numba", "pillow", "opencv-python-headless",
              "matplotlib", "safetensors", "blake3")  # fmt: skip
@@ -53,10 +53,10 @@ class Params:
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], policy: FileTree, params: Params, ctx: Context) -> TwoTasksShown:
     """Grasp every object twice, and draw some of it."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.policies.acting import load
+    from afford.grasping.evaluate.grasp_sheet import write_sheet
     from afford.grasping.evaluate.studio import Studio
     from afford.grasping.evaluate.two_ends import grasp_twice
-    from afford.grasping.evaluate.grasp_sheet import write_sheet
+    from afford.grasping.policies.acting import load
     from afford.grasping.sim.scene import Physics
 
     if min(params.rounds, params.at_once, params.shown) < 1:

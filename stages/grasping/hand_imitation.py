@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget, ReferenceSet
+from schemas.hand import GraspTarget, HandModel, ReferenceSet
+from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")

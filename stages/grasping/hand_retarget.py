@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.hand import HandModel
-from schemas.hand import HandMotion, Retargeted
+from schemas.hand import HandModel, HandMotion, Retargeted
 
 LIBRARIES = ("numpy", "scipy")
 THREADS = 1

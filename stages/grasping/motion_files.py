@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.hand import ReferenceSet
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "blake3")
 THREADS = 1

@@ -29,7 +29,7 @@ BACKENDS = {
 @dataclass(frozen=True)
 class Params:
     backend: str = "keypoints"
-    """keypoints: our own format; dexycb: static grasps; oakink2: primitives of both hands, after afford.grasping.motion.oakink2_import"""
+    """keypoints: our own format; dexycb: static grasps; oakink2: primitives of both hands, after motion/oakink2_import.py"""
 
 
 def run(files: FileTree, params: Params) -> tuple[HandMotion, ...]:

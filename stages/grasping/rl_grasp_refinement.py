@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
+from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "trimesh", "mujoco", "pybullet", "gymnasium", "safetensors", "protobuf", "blake3")
@@ -72,8 +72,8 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
         ctx: Context) -> Trained:  # fmt: skip
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.grasping.policies import refine, residual
     from afford.grasping.env.task import of
+    from afford.grasping.policies import refine, residual
     from afford.grasping.rl import saved
     from afford.training import curves
     from afford.training.repeatable import repeatable

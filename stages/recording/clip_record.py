@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.video import Clip
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
+from schemas.video import Clip
 
 LIBRARIES = ("numpy", "mcap", "zstandard", "blake3")
 THREADS = 1

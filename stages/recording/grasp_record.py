@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "numba", "scipy", "trimesh", "opencv-python-headless", "av", "matplotlib", "pillow", "mcap",
              "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
@@ -41,11 +41,11 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         ctx: Context) -> FileTree:  # fmt: skip
     """Draw each row of each trace once, and write all three."""
     from afford.common.files import empty_folder, tree
+    from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet
     from afford.grasping.evaluate.studio import Studio
     from afford.recording.files import write
     from afford.recording.of_grasp import record
     from afford.recording.provenance import of_grasps
-    from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet
 
     known = {one.name: one for some in tasks for one in some}
     missing = sorted({trace.task for trace in episodes.traces} - set(known))

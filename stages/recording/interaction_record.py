@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "mcap", "mcap-protobuf-support",
              "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
@@ -39,14 +39,14 @@ class Params:
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every frame of each sequence, and write both files."""
     from afford.common import materialise as folder
-    from afford.dataset.sor3d import sequences
     from afford.common.files import empty_folder, tree
-    from afford.rgbd.model.predictor import Predictor
+    from afford.common.tiles import write_page
+    from afford.dataset.sor3d import sequences
     from afford.recording.files import write
     from afford.recording.interaction_strips import strips_of
     from afford.recording.of_interaction import record
     from afford.recording.provenance import of_files
-    from afford.common.tiles import write_page
+    from afford.rgbd.model.predictor import Predictor
     from afford.rgbd.model.sequence_batches import fitted
     from afford.rgbd.train.sor3d_job import spread
 

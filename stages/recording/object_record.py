@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.mesh import ObjectViews
+from schemas.spec import Context
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
 LIBRARIES = ("numpy", "trimesh", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf",

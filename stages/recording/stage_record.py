@@ -11,13 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.affordance import Affordances, FrameLabels
-from schemas.video import Clip
-from schemas.spec import Context
+from schemas.affordance import Affordances, FrameLabels, Samples
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
-from schemas.affordance import Samples
-from schemas.video import Frames, Inpainted
+from schemas.spec import Context
+from schemas.video import Clip, Frames, Inpainted
 
 LIBRARIES = ("numpy", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf",
              "zstandard", "blake3")  # fmt: skip
@@ -47,9 +45,9 @@ class Params:
 
 def run(value: Recorded, frames: Frames, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one stage of one clip; ValueError when a frame has no time."""
+    from afford.common.registry import load
     from afford.recording.files import as_tree, write
     from afford.recording.provenance import with_provenance
-    from afford.common.registry import load
 
     path = ctx.scratch / f"{value.clip_id}.mcap"
     recording = load(STAGES, params.stage)(value, frames)

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.interaction import ActionClip
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "safetensors", "blake3")
 THREADS = 1

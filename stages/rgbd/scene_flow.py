@@ -15,8 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from afford.common.registry import load
-from schemas.interaction import InteractionClip
-from schemas.interaction import SceneFlow
+from schemas.interaction import InteractionClip, SceneFlow
 
 LIBRARIES = ("numpy", "opencv-python-headless", "numba")
 THREADS = 1

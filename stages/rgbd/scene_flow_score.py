@@ -12,9 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.interaction import InteractionTruth
-from schemas.interaction import FlowScore
-from schemas.interaction import SceneFlow
+from schemas.interaction import FlowScore, InteractionTruth, SceneFlow
 
 LIBRARIES = ("numpy",)
 THREADS = 1

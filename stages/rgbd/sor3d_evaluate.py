@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.interaction import InteractionScores
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "blake3")
 THREADS = 1
@@ -35,11 +35,11 @@ class Params:
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> InteractionScores:
     """Ask about every sequence of the part."""
+    from afford.common.files import empty_folder
     from afford.common.materialise import unfold
     from afford.dataset.sor3d import sequences
-    from afford.common.files import empty_folder
-    from afford.rgbd.model import files
     from afford.rgbd.evaluate.examine import examine
+    from afford.rgbd.model import files
     from afford.training.repeatable import repeatable
 
     folder = unfold(model, files.CONFIG, empty_folder(ctx.scratch / "model"))

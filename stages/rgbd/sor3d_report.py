@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.interaction import FlowScore, InteractionScores
+from schemas.spec import Context
 from schemas.training import Recipe
 
 LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "matplotlib", "blake3")

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSet
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "blake3")
 THREADS = 1
@@ -52,9 +52,9 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
 
     from afford.common import materialise as folder
     from afford.common.files import empty_folder, tree
-    from afford.rgbd.model.static import last_picture
     from afford.common.registry import load
     from afford.rgbd.evaluate.static_sets import Scored, Tally, write
+    from afford.rgbd.model.static import last_picture
 
     given = samples if isinstance(samples, StaticSet) else StaticSet(tuple(last_picture(one) for one in samples), ())
     pictures = [one for one in given.samples if params.split in ("", one.split)]

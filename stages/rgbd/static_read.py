@@ -43,8 +43,8 @@ class Params:
 
 def run(files: FileTree, params: Params) -> StaticSet:
     """Samples of a source, by name."""
-    from afford.rgbd.readers.static_set import gathered
     from afford.common.registry import load
+    from afford.rgbd.readers.static_set import gathered
 
     if params.crop_px < 0 or params.every < 1:
         raise ValueError(f"static_read: expected crop_px of 0 or more and every of 1 or more, got {params}")

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 
 LIBRARIES = ("blake3",)
 THREADS = 1

@@ -63,8 +63,8 @@ class Params:
 
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartCandidates:
     """Propose parts."""
-    from afford.models.weights import placed
     from afford.common.registry import load
+    from afford.models.weights import placed
 
     if views.visible_area.shape != mesh.faces.shape[:1]:
         wanted, got = len(mesh.faces), len(views.visible_area)

@@ -42,8 +42,8 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
         params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
     """Score every candidate."""
-    from afford.models.weights import placed
     from afford.common.registry import load
+    from afford.models.weights import placed
 
     found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, placed(params, weights))
     return found

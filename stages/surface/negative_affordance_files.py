@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh
+from schemas.spec import Context
 from schemas.surface import NegativeAffordances, PartDescriptions
 
 LIBRARIES = ("numpy", "trimesh", "opencv-python-headless", "blake3")

@@ -36,9 +36,9 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         scores: PartScores, windows: PartCandidates, window_scores: PartScores, found: NegativeAffordances, params: Params,
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` is that of a procedural one."""
+    from afford.common.encode import jpeg
     from afford.surface.describe.lexicon import truth
     from afford.surface.describe.rules import known
-    from afford.common.encode import jpeg
     from afford.surface.negative.score import Known, Scored, score
     from afford.surface.negative.sheet import QUALITY, row
 

@@ -66,10 +66,10 @@ class Params:
 
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartDescriptions:
     """Describe an object for its tasks."""
+    from afford.common.registry import load
+    from afford.models.weights import placed
     from afford.surface.describe.lexicon import TASKS
     from afford.surface.describe.rules import known
-    from afford.models.weights import placed
-    from afford.common.registry import load
 
     describe, params = load(BACKENDS, params.backend), placed(params, weights)
     tasks = params.tasks or TASKS.get(known(mesh.category), ("",))

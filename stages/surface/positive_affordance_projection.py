@@ -14,11 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
-from schemas.surface import PartDescriptions
-from schemas.surface import PositiveAffordances
+from schemas.spec import Context
+from schemas.surface import PartDescriptions, PositiveAffordances
 
 LIBRARIES = ("numpy", "opencv-python-headless", "torch", "safetensors", "transformers", "tokenizers", "peft", "scipy", "embreex",
              "blake3")  # fmt: skip
@@ -55,9 +54,9 @@ def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, mo
     """Ask about every view, and put the answers on the surface."""
     from afford.common import materialise as folder
     from afford.common.files import empty_folder
-    from afford.twohands.model.predictor import Predictor
     from afford.surface.positive.project import Wish, project
     from afford.surface.positive.words import in_words
+    from afford.twohands.model.predictor import Predictor
 
     if len(views.visible_area) != len(mesh.faces):
         raise ValueError(f"{mesh.name}: expected views of {len(mesh.faces)} faces, got {len(views.visible_area)}; all inputs must "

@@ -45,10 +45,11 @@ class Params:
 def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
+    from afford.surface.parts import card as parts_card
     from afford.surface.parts import files
+    from afford.surface.parts import train as parts
     from afford.surface.parts.model import PartsConfig
     from afford.training import curves
-    from afford.surface.parts import train as parts, card as parts_card
     from afford.training.loop import seed_of, train
     from afford.training.repeatable import repeatable
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.scene import HandLessons, HandRoom
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "pybullet", "gymnasium")
 THREADS = 1

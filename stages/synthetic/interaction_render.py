@@ -3,7 +3,7 @@
 Reads   InteractionSpec: thing, affordance, instance, person, seeds.
 Writes  RenderedInteraction: files (rgb, mask and hot spot as in SOR3D-AFF; depth and camera beside them) and truth (scene flow of
         every pixel in metres, optical flow, exact depth). Only the files may be learned from.
-Method  a hand of the person comes, uses the thing as afford/synthetic/tabletop/acts.py says, leaves it at rest and goes; a camera that
+Method  a hand of the person comes, uses the thing as synthetic/tabletop/acts.py says, leaves it at rest and goes; a camera that
         stands still at the other side of the table sees it; a software renderer draws colours, points of surfaces are followed
         for the flow; depth gets a sensor's noise, steps and holes. The label is the part of the thing that the table
         in afford/dataset/sor3d/rules.py names, where it is seen in the last frame. Deterministic.
@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.interaction import InteractionSpec, RenderedInteraction
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "opencv-python-headless", "blake3")
 THREADS = 1

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.scene import RenderedClip, SceneSpec
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
              "pycocotools", "zstandard", "pybullet", "gymnasium")

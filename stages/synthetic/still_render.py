@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from schemas.scene import Stills, StillSpec
 from schemas.spec import Context
-from schemas.scene import StillSpec
-from schemas.scene import Stills
 
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
              "pycocotools", "zstandard", "pybullet", "gymnasium")

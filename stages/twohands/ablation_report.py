@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.benchmark import MethodScores
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 from schemas.training import Recipe
 
 LIBRARIES = ("numpy", "blake3")

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 
 if TYPE_CHECKING:
     from schemas.benchmark import Prediction
@@ -42,11 +42,11 @@ class Params:
 def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the baseline about every case; a case it has nothing to say of gets no row."""
     from afford.common import materialise as folder
+    from afford.common.files import empty_folder, tree
+    from afford.common.registry import load
     from afford.dataset import layout
     from afford.twohands.benchmark import stored
     from afford.twohands.benchmark.cases import read
-    from afford.common.files import empty_folder, tree
-    from afford.common.registry import load
 
     root = folder.unfold(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
     answer = load(BACKENDS, params.backend)(root)

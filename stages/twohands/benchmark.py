@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.benchmark import MethodScores
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "pillow", "matplotlib", "blake3")
 THREADS = 1
@@ -33,7 +33,7 @@ class Params:
 
 def run(scores: tuple[MethodScores, ...], others: tuple[MethodScores, ...], params: Params, ctx: Context) -> FileTree:
     """One report of our methods and of `others`, in this order."""
-    from afford.twohands.benchmark import report
     from afford.common.files import empty_folder
+    from afford.twohands.benchmark import report
 
     return report.write(scores + others, empty_folder(ctx.scratch / "report"), params.resamples, params.seed)

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.spec import Context
 from schemas.files import FileTree
 from schemas.scene import Stills
+from schemas.spec import Context
 
 LIBRARIES = ("numpy", "opencv-python-headless", "blake3")
 THREADS = 1

@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from afford.common.registry import load
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 from schemas.training import Recipe, Trained
 
 LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py",

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from schemas.spec import Context
 from schemas.files import FileTree
+from schemas.spec import Context
 
 if TYPE_CHECKING:
     from schemas.benchmark import Prediction
@@ -47,10 +47,10 @@ class Params:
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
     from afford.common import materialise as folder
+    from afford.common.files import empty_folder, tree
     from afford.dataset import layout
     from afford.twohands.benchmark import stored, words
     from afford.twohands.benchmark.cases import picture, task
-    from afford.common.files import empty_folder, tree
     from afford.twohands.model.predictor import Predictor
 
     predictor = Predictor(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,

@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 from afford.dataset.card import MADE
+from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import build
-from afford.grasping.sim import engine
 from commands.bounds import EVERYWHERE, WORDS, check, registry
 from commands.errors import UsageError
 from commands.settings import settings

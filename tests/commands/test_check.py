@@ -11,10 +11,10 @@ import pytest
 
 from afford.extraction.sources.discover import discover
 from stages.extraction import source_read
+from tests.extraction.test_readers_own import coco, compressed, read_own
 from tests.helpers import made_epic
 from tests.helpers.command import call
 from tests.helpers.mesh_files import box
-from tests.extraction.test_readers_own import coco, compressed, read_own
 from tests.helpers.tiny_root import digest, image, mask, write_root, write_video
 
 

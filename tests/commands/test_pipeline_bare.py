@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from afford.common.video.write import write_video
 from afford.extraction.hands import RIGHT, TOUCHED, network
 from afford.recording.summary import summarise
-from afford.common.video.write import write_video
 from commands.origin import origin
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -55,8 +55,8 @@ def run(folder: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyt
 
     def made(store: Path, settings: Settings) -> RunReport:
         place, _ = origin("dataset", folder, settings, digest)
-        return Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(build("dataset", place, settings),
-                                                                                               "dataset")  # fmt: skip
+        runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0)
+        return runner.run(build("dataset", place, settings), "dataset")
 
     return made
 

@@ -66,5 +66,6 @@ def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_physics_leaves_stdout_to_the_summary() -> None:
     """Its last line is the JSON object; PyBullet prints when it was built, which goes elsewhere."""
-    done = subprocess.run([sys.executable, "-c", "import afford.common.bullet"], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", "import afford.common.bullet"], cwd=ROOT, capture_output=True, text=True,
+                          check=True)
     assert done.stdout == ""

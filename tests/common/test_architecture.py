@@ -97,7 +97,8 @@ def test_stages_never_import_each_other() -> None:
         assert not {name for name in imported(path) if name.split(".")[0] == "stages"}, path.name
 
 
-HOMES = {"pybullet": ("afford/common/bullet.py",), "mujoco": ("afford/grasping/sim/mujoco_world.py", "afford/grasping/hand/mjcf.py"),
+HOMES = {"pybullet": ("afford/common/bullet.py",),
+         "mujoco": ("afford/grasping/sim/mujoco_world.py", "afford/grasping/hand/mjcf.py"),
          "rerun": ("afford/recording",), "mujoco_warp": (), "warp": ()}  # fmt: skip
 
 

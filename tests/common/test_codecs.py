@@ -20,10 +20,9 @@ from afford.codecs import CODEC, digest, load, load_folder, save
 from afford.codecs.kinds import BUNDLES, kinds, schema_version
 from afford.codecs.shelf import Shelf
 from runner.store import Store, prepare_store
-from schemas.video import Annotation, Clip, KeyFrame, Polygon
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
-from schemas.video import Frames
+from schemas.video import Annotation, Clip, Frames, KeyFrame, Polygon
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZES = {"t": 3, "h": 6, "w": 8, "n": 2, "m": 4, "s": 5, "b": 7}

@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.common.palette import HANDS, OBJECTS, colours_of, web
 from afford.extraction.report.sheet import paint
-from schemas.video import SIDES
 from schemas.masks import Entity
+from schemas.video import SIDES
 
 AFFORD = Path(__file__).resolve().parents[2] / "afford"
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.errors import SourceError
-from afford.common.video.decode import decode_video
 from afford.common.number import epic_rate, number_in, shown
+from afford.common.video.decode import decode_video
 from afford.common.video.probe import probe
 from afford.common.video.size import fit
 from tests.helpers.tiny_root import HEIGHT, WIDTH, spelt, write_video

@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from afford.dataset import augment, load
-from afford.common.files import MANIFEST
 from afford.common.errors import SourceError
+from afford.common.files import MANIFEST
+from afford.dataset import augment, load
 from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
 

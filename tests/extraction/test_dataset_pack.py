@@ -110,8 +110,8 @@ def test_same_input_same_bytes(tmp_path):
 
 def test_other_hash_seed_same_bytes(packed):
     """Nothing hangs on the order of sets: a process with another hash seed writes the same manifest."""
-    code = ("import sys; from pathlib import Path; import cv2; cv2.ipp.setUseIPP(False); from tests.extraction.test_dataset_pack import pack; "
-            "print(pack(Path(sys.argv[1]), samples_per_shard=7)[1])")
+    code = ("import sys; from pathlib import Path; import cv2; cv2.ipp.setUseIPP(False); "
+            "from tests.extraction.test_dataset_pack import pack; print(pack(Path(sys.argv[1]), samples_per_shard=7)[1])")
     folder = packed.parent / "other_process"
     folder.mkdir()
     done = subprocess.run([sys.executable, "-c", code, folder], cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": "77"}, check=True,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from afford.extraction.hands.finder import GRID, MEAN, exposed, find, size
 from afford.extraction.finder import files
 from afford.extraction.finder.model import Hands, HandsConfig
+from afford.extraction.hands.finder import GRID, MEAN, exposed, find, size
 
 TINY = HandsConfig(height_px=48, width_px=80, widths=(4, 8, 12))
 

@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
-from afford.extraction.hands.clip import detect
 from afford.common.mask_metrics import iou
 from afford.common.morphology import dilate
+from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
+from afford.extraction.hands.clip import detect
 from afford.extraction.sources.polygons import fill
 from afford.extraction.sources.speech import untold
-from schemas.video import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
-from schemas.video import Frames
+from schemas.video import NOT_IN_CONTACT, Annotation, Clip, Frames, KeyFrame
 from stages.extraction.hand_detect import Params
 from tests.helpers.toy_clip import Toy, texture, toy
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from afford.extraction.hands.finder import find
 from afford.extraction.finder import files
-from afford.extraction.finder.model import SIDE, HandsConfig
-from afford.models.weights import root
 from afford.extraction.finder import train as finder
+from afford.extraction.finder.model import SIDE, HandsConfig
+from afford.extraction.hands.finder import find
+from afford.models.weights import root
 from afford.training.loop import train
 from afford.training.repeatable import repeatable
 from afford.training.task import Plan

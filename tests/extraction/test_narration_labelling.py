@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.video import Clip, Narration
-from schemas.video import Frames
+from schemas.video import Clip, Frames, Narration
 from stages.extraction import narration_labelling
 from stages.extraction.narration_labelling import Params
 

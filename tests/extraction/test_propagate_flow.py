@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.extraction.tracks.propagate import UNKNOWN, dense, flow, nearest
 from afford.common.mask_metrics import region_similarity
 from afford.common.optical_flow import flow_between, follow
+from afford.extraction.tracks.propagate import UNKNOWN, dense, flow, nearest
 from afford.extraction.tracks.propagate.leaps import step_between
 from afford.extraction.tracks.propagate.patches import UNMATCHED, colours, match
 from tests.helpers.moving_shapes import CUP, HAND, film, texture

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from afford.extraction.sources.discover import Source, discover
 from afford.common.errors import SourceError
 from afford.common.video.frames import decode_clip
+from afford.extraction.sources.discover import Source, discover
 from schemas.video import Clip
 from stages.extraction import clip_footage, source_read
 from tests.helpers.tiny_root import digest, row, spelt, write_rows, write_video

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from afford.extraction.sources.discover import discover
 from afford.common.errors import SourceError
+from afford.extraction.sources.discover import discover
 from tests.helpers.tiny_root import digest, image, write_points, write_root, write_video
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
 
-from afford.extraction.sources.annotations import read_keys
 from afford.common.errors import SourceError
+from afford.extraction.sources.annotations import read_keys
 from afford.extraction.sources.run_lengths import decode
 from schemas.files import FileRef, FileTree
 from tests.extraction.test_readers_own import coco, compressed

@@ -9,8 +9,8 @@ import pytest
 
 from afford.common.errors import SourceError
 from stages.extraction import source_read
-from tests.helpers.made_epic import VIDEO, write_tables, write_tar, write_zip
 from tests.extraction.test_readers_packs import tree
+from tests.helpers.made_epic import VIDEO, write_tables, write_tar, write_zip
 from tests.helpers.tiny_root import SQUARE, image, mask, write_points
 
 DENSE = "Interpolations-DenseAnnotations/train"

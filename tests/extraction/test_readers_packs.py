@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from afford.extraction.sources.discover import discover
 from afford.common.errors import SourceError
 from afford.common.folders import media_of
+from afford.extraction.sources.discover import discover
 from runner.canonical import path_digest
-from schemas.video import Clip
 from schemas.files import FileTree
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 from stages.extraction import clip_footage, frame_decode, source_read
 from tests.helpers.made_epic import VIDEO, write_folder, write_tables, write_tar, write_zip
 from tests.helpers.tiny_root import spelt

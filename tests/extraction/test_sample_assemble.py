@@ -10,9 +10,8 @@ import pytest
 
 from afford.dataset.motion import Paths, centroid
 from schemas.affordance import Affordances, FrameLabels, Rejection
-from schemas.video import Clip
 from schemas.masks import CompleteObjects, Entity, Tracks
-from schemas.video import Frames, Inpainted
+from schemas.video import Clip, Frames, Inpainted
 from stages.extraction import sample_assemble
 from tests.helpers.made_samples import narration
 

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.common.files import tree
 from afford.grasping.candidates.compare import masks
 from afford.grasping.candidates.look import Eye, look
 from afford.grasping.candidates.report import differences, shares, table
-from afford.common.files import tree
-from schemas.grasp import FIGURES, METHODS, GraspComparison
 from schemas.files import FileTree
-from schemas.grasp import GraspObject
+from schemas.grasp import FIGURES, METHODS, GraspComparison, GraspObject
 from schemas.mesh import ObjectSpec, PartedMesh
 from schemas.surface import PartDescriptions
 from stages.grasping import grasp_compare, grasp_compare_report, object_solids
-from stages.synthetic import object_build
 from stages.surface import part_describe
+from stages.synthetic import object_build
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_objects import looked
 from tests.helpers.made_samples import Scratch

@@ -16,13 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.core import LOST_M
 from afford.grasping.env.env import ID, AffordanceGrasp, AffordanceGraspVector
-from afford.grasping.imitation.imitate_env import HandImitation
 from afford.grasping.env.metrics import MEANING
 from afford.grasping.env.observe import LAYOUTS
 from afford.grasping.env.reward import REWARDS
 from afford.grasping.env.single import Single
 from afford.grasping.env.task import task
 from afford.grasping.env.vector import Learning
+from afford.grasping.imitation.imitate_env import HandImitation
 from tests.helpers.made_grasps import env, held_by_handle, reference, vector
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate import report_rows
-from afford.grasping.evaluate.cells import cells
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Still, play
+from afford.grasping.env.task import of
+from afford.grasping.evaluate import report_rows
+from afford.grasping.evaluate.cells import cells
 from afford.grasping.evaluate.examine import FIGURES
 from afford.grasping.evaluate.report import by_row, markdown, metrics
-from afford.grasping.env.task import of
-from schemas.spec import Context
 from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
-from schemas.mesh import ObjectSpec
 from schemas.hand import ReferenceSet, RetargetReport
+from schemas.mesh import ObjectSpec
+from schemas.spec import Context
 from schemas.training import Curve, TrainingLog
 from stages.grasping import grasp_evaluate, grasp_report, grasp_tasks
 from tests.helpers.made_grasps import reference

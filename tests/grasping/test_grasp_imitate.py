@@ -11,9 +11,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.spatial.transform import Rotation
 
+from afford.grasping.hand.kinematics import forward
 from afford.grasping.imitation.imitate_env import ID, HandImitation, HandImitationVector
 from afford.grasping.imitation.imitation import PATIENCE_S, REWARDS, Tracking, failed, rewards, tolerance_m
-from afford.grasping.hand.kinematics import forward
 from tests.helpers.made_grasps import reference
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block

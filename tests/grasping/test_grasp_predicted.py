@@ -9,19 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.agreement import agreement
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Round, Still, play
-from afford.grasping.evaluate.examine import FIGURES
 from afford.grasping.env.task import Task, of
+from afford.grasping.evaluate.agreement import agreement
+from afford.grasping.evaluate.examine import FIGURES
 from afford.surface.negative.distance import distance
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.episodes import GraspEpisodes
 from schemas.grasp import GraspTask
-from schemas.surface import NegativeAffordances
-from schemas.surface import PositiveAffordance, PositiveAffordances
+from schemas.surface import NegativeAffordances, PositiveAffordance, PositiveAffordances
 from stages.grasping import grasp_report, grasp_tasks, grasp_tasks_predicted, object_solids
 from tests.helpers.made_grasps import held_by_handle
 from tests.helpers.made_hands import shadow

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from afford.grasping.env.reward import negative_times, weights
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from commands.settings import settings
 from maps.from_above import FITTED, MOTION
 from maps.settings import Origin, Settings

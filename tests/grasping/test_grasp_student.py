@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.policies import acting, teach
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import play
 from afford.grasping.env.task import of
+from afford.grasping.policies import acting, teach
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
 from schemas.grasp import GraspTask

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from afford.grasping.policies import acting
 from afford.grasping.env.observe import blocks
+from afford.grasping.policies import acting
 from afford.grasping.rl import saved
 from afford.grasping.sim.scene import Physics
 from schemas.training import Trained

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.common.errors import SourceError
 from afford.grasping.hand import assets, urdf
 from afford.grasping.hand.solids import solid
 from afford.grasping.hand.tree import Tree
-from afford.common.errors import SourceError
 from schemas.files import FileTree
 from stages.grasping import hand_model
 from tests.helpers.made_hands import JOINT, LINK, PINCER, hand_of, read_text, written

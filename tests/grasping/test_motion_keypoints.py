@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from afford.common.errors import SourceError
 from afford.grasping.motion.keypoints import COLUMNS
 from afford.grasping.motion.mirror import mirrored
 from afford.grasping.motion.targets import grip_axes
-from afford.common.errors import SourceError
 from schemas.hand import PHASES, HandMotion
 from stages.grasping import motion_read
 from tests.helpers.made_hands import shadow

@@ -16,10 +16,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from afford.common.errors import SourceError
 from afford.grasping.motion import mano
 from afford.grasping.motion.oakink2_import import PROJECT, convert, convert_all
 from afford.grasping.motion.plain_pickle import NotPlainError, load
-from afford.common.errors import SourceError
 from stages.grasping import motion_read
 from tests.helpers.made_motions import oakink2_root, pretend_mano, tree
 
@@ -126,8 +126,8 @@ def test_bad_files_are_said_in_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="no 'mocap_frame_id_list' where the description has it"):
         convert(dumped(tmp_path / "empty.pkl", {}), tmp_path / "out.npz")
     (root / "program" / "program_info" / "scene_01++seq_a.json").unlink()
-    done = subprocess.run([sys.executable, "-m", "afford.grasping.motion.oakink2_import", str(root), str(tmp_path / "out")], cwd=PROJECT,
-                          capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", "afford.grasping.motion.oakink2_import", str(root), str(tmp_path / "out")],
+                          cwd=PROJECT, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr.startswith("scene_01++seq_a.pkl: expected program/program_info/")
     (tmp_path / "only.json").write_text(json.dumps({}))
     with pytest.raises(SourceError, match=r"expected a file mano_left.npz"):

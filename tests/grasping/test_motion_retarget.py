@@ -13,8 +13,7 @@ from afford.grasping.motion.mirror import mirrored
 from afford.grasping.motion.points import hand_points
 from afford.grasping.motion.problem import Problem, State, Weights
 from afford.grasping.motion.targets import targets
-from schemas.hand import HandModel
-from schemas.hand import HandMotion, Retargeted
+from schemas.hand import HandModel, HandMotion, Retargeted
 from stages.grasping import hand_retarget, motion_read, motion_report
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_motions import SHARED, own_motion, trajectory, tree

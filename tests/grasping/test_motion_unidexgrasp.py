@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from afford.grasping.motion.unidexgrasp import read
 from afford.common.errors import SourceError
+from afford.grasping.motion.unidexgrasp import read
 from tests.helpers.made_motions import tree
 
 LISTS = {"train": "'core/bottle-a1': [0.06, 0.08]\n# more\n'sem/Mug-b2': [0.15]\n", "unseen_objects": "core/bottle-c3: [0.1]\n",

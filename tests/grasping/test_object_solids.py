@@ -7,12 +7,12 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from afford.surface.meshes.nearest import Nearest
 from afford.grasping.sim.hulls import corners, decomposed
+from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec
-from stages.synthetic import object_build
 from stages.grasping import object_solids
+from stages.synthetic import object_build
 from tests.helpers.made_meshes import as_object
 
 PARAMS = object_solids.Params(points=300)

@@ -13,10 +13,10 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.grasping.policies import refine
-from afford.grasping.policies.acting import load, prior_columns
 from afford.grasping.env.config import Config
 from afford.grasping.env.observe import blocks, slices
+from afford.grasping.policies import refine
+from afford.grasping.policies.acting import load, prior_columns
 from afford.grasping.policies.residual import OverBase, Prior
 from afford.grasping.rl import ppo, saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig

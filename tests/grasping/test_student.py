@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from afford.grasping.env import act
-from afford.grasping.policies import cameras, expert, proprioception, sight
 from afford.grasping.env.core import Grasping
-from afford.grasping.policies.depth_noise import DepthNoise
 from afford.grasping.env.evaluate import play
 from afford.grasping.env.observe import LAYOUTS
+from afford.grasping.policies import cameras, expert, proprioception, sight
+from afford.grasping.policies.depth_noise import DepthNoise
 from afford.grasping.policies.sight import Eyes, Seen, see
 from afford.grasping.policies.student import Senses, Sight
 from tests.helpers.made_grasps import held_by_handle

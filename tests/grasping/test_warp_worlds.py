@@ -8,16 +8,16 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from afford.common.registry import extra
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.task import task
-from afford.common.registry import extra
 from afford.grasping.sim.batch import batch
 from afford.grasping.sim.engine import State
 from afford.grasping.sim.scene import Scene, randomised
 from afford.grasping.sim.worlds import Worlds
+from tests.grasping.test_engines import above_block
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
-from tests.grasping.test_engines import above_block
 
 CONTROL_S = 0.05
 there = pytest.mark.skipif(not (importlib.util.find_spec("mujoco_warp") and importlib.util.find_spec("warp")),

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.discover import discover
 from afford.surface.meshes.mend import read_mended
 from afford.surface.meshes.read import read
 from afford.surface.meshes.surface import Surface
-from afford.common.errors import SourceError
 from schemas.hand import HandModel
 from schemas.mesh import ReadMesh
 from stages.grasping import hand_model

@@ -15,17 +15,18 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-from afford.grasping.candidates.read import read_depth, read_mask
-from afford.rgbd.readers import iit_aff, umd
-from afford.rgbd.readers.static_set import Listed
-from afford.models.archive import read_tensors
+from afford.common.depth import read_depth
+from afford.common.errors import SourceError
+from afford.common.picture import read_image
 from afford.extraction.finder import files as hands_files
 from afford.extraction.finder.model import Hands, HandsConfig
+from afford.grasping.candidates.read import read_mask
+from afford.models.archive import read_tensors
 from afford.rgbd.model import vgg
 from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder
+from afford.rgbd.readers import iit_aff, umd
+from afford.rgbd.readers.static_set import Listed
 from afford.twohands.model.published import read_weights
-from afford.common.picture import read_image
-from afford.common.errors import SourceError
 from schemas.files import FileTree
 from schemas.interaction import StaticSample
 from tests.helpers import made_interactions

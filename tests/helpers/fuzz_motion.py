@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.grasping.motion import dexycb, keypoints, mano, oakink2, oakink2_import, unidexgrasp
 from afford.grasping.motion.skeleton import posed
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
-from schemas.hand import HandMotion
 from schemas.grasp import SPLITS
+from schemas.hand import HandMotion
 from tests.helpers.bombs import Bomb
 from tests.helpers.fuzzing import FuzzedReader
 from tests.helpers.packed import zip_of

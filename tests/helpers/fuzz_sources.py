@@ -16,18 +16,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pycocotools import mask as coco_mask
 
-from afford.dataset.load import Dataset, rows
-from afford.extraction.sources.discover import discover
 from afford.common.errors import SourceError
 from afford.common.folders import media_of
 from afford.common.strict_json import parse
+from afford.common.video.decode import decode_video
+from afford.common.video.probe import probe
+from afford.dataset.load import Dataset, rows
+from afford.extraction.sources.discover import discover
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.summary import summarise
-from afford.common.video.decode import decode_video
-from afford.common.video.probe import probe
-from schemas.video import Clip
 from schemas.files import FileTree
+from schemas.video import Clip
 from stages.extraction import clip_footage, dataset_pack, frame_decode, source_read
 from stages.recording import stage_record
 from tests.helpers import made_epic, tiny_root

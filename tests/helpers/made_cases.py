@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.dataset import layout
 from afford.common.files import tree
+from afford.dataset import layout
 from schemas.files import FileTree
 
 SIZE = 60, 80

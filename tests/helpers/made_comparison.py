@@ -11,8 +11,8 @@ from maps.settings import Origin, Settings
 from maps.twohands import compare
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
-from stages.twohands import benchmark
 from stages.extraction import dataset_pack
+from stages.twohands import benchmark
 from tests.helpers.made_cases import as_tree, box, write_benchmark, write_mask
 from tests.helpers.made_samples import Scratch, clip
 

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.io
 from blake3 import blake3
 
-from afford.dataset.sor3d.folder import tree
 from afford.common.folders import entries
+from afford.dataset.sor3d.folder import tree
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip
 

@@ -18,8 +18,7 @@ from afford.grasping.motion.oakink2_import import convert_all
 from afford.grasping.motion.points import keypoints_of
 from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget, HandMotion
+from schemas.hand import GraspTarget, HandModel, HandMotion
 from tests.helpers.made_hands import shadow
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "motion"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.env.task import task
+from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from maps.from_above import FITTED, MOTION
 from schemas.hand import GraspTarget, ReferenceSet
 from stages.grasping import grasp_targets, hand_retarget, motion_report, motion_synthesise

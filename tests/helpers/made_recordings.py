@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.encode import jpeg
-from schemas.affordance import Affordances, FrameLabels
-from schemas.video import Annotation, Clip, KeyFrame, Narration, Polygon
+from schemas.affordance import Affordances, FrameLabels, Sample, Samples
 from schemas.masks import CompleteObjects, Entity, Tracks
-from schemas.affordance import Sample, Samples
-from schemas.video import Frames, Inpainted
+from schemas.video import Annotation, Clip, Frames, Inpainted, KeyFrame, Narration, Polygon
 from stages.recording import clip_record, stage_record
 
 T, H, W = 6, 48, 64

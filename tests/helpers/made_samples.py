@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from afford.common.encode import jpeg
-from schemas.video import Narration
 from schemas.affordance import Sample, Samples
+from schemas.video import Narration
 
 TASKS = (
     ("pick up the left mug with the right hand", "pick-up", 0, "take", "mug:left", 13, "mug"),

@@ -12,8 +12,8 @@ from afford.grasping.hand.kinematics import moving
 from afford.grasping.sim.scene import Physics, Scene
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectSpec
-from stages.synthetic import object_build
 from stages.grasping import object_solids
+from stages.synthetic import object_build
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_meshes import as_object
 from tests.helpers.read_only import read_only

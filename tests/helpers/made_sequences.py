@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.rgbd.model.inputs import Seen
-from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip
-from schemas.interaction import SceneFlow
+from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, SceneFlow
 
 SIZE, FRAMES = 32, 4
 STILL = np.full(3, 128, np.uint8)

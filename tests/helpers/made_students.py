@@ -11,11 +11,11 @@ import torch
 import trimesh
 
 from afford.common.files import tree
-from afford.grasping.policies.acting import ENVIRONMENT
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.observe import blocks
 from afford.grasping.env.task import Task, task
+from afford.grasping.policies.acting import ENVIRONMENT
 from afford.grasping.rl import saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig
 from schemas.files import FileTree

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 
 from afford.extraction.sources.polygons import trace
-from schemas.video import Annotation, Clip, KeyFrame
-from schemas.video import Frames
+from schemas.video import Annotation, Clip, Frames, KeyFrame
 
 WIDTH_PX, HEIGHT_PX = 160, 112
 HAND, CUP = 1, 2

@@ -8,19 +8,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from afford.grasping.judge.question import question
 from afford.common.files import tree as files_of
-from afford.grasping.hand.assets import shadow_files
-from afford.twohands.train.recipes import recipes
 from afford.common.video.write import write_video
+from afford.grasping.hand.assets import shadow_files
+from afford.grasping.judge.question import question
+from afford.twohands.train.recipes import recipes
 from commands.origin import origin
 from maps.interactions import interactions
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Graph, Runner
 from schemas.scene import SceneSpec
-from stages.twohands import ablation_report, model_train
-from stages.rgbd import action_read, interaction_pack, static_evaluate, static_read, static_report
 from stages.extraction import dataset_pack
 from stages.grasping import (
     grasp_candidates,
@@ -36,8 +34,11 @@ from stages.grasping import (
     object_solids,
 )
 from stages.recording import grasp_record, interaction_record
+from stages.rgbd import action_read, interaction_pack, static_evaluate, static_read, static_report
 from stages.surface import mask_propose, mesh_read, mesh_texture, positive_affordance_projection, view_render
 from stages.synthetic import object_build, object_plan
+from stages.twohands import ablation_report, model_train
+from tests.grasping.test_grasp_compare import made_up, subject
 from tests.helpers import made_sequences
 from tests.helpers.made_finder import FINDER
 from tests.helpers.made_hands import PINCER, shadow, written
@@ -51,13 +52,12 @@ from tests.helpers.made_school import SCHOOL
 from tests.helpers.made_sor3d import FEW
 from tests.helpers.made_traces import episodes, hammer
 from tests.helpers.mesh_files import box, tree
-from tests.twohands.test_ablation_report import scores
-from tests.grasping.test_grasp_compare import made_up, subject
 from tests.helpers.tiny_asked import write_model
 from tests.helpers.tiny_models import save_parrot
 from tests.helpers.tiny_root import digest
 from tests.helpers.tiny_sor3d import write_model as write_sor3d
 from tests.helpers.toy_clip import toy
+from tests.twohands.test_ablation_report import scores
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEC = SceneSpec("P91_01", "carry", "kitchen", seed=3, frames=3, key_gap=2)

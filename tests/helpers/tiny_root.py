@@ -14,12 +14,11 @@ import av
 import numpy as np
 from blake3 import blake3
 
-from afford.extraction.sources.discover import discover
 from afford.common.folders import media_of
+from afford.extraction.sources.discover import discover
 from afford.extraction.sources.narrations import COLUMNS
-from schemas.video import Clip
 from schemas.files import FileTree
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 from stages.extraction import clip_footage, frame_decode, source_read
 
 WIDTH, HEIGHT, BITS = 128, 64, 8

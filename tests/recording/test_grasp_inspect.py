@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
+from afford.common.tiles import GAP, HEAD
 from afford.recording.grasp_strips import SHOWN, SIDE
 from afford.recording.layout import IN_PANELS
 from afford.recording.own_types import MESSAGES
 from afford.recording.summary import summarise
-from afford.common.tiles import GAP, HEAD
 from commands.cli import main
 from stages.recording import grasp_record
 from tests.helpers.made_hands import shadow

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.rgbd.model.predictor import Predictor, sequence_of, until
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.layout import layout
@@ -19,11 +18,12 @@ from afford.recording.moments import moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, TRUTH, WORDS
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
+from afford.rgbd.model.predictor import Predictor, sequence_of, until
 from commands.cli import main
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND
-from stages.rgbd import interaction_pack
 from stages.recording import interaction_record
+from stages.rgbd import interaction_pack
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_sequences import FRAMES, SIZE, interaction
 from tests.helpers.tiny_sor3d import write_model

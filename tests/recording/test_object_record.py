@@ -11,13 +11,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from afford.common.tiles import GAP, HEAD
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.moments import moments
 from afford.recording.object_sheet import SIDE, SIX
 from afford.recording.of_object import CANDIDATES, NOTES, ROOM, SCORES, VIEW
 from afford.recording.sheet import write_sheet
-from afford.common.tiles import GAP, HEAD
 from stages.recording import object_record
 from tests.helpers.made_objects import looked, projected, true_scores
 from tests.helpers.made_samples import Scratch

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.common.pictures import jpeg, mask_png
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording, content_digest
@@ -19,7 +20,6 @@ from afford.recording.difference import difference
 from afford.recording.files import opened, write
 from afford.recording.merge import merge
 from afford.recording.moments import moments
-from afford.common.pictures import jpeg, mask_png
 from afford.recording.summary import summarise
 from afford.recording.topics import slugs
 from schemas.files import FileRef, FileTree

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.recording import sheet
 from afford.common.tiles import BACK
+from afford.recording import sheet
 
 
 def strips(shade: int) -> sheet.Strips:

@@ -17,8 +17,8 @@ from afford.rgbd.boxes.model import MOST, Boxes, Seen, build, load, overlap, pai
 from afford.rgbd.model import files
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.predictor import sequence_of
-from afford.training.job import read
 from afford.rgbd.model.sequence_batches import Learned, last, stack
+from afford.training.job import read
 from schemas.files import FileTree
 from schemas.interaction import BACKGROUND
 from schemas.training import Trained

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from afford.common.errors import SourceError
 from afford.dataset.sor3d.colours import paint, unpaint
 from afford.dataset.sor3d.folder import discover, views
-from afford.rgbd.readers.sampling import slots
 from afford.dataset.sor3d.write import write, write_views
-from afford.common.errors import SourceError
+from afford.rgbd.readers.sampling import slots
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 from stages.rgbd import interaction_read
 from tests.helpers.made_interactions import clip, digest

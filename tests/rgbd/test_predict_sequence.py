@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
+from afford.common.errors import SourceError
+from afford.common.video.decode import decode_video
 from afford.rgbd.model.files import FORMAT
 from afford.rgbd.model.predictor import Predictor, last, until
 from afford.rgbd.predict import footage
-from afford.twohands.predict import stored
 from afford.rgbd.predict.footage import Lens, Sampling
-from afford.common.errors import SourceError
-from afford.common.video.decode import decode_video
+from afford.twohands.predict import stored
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import scene_flow
 from tests.helpers import tiny_asked

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from afford.rgbd.evaluate.flow import figures
-from schemas.interaction import InteractionTruth
-from schemas.interaction import SceneFlow
+from schemas.interaction import InteractionTruth, SceneFlow
 from stages.rgbd import scene_flow_score
 
 PARAMS = scene_flow_score.Params()

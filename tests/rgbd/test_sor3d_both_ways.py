@@ -7,11 +7,11 @@ import pytest
 import torch
 
 from afford.dataset.sor3d.sequences import Sequence
+from afford.rgbd.model import sequence_batches
 from afford.rgbd.model.both_ways import both_ways, mirrored
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.inputs import Frames, Seen, frames
 from afford.rgbd.model.model import Sor3d, build
-from afford.rgbd.model import sequence_batches
 from tests.helpers.made_sequences import SIZE
 from tests.helpers.made_sequences import seen as noise
 

@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.dataset.sor3d import sequences
 from afford.common.files import tree
+from afford.dataset.sor3d import sequences
 from afford.rgbd.evaluate import metrics as measures
+from afford.rgbd.evaluate.examine import Answer, as_released, ask, spread
+from afford.rgbd.evaluate.figures import figures, intervals, pooled, regions
 from afford.rgbd.model import files
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.model import Sor3d, build
-from afford.rgbd.evaluate.examine import Answer, as_released, ask, spread
-from afford.rgbd.evaluate.figures import figures, intervals, pooled, regions
 from afford.rgbd.model.sequence_batches import last
 from schemas.files import FileTree
-from schemas.interaction import AFFORDANCES, BACKGROUND
-from schemas.interaction import InteractionScores
+from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionScores
 from stages.rgbd import interaction_pack, sor3d_evaluate
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_sequences import SIZE, interaction

@@ -12,8 +12,7 @@ import pytest
 from afford.rgbd.evaluate import page, published
 from afford.rgbd.evaluate.recipes import ALL, PRETRAINED, WHOLE, label, recipes
 from schemas.files import FileTree
-from schemas.interaction import AFFORDANCES, BACKGROUND
-from schemas.interaction import FlowScore, InteractionScores, ShownAnswer
+from schemas.interaction import AFFORDANCES, BACKGROUND, FlowScore, InteractionScores, ShownAnswer
 from stages.rgbd import sor3d_report
 from tests.helpers.made_samples import Scratch
 

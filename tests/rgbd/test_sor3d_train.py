@@ -14,8 +14,8 @@ from afford.dataset.sor3d import sequences
 from afford.rgbd.model import files
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import build
-from afford.training.job import read
 from afford.rgbd.model.sequence_batches import Changes, changed, last, mirrored, stack
+from afford.training.job import read
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip
 from schemas.training import Recipe, Trained

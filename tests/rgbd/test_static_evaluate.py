@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
+from afford.rgbd.evaluate.static_sets import Scored, Tally
 from afford.rgbd.model.predictor import Predictor, last
 from afford.rgbd.model.static import Told, last_picture
-from afford.rgbd.evaluate.static_sets import Scored, Tally
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample, StaticSet
 from stages.rgbd import static_evaluate, static_read

@@ -11,9 +11,9 @@ import pytest
 import scipy.io
 import scipy.sparse
 
+from afford.common.errors import SourceError
 from afford.rgbd.readers import pictures
 from afford.rgbd.readers.mat5 import read_matrix
-from afford.common.errors import SourceError
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import static_read
 from tests.helpers.made_interactions import folder, iit_aff, umd

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.surface import test_describe_vlm
 from tests.helpers.chat_server import GOOD, VARIABLE, plant, says, serving
 from tests.helpers.learned_chain import content, flip_a_weight, run
-from tests.surface.test_describe_vlm import TASK
 from tests.helpers.tiny_models import save_backbones, save_chat
+from tests.surface import test_describe_vlm
+from tests.surface.test_describe_vlm import TASK
 
 taught = test_describe_vlm.taught
 

@@ -11,9 +11,9 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from afford.surface.describe.question import question
 from afford.models.chat_model import ChatModel, inputs, load_model, reply
 from afford.render.views.contact import contact_sheet, labels
+from afford.surface.describe.question import question
 from stages.surface import part_describe
 from tests.helpers.chat_server import GOOD
 from tests.helpers.made_objects import looked

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from afford.surface.meshes.discover import discover
 from afford.common.errors import SourceError
+from afford.surface.meshes.discover import discover
 from runner.canonical import file_digest
 
 ROOT = Path(__file__).resolve().parents[2]

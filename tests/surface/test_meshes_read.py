@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.bake import sample
 from afford.surface.meshes.files import target
 from afford.surface.meshes.gltf import _tinted, linear, srgb
 from afford.surface.meshes.nearest import Nearest
 from afford.surface.meshes.read import read
 from afford.surface.meshes.units import decide
-from afford.common.errors import SourceError
 from schemas.mesh import ObjectMesh, ReadMesh
 from tests.helpers.fuzz_meshes import write_gltf
 from tests.helpers.mesh_files import SIZE_M, box, checks, mended, places, planar_uv, tree, write_image, write_obj

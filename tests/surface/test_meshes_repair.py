@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from afford.common.errors import SourceError
+from afford.render.solids import grid_faces
 from afford.surface.meshes.bake import rasterise, sample
 from afford.surface.meshes.charts import unwrap
 from afford.surface.meshes.mend import read_mended
@@ -15,8 +17,6 @@ from afford.surface.meshes.nearest import Nearest
 from afford.surface.meshes.net import bodies, watertight
 from afford.surface.meshes.orient import winding
 from afford.surface.meshes.repair import Counts, repair
-from afford.common.errors import SourceError
-from afford.render.solids import grid_faces
 from tests.helpers.mesh_files import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.candidates.grid import windows
 from afford.common.boxes import box
+from afford.render.views.six import SIX
+from afford.surface.candidates.grid import windows
 from afford.surface.negative import baselines
 from afford.surface.negative.coarse import coarse_box, overlap, segmented
 from afford.surface.negative.fuse import by_task
 from afford.surface.negative.relevance import relevance
-from afford.render.views.six import SIX
 from schemas.surface import PartCandidates, PartScores
 from tests.helpers.made_objects import GRID, looked, true_scores
 from tests.surface.test_negative_fuse import description

@@ -13,8 +13,8 @@ from afford.common.worker import use_kernel_cache
 from maps.settings import Settings
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
-from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
 from stages.recording import object_record
+from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, params, plant, says, serving
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones

@@ -12,8 +12,8 @@ from afford.common.files import tree
 from afford.surface.negative.distance import distance
 from afford.surface.positive.project import Wish, pixels, project
 from afford.surface.positive.words import in_words
-from schemas.files import FileTree
 from schemas.benchmark import Prediction
+from schemas.files import FileTree
 from stages.surface import positive_affordance_projection
 from tests.helpers.made_objects import looked
 from tests.helpers.made_samples import Scratch

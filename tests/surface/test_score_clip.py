@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.surface.score.clip import highlighted
 from afford.surface.negative import baselines
 from afford.surface.negative.fuse import by_task, judged
 from afford.surface.negative.relevance import relevance
+from afford.surface.score.clip import highlighted
 from schemas.files import FileTree
 from stages.surface import mask_score
 from tests.helpers.made_objects import looked, projected

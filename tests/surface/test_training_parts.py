@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from afford.surface.parts import card as parts_card
+from afford.surface.parts import train as parts
 from afford.surface.parts.model import PartsConfig
-from afford.surface.parts import train as parts, card as parts_card
 from afford.training.loop import train
 from afford.training.repeatable import repeatable
 from afford.training.state import State

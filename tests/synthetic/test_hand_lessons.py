@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.synthetic.stills import hand_lessons as drawn
 from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.stills.hand_people import Person, apart, dressed, in_the_air
 from afford.synthetic.people.hand_shape import ARM_M
+from afford.synthetic.stills import hand_lessons as drawn
+from afford.synthetic.stills.hand_people import Person, apart, dressed, in_the_air
 from afford.synthetic.stills.hand_views import STANDS, backdrop, view
 from schemas.scene import LEFT_HAND, RIGHT_HAND, SLEEVE, TOUCHED, HandLessons, HandRoom
-from schemas.video import SIDES
 from schemas.spec import SchemaError
+from schemas.video import SIDES
 from stages.synthetic import hand_lessons
 from tests.helpers.made_samples import Scratch
 

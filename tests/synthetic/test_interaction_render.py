@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
 from afford.dataset.sor3d.rules import USES, use
-from afford.synthetic.tabletop.sensor import holes, sense, steps
 from afford.render.batch import batch
+from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
+from afford.synthetic.tabletop.sensor import holes, sense, steps
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 from stages.rgbd import interaction_read
 from stages.synthetic import interaction_render

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from afford.render.mesh import merge
-from afford.synthetic.things import objects
-from afford.synthetic.things.asset import ObjectModel
-from afford.synthetic.kitchens.cast import plain_name
-from afford.synthetic.people.hand_grasp import distance_to
 from afford.render.motion import about, pose
+from afford.synthetic.kitchens.cast import plain_name
+from afford.synthetic.kitchens.vocabulary import FIRST_NEW_NOUN, noun_class
+from afford.synthetic.people.hand_grasp import distance_to
 from afford.synthetic.stills.still_layout import Placed
 from afford.synthetic.stills.still_plans import plans
 from afford.synthetic.stills.still_sets import KNOWN, MORE, NEW, POOLS, TRAINED, is_asked, is_new, kinds
 from afford.synthetic.stills.still_tasks import acts
 from afford.synthetic.stills.still_ways import Reach
-from afford.synthetic.kitchens.vocabulary import FIRST_NEW_NOUN, noun_class
+from afford.synthetic.things import objects
+from afford.synthetic.things.asset import ObjectModel
 
 CLASSES = Path(__file__).resolve().parents[3] / "shared" / "data" / "epic_P03_101" / "EPIC_100_noun_classes_v2.csv"
 STICKS = ("ladle", "fork", "whisk", "brush")

@@ -15,8 +15,8 @@ from afford.synthetic.kitchens.play import LENGTH
 from afford.synthetic.kitchens.scripts import SCRIPTS
 from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
 from afford.synthetic.kitchens.world import build_world, elbow
-from schemas.video import SIDES
 from schemas.scene import SceneSpec
+from schemas.video import SIDES
 from stages.synthetic import scene_render
 
 SPEC = SceneSpec("P91_01", "pour", "kitchen", 3, frames=5, key_gap=2)

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from afford.render.mesh import merge
 from afford.render import materials
-from afford.synthetic.things import objects
+from afford.render.mesh import merge
 from afford.synthetic.kitchens import rooms
-from afford.synthetic.things.grips import mirrored
+from afford.synthetic.kitchens.settle_env import Settle, rest_poses
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_bones import HIGH, LOW
 from afford.synthetic.people.hand_grasp import CLOSED, POSTURES, SINK_M, close_on, distance_to, link_depths, opening, posture
 from afford.synthetic.people.hand_look import person
 from afford.synthetic.people.hand_shape import hand_shape
-from afford.synthetic.kitchens.settle_env import Settle, rest_poses
+from afford.synthetic.things import objects
+from afford.synthetic.things.grips import mirrored
 
 ELBOW = np.array([0.3, -0.4, 0.1])
 

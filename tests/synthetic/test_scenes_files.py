@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from afford.common.video.write import write_video
 from afford.synthetic.kitchens import polygons, specs, vocabulary, write_epic
 from afford.synthetic.kitchens.write_root import write_root
-from afford.common.video.write import write_video
 from schemas.files import FileRef, FileTree
 from schemas.video import HAND_CLASS, SIDES
 

@@ -9,7 +9,6 @@ import pytest
 
 from afford.codecs import CODEC
 from afford.dataset.still_samples import samples
-from afford.synthetic.things import objects
 from afford.render.motion import about, pose
 from afford.synthetic.stills.still_draw import Sizes, shoot
 from afford.synthetic.stills.still_layout import Placed, heights, lay_out
@@ -19,8 +18,8 @@ from afford.synthetic.stills.still_tasks import Act, acts
 from afford.synthetic.stills.still_ways import Reach, with_more_grips
 from afford.synthetic.stills.still_world import StillWorld
 from afford.synthetic.stills.stills import Quality, stills
-from schemas.scene import StillSpec
-from schemas.scene import Stills
+from afford.synthetic.things import objects
+from schemas.scene import Stills, StillSpec
 
 SMALL = Quality(Sizes((228, 128), (228, 128)), supersample=1, jpeg_quality=90)
 EXTENT = Extent(layouts=2, views=1, tasks=6)

@@ -9,12 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.twohands.benchmark import cases
-from afford.dataset import layout
-from afford.dataset import act_layout
 from afford.common import files
-from schemas.video import Narration
+from afford.dataset import act_layout, layout
+from afford.twohands.benchmark import cases
 from schemas.scene import Mode, Picture, Still, Stills
+from schemas.video import Narration
 from tests.helpers.command import call
 
 WIDTH, HEIGHT, MARGIN = 96, 54, 50

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from afford.common.errors import SourceError
 from afford.dataset import layout
 from afford.twohands.benchmark import toras
 from afford.twohands.benchmark.cases import read
-from afford.common.errors import SourceError
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case
 from tests.helpers.made_cases import SIZE, as_tree, box, read_all, write_benchmark, write_case, write_mask

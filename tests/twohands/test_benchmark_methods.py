@@ -8,17 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.twohands.benchmark import class_mean, extracted, methods, stored, words
+from afford.common.errors import SourceError
+from afford.common.files import tree
 from afford.dataset import layout
+from afford.twohands.benchmark import class_mean, extracted, methods, stored, words
 from afford.twohands.benchmark.answers import nothing, of_prediction
 from afford.twohands.benchmark.score import MEASURES
-from afford.common.files import tree
-from afford.common.errors import SourceError
-from schemas.benchmark import MethodScores
+from schemas.benchmark import MethodScores, Prediction
 from schemas.files import FileTree
-from schemas.benchmark import Prediction
-from stages.twohands import baseline_cases, benchmark, score_cases
 from stages.extraction import dataset_pack
+from stages.twohands import baseline_cases, benchmark, score_cases
 from tests.helpers.made_cases import SIZE, as_tree, box, read_all, write_benchmark, write_case, write_mask
 from tests.helpers.made_samples import Scratch, clip
 

@@ -24,15 +24,15 @@ import pytest
 from rich.console import Console
 
 from afford.codecs import identity
+from afford.common.palette import HANDS
+from afford.common.pictures import jpeg
 from afford.twohands.demo import server
 from afford.twohands.demo.answer import MAX_SIDE_PX, Asker
 from afford.twohands.demo.examples import Example, examples
 from afford.twohands.demo.server import Site
 from afford.twohands.model import known
 from afford.twohands.model.predictor import Predictor
-from afford.common.palette import HANDS
 from afford.twohands.predict import stored
-from afford.common.pictures import jpeg
 from commands import demo as commands_demo
 from commands.session import open_runner
 from stages.extraction import dataset_pack

@@ -13,17 +13,17 @@ import pytest
 import torch
 
 from afford.models.hub import files
-from afford.twohands.model.predictor import Predictor
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
 from afford.recording.files import opened
 from afford.training import events, launch
 from afford.training.job import read
+from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
 from stages.extraction import dataset_pack
-from stages.twohands import model_train
 from stages.recording import training_record
+from stages.twohands import model_train
 from tests.helpers.made_samples import Scratch, clip
 from tests.helpers.tiny_models import save_backbones
 from tests.helpers.tiny_root import digest

@@ -15,18 +15,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from afford.common.bounded import TooLargeError
-from afford.twohands.model.predictor import Predictor
-from afford.common.palette import HANDS
 from afford.common import picture
+from afford.common.bounded import TooLargeError
+from afford.common.errors import SourceError
+from afford.common.overlay import overlay
+from afford.common.palette import HANDS
+from afford.common.picture import Picture, decode
+from afford.common.video.decode import decode_video, every_nth
+from afford.common.video.sources import find
+from afford.twohands.model.predictor import Predictor
 from afford.twohands.predict import stored
 from afford.twohands.predict.ask import Question, ask
-from afford.common.overlay import overlay
-from afford.common.picture import Picture, decode
 from afford.twohands.predict.record import record
-from afford.common.video.sources import find
-from afford.common.errors import SourceError
-from afford.common.video.decode import decode_video, every_nth
 from schemas.affordance import TAXONOMY
 from tests.helpers import tiny_asked
 from tests.helpers.command import Called, call

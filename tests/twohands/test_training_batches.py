@@ -13,9 +13,9 @@ from PIL import Image
 
 from afford.dataset import export_2hands
 from afford.dataset.load import Dataset, Item
+from afford.training.order import Order
 from afford.twohands.train import cache, divide, sources
 from afford.twohands.train.batches import Batches, Boxes
-from afford.training.order import Order
 from afford.twohands.train.scores import THRESHOLDS, scores
 from afford.twohands.train.views import Views, centre, cropped, unnamed, view, whole
 from stages.extraction import dataset_pack

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from afford.dataset.load import Item
+from afford.training.loop import train
+from afford.training.order import Order
+from afford.training.repeatable import repeatable
+from afford.training.task import Plan
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.losses import LossParams
 from afford.twohands.train.batches import Batches, Boxes
 from afford.twohands.train.hands import Hands, judged_batches
-from afford.training.loop import train
-from afford.training.order import Order
-from afford.training.repeatable import repeatable
 from afford.twohands.train.sources import NO_MOTION
-from afford.training.task import Plan
 from afford.twohands.train.views import Views, whole
 
 SIZE = (96, 128)

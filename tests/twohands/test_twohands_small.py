@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate
 
+from afford.models.words import pieces
 from afford.twohands.model.batch import Batch, Output, Target
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.losses import LossParams, losses
 from afford.twohands.model.model import TwoHands
-from afford.models.words import pieces
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512)
 

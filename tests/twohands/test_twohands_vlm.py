@@ -10,16 +10,16 @@ import pytest
 import torch
 from transformers import CLIPTextConfig, LlavaForConditionalGeneration, SamModel
 
+from afford.models.clip_text import text_ends
+from afford.models.sam import Regions
+from afford.models.tokens import FileTokens, HashedTokens, read_tokens
 from afford.twohands.model.batch import Batch, Output, Target
 from afford.twohands.model.build import build
-from afford.twohands.model.clip import text_ends
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.dialogue import IGNORE, dialogue, seg_positions
 from afford.twohands.model.files import load, save
 from afford.twohands.model.losses import LossParams, losses
 from afford.twohands.model.predictor import Predictor
-from afford.models.sam import Regions
-from afford.models.tokens import FileTokens, HashedTokens, read_tokens
 from tests.helpers.tiny_models import bytes_tokenizer, save_backbones
 
 TRAINED = ("lora_A", "lora_B", "vlm.lm_head.", ".embed_tokens.", "project.", "regions.decoders.", "regions.taxonomy.")

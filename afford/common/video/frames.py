@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from afford.common.errors import SourceError
+from afford.common.number import number_in
 from afford.common.video import pack
 from afford.common.video.decode import Decoded, decode_video
-from afford.common.number import number_in
 from afford.common.video.stills import read_stills
-from schemas.video import Clip, Footage
 from schemas.files import FileRef, FileTree
-from schemas.video import Frames
+from schemas.video import Clip, Footage, Frames
 
 
 def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:

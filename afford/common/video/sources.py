@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from afford.common.picture import Picture, read_image
 from afford.common.errors import SourceError
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, entries
+from afford.common.picture import Picture, read_image
 from afford.common.video.decode import every_nth
 
 RECORD = "prediction.json"

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from afford.dataset.sor3d.names import SPLITS, VIEWS
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries
 from afford.common.utf8 import read_text
+from afford.dataset.sor3d.names import SPLITS, VIEWS
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]

@@ -11,8 +11,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip, InteractionClip
-from schemas.interaction import SceneFlow
+from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip, InteractionClip, SceneFlow
 
 WORDS = "words"
 DEPTH_PER_M = 1e4

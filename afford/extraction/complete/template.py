@@ -7,12 +7,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.common.morphology import dilate
 from afford.extraction.complete import Completed
 from afford.extraction.layers import regions
 from afford.extraction.layers.carry import carry, holding
 from afford.extraction.layers.follow import follow
 from afford.extraction.layers.shape import complete_shape
-from afford.common.morphology import dilate
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 

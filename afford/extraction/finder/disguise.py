@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.synthetic.people.hand_look import TONES
+from afford.common.palette import TONES
 from afford.render.patterns import cloud
 from schemas.scene import LEFT_HAND, REST, RIGHT_HAND
 

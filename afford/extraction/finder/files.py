@@ -10,8 +10,8 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from afford.models.described import fill, read_config
 from afford.extraction.finder.model import Hands, HandsConfig
+from afford.models.described import fill, read_config
 from schemas.files import FileTree
 
 CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-2"

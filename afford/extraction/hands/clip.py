@@ -17,10 +17,8 @@ from afford.extraction.hands.refine import along_edges, coloured, steadied
 from afford.extraction.hands.sides import Bearing, hands_of, sided, usual
 from afford.extraction.hands.touched import NOTHING, Hands, Reach, contacts, held
 from afford.extraction.sources.polygons import trace
-from schemas.video import NOT_IN_CONTACT, Annotation, Clip, KeyFrame
 from schemas.files import FileTree
-from schemas.video import HAND_CLASS, SIDES, Hand
-from schemas.video import Frames
+from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame
 
 
 def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTree | None = None) -> Clip:

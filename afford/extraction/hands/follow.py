@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from afford.extraction.hands.looks import Looks
 from afford.common.mask_metrics import iou
+from afford.extraction.hands.looks import Looks
 
 GROWN = 0.2
 """of the larger one's size, that the smaller of two looks of the same thing has"""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from afford.extraction.hands.looks import Looks
 from afford.common.morphology import dilate
 from afford.common.nearest import filled
+from afford.extraction.hands.looks import Looks
 
 NEAR_PX = 6.0
 """px of flow: a hand moves as it does within this distance; its arm may turn another way"""

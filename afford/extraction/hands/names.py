@@ -10,8 +10,7 @@ import numpy as np
 from afford.extraction.hands.follow import Track
 from afford.extraction.hands.touched import NOTHING
 from afford.extraction.sources.speech import UNTOLD
-from schemas.video import Narration
-from schemas.video import Hand
+from schemas.video import Hand, Narration
 
 Name = tuple[str, int]
 """a name and its noun class, -1 for none"""

@@ -14,9 +14,9 @@ import numpy as np
 import torch
 
 from afford.extraction.inpaint import Filled
-from afford.extraction.inpaint.windows import chunks, side_of, windows
 from afford.extraction.inpaint.lama.files import load
 from afford.extraction.inpaint.lama.generator import Generator
+from afford.extraction.inpaint.windows import chunks, side_of, windows
 from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.common.morphology import dilate, erode
 from afford.extraction.inpaint import Filled
 from afford.extraction.inpaint.telea import spread
 from afford.extraction.layers import regions
@@ -16,7 +17,6 @@ from afford.extraction.layers.follow import follow
 from afford.extraction.layers.gather import gather_colour
 from afford.extraction.layers.relight import grip_shade, relight
 from afford.extraction.layers.shape import as_cameras, complete_shape, on_canvas, recall
-from afford.common.morphology import dilate, erode
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 

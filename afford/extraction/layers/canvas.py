@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.extraction.layers.outline import signed_distance
 from afford.common.mask_metrics import iou
+from afford.extraction.layers.outline import signed_distance
 
 MARGIN = 0.35
 MEMORY = 0.85
@@ -18,7 +18,8 @@ MAX_POINTS = 5000
 
 @dataclass
 class Canvas:
-    """A grid around the object. Grid point (i, j) is the canvas point ((i - centre) / radius, ...) of `afford.extraction.layers.align`."""
+    """A grid around the object. Grid point (i, j) is the canvas point ((i - centre) / radius, ...)
+    of `afford.extraction.layers.align`."""
 
     centre: np.ndarray
     """(2,) grid coordinates of the canvas origin"""

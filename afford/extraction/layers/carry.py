@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from afford.extraction.layers.follow import MIN_PIXELS, Path, carried
-from schemas.video import SIDES
 from schemas.masks import Tracks
+from schemas.video import SIDES
 
 GLIMPSE = 0.25
 """less than this share of the largest visible areas (their 0.9 quantile) is too little to place an object by"""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from afford.common.morphology import dilate
 from afford.extraction.layers.align import align
 from afford.extraction.layers.canvas import Canvas
 from afford.extraction.layers.outline import signed_distance
-from afford.common.morphology import dilate
 
 LEVELS = ((3.0, 8), (1.0, 8))
 """blur of the image (sigma, px) and Gauss-Newton steps, coarse to fine"""

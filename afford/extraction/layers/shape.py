@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from afford.common.morphology import dilate
 from afford.extraction.layers.follow import Path
 from afford.extraction.layers.gather import gather_votes
-from afford.common.morphology import dilate
 
 RECALL_FRAMES = 48.0
 MIN_FIT = 0.6

@@ -9,12 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.files import tree
 from afford.common.encode import jpeg
 from afford.common.figures import Figure
+from afford.common.files import tree
 from afford.extraction.report.sheet import JPEG_QUALITY, TITLES, decode_jpeg
-from schemas.files import FileTree
 from schemas.benchmark import ClipScores
+from schemas.files import FileTree
 
 ROWS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("masks: J, key frames 15 apart", "densify.j.gap15", {"nearest key": "baseline.nearest.j.gap15"}),

@@ -6,19 +6,19 @@ import zipfile
 from collections.abc import Sequence
 
 from afford.common.bounded import ZIP_ERRORS, read_member, reason
+from afford.common.errors import SourceError
+from afford.common.number import epic_rate
+from afford.common.strict_json import parse
 from afford.extraction.sources import coco, visor
 from afford.extraction.sources.corrections import check_used, read_corrections
 from afford.extraction.sources.discover import DENSE, EXTRAS, SPARSE
-from afford.common.errors import SourceError
 from afford.extraction.sources.grid import check_grid
 from afford.extraction.sources.hand_names import check_names
 from afford.extraction.sources.hands import key_frame
 from afford.extraction.sources.mapping import read_mapping
 from afford.extraction.sources.rows import Note, Sheet
-from afford.common.strict_json import parse
-from afford.common.number import epic_rate
-from schemas.video import KeyFrame
 from schemas.files import FileRef, FileTree
+from schemas.video import KeyFrame
 
 MOST_BYTES = 1 << 31
 """of the JSON of one video: interpolations of the longest videos have some hundred MiB"""

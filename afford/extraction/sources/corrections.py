@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from afford.extraction.sources.discover import CORRECTIONS
 from afford.common.errors import SourceError
+from afford.common.strict_json import parse, word_tables
+from afford.extraction.sources.discover import CORRECTIONS
 from afford.extraction.sources.hands import Corrections, plain
 from afford.extraction.sources.rows import Sheet
-from afford.common.strict_json import parse, word_tables
-from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 from schemas.files import FileTree
+from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 
 
 def read_corrections(files: FileTree) -> Corrections:

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal
 
-from afford.extraction.sources.discover import NO_PICTURES
 from afford.common.folders import Entry, entries
+from afford.extraction.sources.discover import NO_PICTURES
 from afford.extraction.sources.published import Published
 
 State = Literal["there", "partial", "missing"]

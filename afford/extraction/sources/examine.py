@@ -6,16 +6,16 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from afford.common.bounded import image_size
+from afford.common.errors import SourceError
+from afford.common.video.frames import pictures
 from afford.extraction.sources.annotations import has_masks, read_sheets
 from afford.extraction.sources.cut import Cutting
-from afford.common.errors import SourceError
 from afford.extraction.sources.hand_names import side_of
 from afford.extraction.sources.media import Media
 from afford.extraction.sources.read import clips_of, media_of_video
 from afford.extraction.sources.remarks import Size, handless, other_shape
-from afford.common.video.frames import pictures
-from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, KeyFrame, Narration
 from schemas.files import FileTree
+from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, KeyFrame, Narration
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 from afford.extraction.sources.hand_names import side_of
 from afford.extraction.sources.polygons import union
 from afford.extraction.sources.rows import Note, Row, Sheet, visible
-from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, KeyFrame
-from schemas.video import HAND_CLASS, SIDES, Hand
+from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, UNKNOWN_CONTACT, Annotation, Hand, KeyFrame
 
 OTHER_WORDS = {"none": "hand-not-in-contact"}
 Corrections = Mapping[str, Mapping[str, str]]

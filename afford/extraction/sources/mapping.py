@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
-from afford.extraction.sources.discover import DENSE, FRAME_MAPPING, SPARSE
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse, word_tables
 from afford.common.number import epic_rate, number_in
+from afford.common.strict_json import parse, word_tables
+from afford.extraction.sources.discover import DENSE, FRAME_MAPPING, SPARSE
 from schemas.files import FileTree
 
 RELEASED = "frame_"

@@ -11,10 +11,10 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
-from afford.extraction.sources.visor import frame_number
-from afford.common.video import pack
 from afford.common.number import epic_rate
+from afford.common.video import pack
 from afford.common.video.probe import Probe, frames_at, probe
+from afford.extraction.sources.visor import frame_number
 from schemas.files import FileRef, FileTree
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from afford.extraction.sources.classes import Classes
 from afford.common.errors import SourceError
+from afford.extraction.sources.classes import Classes
 from afford.extraction.sources.tables import read_table, whole, words
 from schemas.video import Narration
 

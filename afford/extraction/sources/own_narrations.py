@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from afford.extraction.sources.classes import Classes
 from afford.common.errors import SourceError
+from afford.extraction.sources.classes import Classes
 from afford.extraction.sources.narrations import refuse_reversed
 from afford.extraction.sources.tables import header, read_table, whole
 from afford.extraction.sources.words import verb_and_nouns

@@ -8,16 +8,16 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.extraction.sources.annotations import has_masks, read_keys
 from afford.extraction.sources.cut import Cutting, Part, cut
 from afford.extraction.sources.discover import DENSE, SPARSE
-from afford.common.errors import SourceError
 from afford.extraction.sources.media import Media, find_media
 from afford.extraction.sources.rows import Note
 from afford.extraction.sources.speech import STANDARD, UNTOLD, frame_rates, read_speech, untold
 from afford.extraction.sources.whole import check_end
-from schemas.video import Clip, KeyFrame, Narration
 from schemas.files import FileTree
+from schemas.video import Clip, KeyFrame, Narration
 
 TAIL_SLACK_S = 0.5
 """annotations may end this much later than the video: the tools that count frames disagree at the end of a file"""

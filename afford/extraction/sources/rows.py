@@ -11,8 +11,8 @@ import numpy as np
 from afford.common.bounded import MAX_PIXELS
 from afford.common.effort import outline_px
 from afford.common.errors import SourceError
-from afford.extraction.sources.polygons import FAR_PX
 from afford.common.strict_json import entry
+from afford.extraction.sources.polygons import FAR_PX
 from schemas.video import Polygon
 
 SLACK_PX = 1.0

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from afford.extraction.sources.classes import UNKNOWN, Classes, read_classes
 from afford.common.errors import SourceError
+from afford.extraction.sources.classes import UNKNOWN, Classes, read_classes
 from afford.extraction.sources.narrations import COLUMNS, read_narrations
 from afford.extraction.sources.own_narrations import read_own_narrations
 from afford.extraction.sources.rows import Note
 from afford.extraction.sources.tables import header, read_table
-from schemas.video import Narration
 from schemas.files import FileRef, FileTree
+from schemas.video import Narration
 
 STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
 """must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""

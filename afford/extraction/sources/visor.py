@@ -7,11 +7,11 @@ from typing import Any
 
 from afford.common.effort import check_drawn
 from afford.common.errors import SourceError
+from afford.common.number import number_in
+from afford.common.strict_json import entry
 from afford.extraction.sources.grid import refuse_normalised
 from afford.extraction.sources.mapping import released
 from afford.extraction.sources.rows import Row, Sheet, grid_size, once, outlines, worn_on
-from afford.common.strict_json import entry
-from afford.common.number import number_in
 
 SPARSE_GRID_WH = (1920, 1080)
 DENSE_GRID_WH = (854, 480)

@@ -8,9 +8,8 @@ from afford.common.morphology import dilate
 from afford.extraction.tracks.keys import Key
 from afford.extraction.tracks.link import Links
 from afford.extraction.tracks.provenance import Bracket
-from schemas.video import NOT_IN_CONTACT, Annotation
-from schemas.video import SIDES
 from schemas.masks import Entity
+from schemas.video import NOT_IN_CONTACT, SIDES, Annotation
 
 NOTHING = -1
 UNKNOWN = -2

@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from afford.extraction.tracks.propagate import UNKNOWN, Propagate, Propagated
 from afford.extraction.tracks.contact import contact_at_keys, spread_contact
 from afford.extraction.tracks.keys import Key, read_keys, runs
 from afford.extraction.tracks.link import Carry, Links, link
+from afford.extraction.tracks.propagate import UNKNOWN, Propagate, Propagated
 from afford.extraction.tracks.provenance import Bracket, bracket, flags_of, source_of
-from schemas.video import Clip
 from schemas.masks import Tracks
-from schemas.video import Frames
+from schemas.video import Clip, Frames
 
 
 def densify(clip: Clip, frames: Frames, propagate: Propagate, params: Any) -> Tracks:

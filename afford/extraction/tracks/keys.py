@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from afford.extraction.sources.polygons import rasterise
-from schemas.video import Annotation, Clip
-from schemas.video import Frames
+from schemas.video import Annotation, Clip, Frames
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from scipy.optimize import linear_sum_assignment
 
 from afford.common.mask_metrics import iou
 from afford.extraction.tracks.keys import Key
-from schemas.video import Annotation
-from schemas.video import SIDES
 from schemas.masks import Entity
+from schemas.video import SIDES, Annotation
 
 Carry = Callable[[Key, Key, np.ndarray], np.ndarray]
 """(key, next key, masks (m, h, w) bool in the first) -> the same masks (m, h, w) bool in the second"""

@@ -16,9 +16,7 @@ from afford.grasping.sim.by_candidate import execute
 from afford.grasping.sim.drops import laid
 from afford.grasping.sim.engine import World, world
 from afford.grasping.sim.scene import STRICT, Scene
-from schemas.grasp import GraspScene
-from schemas.grasp import FIGURES, GraspComparison
-from schemas.grasp import GraspObject
+from schemas.grasp import FIGURES, GraspComparison, GraspObject, GraspScene
 from schemas.hand import HandModel
 from schemas.mesh import MeshParts, ObjectMesh
 from schemas.surface import PartDescription, PartDescriptions

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 
-from afford.common.bounded import check_image, load_npy, not_an_image, reason
+from afford.common.bounded import load_npy, reason
+from afford.common.depth import matrix_of, numbers_of, read_depth, read_json, read_png
+from afford.common.errors import SourceError
 from afford.common.picture import read_image
 from afford.common.video.sources import RECORD
-from afford.common.errors import SourceError
-from afford.common.strict_json import parse
 from schemas.affordance import TAKES, TAXONOMY
 from schemas.grasp import GraspScene
 from schemas.video import SIDES
 
-PNG_M = 0.001
-"""a depth PNG counts millimetres"""
-FARTHEST_M = 20.0
-"""depths beyond are no depths of a thing that a hand grasps: a file in millimetres that should be in metres"""
 FITS = "masks, depth and picture must show the same pixels"
 
 
@@ -70,28 +64,10 @@ def check_regions(files: Files, scene: GraspScene) -> None:
                               "check masks and depth, or leave that hand out with --hands")
 
 
-def read_depth(path: Path) -> np.ndarray:
-    """(h, w) float32 metres, 0 where nothing was measured, of a 16-bit PNG in millimetres or a .npy in metres."""
-    expected, fix = "a depth picture: PNG of 16 bits in millimetres, or .npy (h, w) in metres", "convert it"
-    try:
-        found = load_npy(path, str(path)) if path.suffix == ".npy" else _png(path)
-    except OSError as error:
-        raise SourceError(str(path), expected, reason(error), "check the path and the format") from error
-    if found.ndim != 2 or not (found.dtype == np.uint16 if path.suffix != ".npy" else found.dtype.kind == "f"):
-        raise SourceError(str(path), expected, f"{found.dtype} {found.shape}", fix)
-    depth = (found * PNG_M if found.dtype == np.uint16 else found).astype(np.float32)
-    depth = np.where(np.isfinite(depth) & (depth > 0), depth, 0.0).astype(np.float32)
-    known = depth[depth > 0]
-    if not len(known) or np.median(known) > FARTHEST_M:
-        got = f"a median of {np.median(known):g} m" if len(known) else "no pixel with depth"
-        raise SourceError(str(path), f"depths of at most {FARTHEST_M:g} m", got, fix)
-    return depth
-
-
 def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     """(h, w) bool of a PNG that is 0 where it is not."""
     try:
-        found = _png(path)
+        found = read_png(path)
     except OSError as error:
         raise SourceError(str(path), "a mask (PNG)", reason(error), "check the path") from error
     flat = found.max(axis=2) if found.ndim == 3 else found
@@ -99,25 +75,6 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
         raise SourceError(str(path), f"a mask of the depth's size, {shape[1]} x {shape[0]}", f"{flat.shape[1]} x {flat.shape[0]}",
                           FITS)  # fmt: skip
     return flat > 0
-
-
-def _png(path: Path) -> np.ndarray:
-    data = path.read_bytes()
-    check_image(data, str(path))
-    try:
-        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise not_an_image(str(path), len(data)) from error
-    if found is None:
-        raise not_an_image(str(path), len(data))
-    return found
-
-
-def _json(path: Path, what: str) -> Any:
-    try:
-        return parse(path.read_bytes(), str(path))
-    except OSError as error:
-        raise SourceError(str(path), what, reason(error), "check the path") from error
 
 
 def _places(files: Files) -> list[Path | None]:
@@ -162,28 +119,6 @@ def _camera(files: Files, shape: tuple[int, ...]) -> np.ndarray:
     return np.array([[focal, 0.0, (shape[1] - 1) / 2], [0.0, focal, (shape[0] - 1) / 2], [0.0, 0.0, 1.0]])
 
 
-def matrix_of(path: Path) -> np.ndarray:
-    """K (3, 3) of a camera as JSON. SourceError for a file that is none."""
-    content = _json(path, "a camera (JSON)")
-    expected = 'fx, fy, cx, cy, or "K" with three rows of three numbers'
-    if isinstance(content, dict) and {"fx", "fy", "cx", "cy"} <= set(content):
-        content = {"K": [[content["fx"], 0.0, content["cx"]], [0.0, content["fy"], content["cy"]], [0.0, 0.0, 1.0]]}
-    K = _numbers(content.get("K") if isinstance(content, dict) else content, (3, 3))
-    if K is None or not (K[0, 0] > 0 and K[1, 1] > 0 and np.array_equal(K[2], [0, 0, 1]) and K[1, 0] == 0):
-        raise SourceError(str(path), expected, "something else", "write the pinhole matrix in pixels")
-    return K
-
-
-def _numbers(found: Any, shape: tuple[int, ...]) -> np.ndarray | None:
-    """The array, None when it is not one of finite numbers of this shape; -1 stands for any size."""
-    try:
-        out = np.array(found, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    fits = out.ndim == len(shape) and all(want in (-1, got) for want, got in zip(shape, out.shape, strict=True))
-    return out if fits and np.isfinite(out).all() else None
-
-
 def _hands(files: Files, region: np.ndarray) -> np.ndarray:
     """(2,) bool: forced, by the taxonomy, as the prediction chose, or those with a mask."""
     if files.hands != "auto":
@@ -191,7 +126,7 @@ def _hands(files: Files, region: np.ndarray) -> np.ndarray:
     if files.taxonomy:
         return np.array(TAKES[TAXONOMY.index(files.taxonomy)])
     if files.masks is not None and (files.masks / RECORD).is_file():
-        content = _json(files.masks / RECORD, "a prediction")
+        content = read_json(files.masks / RECORD, "a prediction")
         chosen = content.get("hands") if isinstance(content, dict) else None
         if not isinstance(chosen, list) or not all(side in SIDES for side in chosen):
             raise SourceError(f"{files.masks / RECORD}, field 'hands'", "a list of left and right", repr(chosen), "predict again")
@@ -212,7 +147,7 @@ def _negative(files: Files, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndar
 
 
 def _points(path: Path) -> np.ndarray:
-    found = _numbers(load_npy(path, str(path)), (-1, 3))
+    found = numbers_of(load_npy(path, str(path)), (-1, 3))
     if found is None:
         raise SourceError(str(path), "finite points (k, 3) in metres, in the camera's frame", "another array", "check its shape")
     return found
@@ -222,8 +157,8 @@ def _of_object(path: Path, pose: Path | None) -> np.ndarray:
     """N_t of negative.json, from the object's frame to the camera's."""
     if pose is None:
         raise SourceError(str(path), "--object-pose FILE beside it, T_cam_obj", "none", "its points are in the object's frame")
-    content, T = _json(path, "negative.json"), _numbers(_json(pose, "a pose (JSON)"), (4, 4))
-    points = _numbers((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
+    content, T = read_json(path, "negative.json"), numbers_of(read_json(pose, "a pose (JSON)"), (4, 4))
+    points = numbers_of((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
     if T is None or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or not np.array_equal(T[3], [0, 0, 0, 1]):
         raise SourceError(str(pose), "T_cam_obj, four rows of four numbers, a rotation and metres", "something else", "check it")
     if points is None or not isinstance(content, dict) or "N_t" not in content:

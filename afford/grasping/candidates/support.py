@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from afford.grasping.candidates.cloud import Cloud
 from afford.common.points import farthest
+from afford.grasping.candidates.cloud import Cloud
 
 PROPOSALS = 64
 """places, far apart, each of which proposes the plane of its own normal: nothing is drawn by chance"""

@@ -9,11 +9,9 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial import cKDTree
 
-from schemas.grasp import GraspObject
-from schemas.grasp import GraspTask
+from schemas.grasp import GraspObject, GraspTask
 from schemas.mesh import ObjectMesh
-from schemas.surface import NegativeAffordance, NegativeAffordances
-from schemas.surface import PositiveAffordance, PositiveAffordances
+from schemas.surface import NegativeAffordance, NegativeAffordances, PositiveAffordance, PositiveAffordances
 
 SAME_M = 1e-4
 """extents of the mesh that was looked at and of the body that is grasped agree within it"""

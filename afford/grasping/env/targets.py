@@ -13,8 +13,7 @@ from afford.grasping.sim.engine import world
 from afford.grasping.sim.scene import Scene
 from afford.grasping.sim.scripted import SLICE_M, along
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget
+from schemas.hand import GraspTarget, HandModel
 
 HANDLE_ALONG_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """a handle is along its z"""

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.common.points import farthest
-from schemas.grasp import GraspObject
-from schemas.grasp import GraspTask
+from schemas.grasp import GraspObject, GraspTask
 
 NEGATIVE_POINTS = 100
 """as AffordDex has it"""

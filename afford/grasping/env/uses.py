@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from afford.surface.describe.lexicon import TASKS
-from afford.surface.describe.rules import look_up
 from afford.grasping.env.measures import nearest
 from afford.grasping.env.metrics import SAFE_M
 from afford.grasping.env.task import NEGATIVE_POINTS, spread_points, task
-from schemas.grasp import GraspObject
-from schemas.grasp import GraspTask
+from afford.surface.describe.lexicon import TASKS
+from afford.surface.describe.rules import look_up
+from schemas.grasp import GraspObject, GraspTask
 
 
 def uses(body: GraspObject, category: str, level: str, label: str, least_m: float, thickness_m: tuple[float, float],

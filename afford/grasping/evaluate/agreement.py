@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from afford.grasping.evaluate.recipes import NO_NEGATIVE, TEACHER
 from afford.grasping.env.scenery import SAFE_M
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, TEACHER
 from schemas.episodes import GraspEpisodes
 from schemas.grasp import GraspTask
 

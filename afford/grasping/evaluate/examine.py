@@ -8,19 +8,18 @@ from math import ceil
 
 import numpy as np
 
-from afford.grasping.policies.acting import load
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Round, play
-from afford.grasping.evaluate.likeness import CRITERIA, Humans, humans, likeness, log_jerk
 from afford.grasping.env.metrics import MEANING
 from afford.grasping.env.task import of
+from afford.grasping.evaluate.likeness import CRITERIA, Humans, humans, likeness, log_jerk
+from afford.grasping.policies.acting import load
 from afford.grasping.sim.engine import stageable
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
-from schemas.hand import HandModel
-from schemas.hand import ReferenceSet
+from schemas.hand import HandModel, ReferenceSet
 
 FIGURES = (*MEANING, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
 """of each episode: metrics.MEANING, likeness.py"""

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.policies.acting import Policy, load
 from afford.grasping.env.evaluate import Still
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.env.task import task
+from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
+from afford.grasping.policies.acting import Policy, load
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import ClipsFollowed
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from schemas.hand import HandModel, HandReference
 
 FOLLOWERS = ("prior", "clip", "still")
 FIGURES = ("level_1_m", "level_2_m", "tips_error_m", "followed")

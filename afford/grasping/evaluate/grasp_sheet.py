@@ -10,12 +10,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from afford.common.encode import png
-from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.evaluate.studio import Episode
-from afford.grasping.evaluate.traced import PHASES, phases, traced
 from afford.common.lettering import font
 from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.write import write_video
+from afford.grasping.env.measures import TOUCH_N
+from afford.grasping.evaluate.studio import Episode
+from afford.grasping.evaluate.traced import PHASES, phases, traced
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)

@@ -11,14 +11,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.policies.acting import Policy
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Round, play
 from afford.grasping.env.task import NEGATIVE_POINTS, of, spread_points
+from afford.grasping.policies.acting import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspTrace, TwoTasks
-from schemas.grasp import GraspObject
-from schemas.grasp import GraspTask
+from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel
 
 APART_M = 0.02

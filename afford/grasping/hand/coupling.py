@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.grasping.hand.kinematics import moving
 from afford.grasping.hand.tree import Coupling, Tree
-from afford.common.errors import SourceError
 from schemas.hand import HandJoints
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.grasping.hand.solids import farthest
 from afford.grasping.hand.tree import Joint, Tree
-from afford.common.errors import SourceError
 from schemas.hand import FINGERS
 
 WORDS = {"thumb": ("th",), "index": ("ff", "index", "fore"), "middle": ("mf", "middle"), "ring": ("rf", "ring"),

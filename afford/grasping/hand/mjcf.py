@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.tree import Coupling, Joint, Link, Shape, Tree, ordered
 from afford.common.errors import SourceError
+from afford.grasping.hand.tree import Coupling, Joint, Link, Shape, Tree, ordered
 from schemas.files import FileTree
 
 PREFIX = "robot0:"

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.grasping.hand import urdf
 from afford.grasping.hand.fingers import Finger, beyond, common_link, fingers
 from afford.grasping.hand.gantry import Gantry, mounted
 from afford.grasping.hand.grip import grip_axes, side
 from afford.grasping.hand.tree import Joint, Tree, cut
-from afford.common.errors import SourceError
 from schemas.hand import HandFingers, HandJoints, HandMesh, HandModel
 
 

@@ -7,12 +7,12 @@ import xml.etree.ElementTree as Xml
 import numpy as np
 
 from afford.common.bounded import TooLargeError
+from afford.common.errors import SourceError
 from afford.grasping.hand.tree import GREY, Coupling, Joint, Link, Tree, ordered
 from afford.grasping.hand.urdf_shapes import Meshes, shapes
 from afford.surface.meshes.files import URDF, suffix
 from afford.surface.meshes.files import text as file_text
 from afford.surface.meshes.urdf import numbers, origin, parse
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 FIX = "correct the URDF"

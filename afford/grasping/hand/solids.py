@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from afford.grasping.hand.tree import Shape, Tree
 from afford.common.errors import SourceError
+from afford.grasping.hand.tree import Shape, Tree
 
 SIDES = 24
 """corners around anything round, where nothing else is said"""

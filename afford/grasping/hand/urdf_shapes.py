@@ -8,11 +8,11 @@ from collections import Counter
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.grasping.hand.tree import Shape
 from afford.surface.meshes.read import read_mesh
 from afford.surface.meshes.surface import Surface, check_triangles, moved
 from afford.surface.meshes.urdf import mesh_file, numbers, origin
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 SIZES = {"box": (("size", 3),), "sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 1)),

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from afford.grasping.imitation.imitation import REWARDS, STRICT_M
 from afford.grasping.hand.kinematics import moving
+from afford.grasping.imitation.imitation import REWARDS, STRICT_M
 from afford.grasping.sim.engine import CONTROL_S
 from afford.grasping.sim.scene import Physics
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from schemas.hand import HandModel, HandReference
 
 BASES = ("none", "reference")
 

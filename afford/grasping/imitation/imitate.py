@@ -15,20 +15,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env import act
-from afford.grasping.imitation.clips import Clips, ImitationConfig
 from afford.grasping.env.happened import Happened
-from afford.grasping.imitation.imitation import Tracking, failed, rewards
 from afford.grasping.env.observe import LIMIT
 from afford.grasping.env.scenery import palm_yaw, to_frame
-from afford.grasping.imitation.track import FIELDS, Tracker
 from afford.grasping.hand.coupling import commanded, limits_u
 from afford.grasping.hand.kinematics import forward, moving
+from afford.grasping.imitation.clips import Clips, ImitationConfig
+from afford.grasping.imitation.imitation import Tracking, failed, rewards
+from afford.grasping.imitation.track import FIELDS, Tracker
 from afford.grasping.sim.engine import CONTROL_S, State
 from afford.grasping.sim.scene import Scene
 from afford.grasping.sim.worlds import Worlds
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from schemas.hand import HandModel, HandReference
 
 ASIDE = np.array([1.9, 1.9, 0.01, 0.0, 0.0, 0.0, 1.0])
 BEGIN_SHARE = 0.98

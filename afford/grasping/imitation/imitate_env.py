@@ -15,13 +15,12 @@ from typing import Any
 
 import gymnasium
 
-from afford.grasping.imitation.clips import ImitationConfig
-from afford.grasping.imitation.imitate import Imitating
 from afford.grasping.env.single import Single
 from afford.grasping.env.vector import Many
+from afford.grasping.imitation.clips import ImitationConfig
+from afford.grasping.imitation.imitate import Imitating
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from schemas.hand import HandModel, HandReference
 
 ID = "afford/HandImitation-v0"
 

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from afford.grasping.imitation.rehearse import Rehearsing
 from afford.grasping.env.vector import Learning, Many, means
+from afford.grasping.imitation.rehearse import Rehearsing
 from afford.grasping.rl import ppo
 from afford.grasping.rl.policy import ActorCritic
 from afford.training import checkpoint

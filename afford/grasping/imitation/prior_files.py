@@ -12,17 +12,16 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.imitation.proof import held
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.env.task import task
 from afford.grasping.hand.coupling import commanded
+from afford.grasping.imitation.proof import held
+from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.rl import saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig
 from afford.training.events import Point
 from afford.training.loop import seed_of
 from schemas.grasp import GraspObject
-from schemas.hand import HandModel
-from schemas.hand import GraspTarget, HandReference
+from schemas.hand import GraspTarget, HandModel, HandReference
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.env.task import Task
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
+from schemas.hand import HandModel, HandReference
 
 
 def held(hand: HandModel, tasks: Sequence[Task], references: Sequence[HandReference], config: Rehearsal, times: int, worlds: int,

@@ -17,20 +17,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.act import turned
-from afford.grasping.imitation.clips import Clips
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.happened import Happened
-from afford.grasping.imitation.imitation import REWARDS, STRICT_M, Tracking, failed, rewards
 from afford.grasping.env.scenery import about_z
 from afford.grasping.env.task import Task
-from afford.grasping.imitation.track import FIELDS, Tracker
 from afford.grasping.hand.coupling import commanded
+from afford.grasping.imitation.clips import Clips
+from afford.grasping.imitation.imitation import REWARDS, STRICT_M, Tracking, failed, rewards
+from afford.grasping.imitation.track import FIELDS, Tracker
 from afford.grasping.sim.engine import CONTROL_S, State, stageable
 from afford.grasping.sim.scene import Physics
 from afford.grasping.sim.scripted import Aim
-from schemas.hand import HandModel
-from schemas.hand import HandReference
+from schemas.hand import HandModel, HandReference
 
 POINTS = ("level_1_m", "level_2_m", "tips_m")
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasping.judge.question import question, read, sheet
 from afford.common.encode import jpeg
+from afford.grasping.judge.question import question, read, sheet
 from afford.models.chat_endpoint import ask, endpoint
 
 SERVER = "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` or none"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.surface.describe.answer import ADVICE, QUOTED, objects
 from afford.common.lettering import font
 from afford.common.palette import INK, PAPER
+from afford.surface.describe.answer import ADVICE, QUOTED, objects
 
 COLUMNS, LINE_PX = 4, 20
 LEAST, MOST = 1.0, 10.0

@@ -13,8 +13,8 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from afford.common.bounded import load_npz
-from afford.grasping.motion.build import build
 from afford.common.errors import SourceError
+from afford.grasping.motion.build import build
 from schemas.files import FileRef, FileTree
 from schemas.hand import PHASES, HandMotion
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from afford.common.bounded import load_npz
-from afford.grasping.motion.build import DOCS, build
 from afford.common import strict_json
+from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
 from afford.common.utf8 import read_text
+from afford.grasping.motion.build import DOCS, build
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion
 

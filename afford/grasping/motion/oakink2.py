@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.common import strict_json
 from afford.common.bounded import TooLargeError, load_npz, reason
+from afford.common.errors import SourceError
 from afford.grasping.motion import mano
 from afford.grasping.motion.build import build
-from afford.common import strict_json
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandMotion
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasping.motion.plain_pickle import NotPlainError, load
 from afford.common.errors import SourceError
+from afford.grasping.motion.plain_pickle import NotPlainError, load
 
 PROJECT = Path(__file__).resolve().parents[2]
 FIX = "get the file from the data set's own page"

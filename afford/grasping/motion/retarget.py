@@ -17,8 +17,7 @@ from afford.grasping.motion.rules import Broken, Rules
 from afford.grasping.motion.signals import speed, twist
 from afford.grasping.motion.targets import bone_angles, targets
 from afford.grasping.motion.wrist import beyond, on_gantry
-from schemas.hand import HandModel
-from schemas.hand import HandMotion, HandReference, Retargeted, RetargetVerdict
+from schemas.hand import HandModel, HandMotion, HandReference, Retargeted, RetargetVerdict
 
 NONE = -1.0
 """a figure that was not reached"""

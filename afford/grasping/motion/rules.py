@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.grasping.motion.targets import grip_axes
-from schemas.hand import HandModel
-from schemas.hand import HandMotion
+from schemas.hand import HandModel, HandMotion
 
 SMALL_M = 0.005
 """bones shorter than this may change as they like: a webcam sees them at all lengths"""

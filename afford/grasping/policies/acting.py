@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from afford.grasping.policies import student_files
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Actor, Still
 from afford.grasping.env.observe import blocks, slices
+from afford.grasping.policies import student_files
 from afford.grasping.policies.student import Student
 from afford.grasping.rl.policy import ActorCritic
 from afford.grasping.rl.saved import CONFIG, read

@@ -16,12 +16,12 @@ from pathlib import Path
 import torch
 
 from afford.common.files import empty_folder
-from afford.grasping.policies.acting import ENVIRONMENT, PRIOR
 from afford.grasping.env.config import Config
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.policies.residual import OverBase, Prior
 from afford.grasping.env.task import Task
 from afford.grasping.env.vector import Learning
+from afford.grasping.policies.acting import ENVIRONMENT, PRIOR
+from afford.grasping.policies.residual import OverBase, Prior
 from afford.grasping.rl import ppo, saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig, paper
 from afford.training import events

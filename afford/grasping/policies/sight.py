@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from afford.common.points import farthest
+from afford.grasping.env.scenery import to_frame
 from afford.grasping.policies.cameras import HAND, OBJECT, Images, spots
 from afford.grasping.policies.proprioception import Body, Proprioception, Start
-from afford.grasping.env.scenery import to_frame
-from afford.common.points import farthest
 from afford.render.model import Camera
 
 LOW_M, HIGH_M = (-1.0, -1.0, 0.002), (1.0, 1.0, 0.7)

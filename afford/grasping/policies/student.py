@@ -13,8 +13,8 @@ import numpy as np
 import torch
 
 from afford.grasping.env import act
-from afford.grasping.policies.cameras import Rig, shoot
 from afford.grasping.env.core import Grasping
+from afford.grasping.policies.cameras import Rig, shoot
 from afford.grasping.policies.depth_noise import DepthNoise, drawn, noisy
 from afford.grasping.policies.proprioception import Proprioception, Start, body_of, sensed
 from afford.grasping.policies.shapes import body_shape, hand_shape

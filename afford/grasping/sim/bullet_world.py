@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from afford.common.bullet import Client
+from afford.common.quaternions import inverse, matrix, product
 from afford.grasping.hand.coupling import commanded, driven
 from afford.grasping.hand.folder import save as save_hand
 from afford.grasping.hand.kinematics import moving
 from afford.grasping.sim import object_urdf
-from afford.common.bullet import Client
 from afford.grasping.sim.engine import State, checked, solver_steps
-from afford.common.quaternions import inverse, matrix, product
 from afford.grasping.sim.scene import Physics, Scene, finger_of_link, held, limits_of
 
 GEAR_NM = 100.0

@@ -1,7 +1,7 @@
 """One world, whichever engine computes it. Metres, seconds, newtons; poses are (7,): x y z, then quaternion x y z w.
 
 q (d,) and qd (d,) are the joints of the hand that move, in the order of its table; a command u (m,) is a target for each joint that
-has a motor, wrist first (afford.grasping.hand.coupling); for the wrist a force or torque where the scene says wrist=wrench. Table top is
+has a motor, wrist first (hand/coupling.py); for the wrist a force or torque where the scene says wrist=wrench. Table top is
 z = 0; the gantry's base stands at the origin.
 """
 

@@ -14,8 +14,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
-from afford.surface.meshes.nearest import Nearest
 from afford.common.points import sample
+from afford.surface.meshes.nearest import Nearest
 
 OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)
 """where a cut is tried, as a share of the piece's extent"""

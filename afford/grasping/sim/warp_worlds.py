@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from afford.grasping.hand.kinematics import points
 from afford.common.registry import extra
+from afford.grasping.hand.kinematics import points
 from afford.grasping.sim.engine import State, World, solver_steps, world
 from afford.grasping.sim.mujoco_world import Layout, compiled, layout
 from afford.grasping.sim.scene import Scene, held, limits_of

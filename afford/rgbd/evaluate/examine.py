@@ -16,8 +16,7 @@ from afford.rgbd.evaluate.metrics import code_f1, code_jaccard, counts
 from afford.rgbd.model.both_ways import both_ways
 from afford.rgbd.model.model import Sor3d
 from afford.rgbd.model.sequence_batches import fitted, last, stack
-from schemas.interaction import BACKGROUND
-from schemas.interaction import InteractionScores, ShownAnswer
+from schemas.interaction import BACKGROUND, InteractionScores, ShownAnswer
 
 MODES = ("video", "static")
 

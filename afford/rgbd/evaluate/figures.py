@@ -9,8 +9,7 @@ import numpy as np
 
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.evaluate.metrics import Counts
-from schemas.interaction import AFFORDANCES
-from schemas.interaction import InteractionScores
+from schemas.interaction import AFFORDANCES, InteractionScores
 
 SHARE = 0.95
 """of the resampled figures that lie in an interval"""

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from afford.rgbd.evaluate.flow_metrics import end_point_error, moves
-from schemas.interaction import InteractionTruth
-from schemas.interaction import FlowScore
-from schemas.interaction import SceneFlow
+from schemas.interaction import FlowScore, InteractionTruth, SceneFlow
 
 
 def score(flow: SceneFlow, plain: SceneFlow, truth: InteractionTruth) -> FlowScore:

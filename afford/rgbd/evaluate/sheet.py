@@ -11,8 +11,7 @@ from PIL import Image, ImageDraw
 
 from afford.common.lettering import font
 from afford.common.palette import INK, PAPER
-from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
-from schemas.interaction import InteractionScores, ShownAnswer
+from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR, InteractionScores, ShownAnswer
 
 CONFIDENCE = 0.75
 OPACITY = 0.65

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 
 from afford.common.files import write_json
-from afford.rgbd.evaluate.drawn import heat, legend, painted
+from afford.common.tiles import framed, titles, write_page
 from afford.rgbd.evaluate import metrics as sor3d
+from afford.rgbd.evaluate.drawn import heat, legend, painted
 from afford.rgbd.evaluate.metrics import Counts
 from afford.rgbd.model.static import Told, square
-from afford.common.tiles import framed, titles, write_page
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 
 SIDE = 190

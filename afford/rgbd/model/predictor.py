@@ -10,14 +10,13 @@ import numpy as np
 import torch
 
 from afford.dataset.sor3d import sequences
+from afford.models.threads import one_thread
 from afford.rgbd.model import files
 from afford.rgbd.model.both_ways import both_ways
 from afford.rgbd.model.found import Found
 from afford.rgbd.model.inputs import Seen, frames
-from afford.models.threads import one_thread
 from afford.rgbd.model.sequence_batches import fitted
-from schemas.interaction import InteractionClip
-from schemas.interaction import SceneFlow
+from schemas.interaction import InteractionClip, SceneFlow
 
 
 class Predictor:

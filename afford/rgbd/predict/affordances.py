@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from safetensors.numpy import save
 
 from afford.common.encode import png
+from afford.common.overlay import MIN_WIDTH_PX
+from afford.common.prediction_folder import write_files
+from afford.common.video.sources import RECORD
 from afford.rgbd.evaluate import drawn
 from afford.rgbd.model.found import Found, likeliest
 from afford.rgbd.predict.footage import Footage
-from afford.common.overlay import MIN_WIDTH_PX
-from afford.common.video.sources import RECORD
-from afford.twohands.predict.stored import Stored
-from afford.twohands.predict.write import write_files
 from schemas.interaction import AFFORDANCES, BACKGROUND
 
 DIGITS = 6
@@ -39,7 +38,19 @@ class Asked:
     wall_ms: float
 
 
-def write(asked: Asked, model: Stored, folder: Path) -> Path:
+class Identified(Protocol):
+    """A model on disk, as far as the record of a prediction states it."""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+
+    @property
+    def digest(self) -> str:
+        """blake3 of its config and weights."""
+
+
+def write(asked: Asked, model: Identified, folder: Path) -> Path:
     """label.png (indices, 9 where nothing is afforded), overlay.png, attention.png (of a model that attends),
     probabilities.safetensors and prediction.json. SourceError when something else lies there."""
     label, sure = (spread(asked, index) for index in (asked.found.label, asked.found.confident(asked.threshold)))
@@ -61,7 +72,7 @@ def spread(asked: Asked, label: np.ndarray) -> np.ndarray:
     return whole
 
 
-def record(asked: Asked, label: np.ndarray, sure: np.ndarray, model: Stored) -> dict[str, Any]:
+def record(asked: Asked, label: np.ndarray, sure: np.ndarray, model: Identified) -> dict[str, Any]:
     """Everything that is not a picture; docs/predict.md names every field. `label` and `sure` are at the picture's own size."""
     footage, found = asked.footage, asked.found
     top, left, side = footage.square

@@ -11,14 +11,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.grasping.candidates.read import matrix_of, read_depth
-from afford.common.natural import natural
-from afford.common.picture import read_image
-from afford.common.video.sources import IMAGES
+from afford.common.depth import matrix_of, read_depth
 from afford.common.errors import SourceError
 from afford.common.folders import VIDEO_SUFFIXES
+from afford.common.natural import natural
+from afford.common.picture import read_image
 from afford.common.video.decode import every_nth
 from afford.common.video.probe import probe
+from afford.common.video.sources import IMAGES
 from schemas.interaction import BACKGROUND, InteractionClip
 
 FOCAL_SHARE = 365.0 / 300

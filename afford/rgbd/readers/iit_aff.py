@@ -17,11 +17,11 @@ from pathlib import PurePosixPath
 import cv2
 import numpy as np
 
+from afford.common.errors import SourceError
+from afford.common.utf8 import read_text
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.pictures import picture
 from afford.rgbd.readers.static_set import Listed
-from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.rgbd.readers import sampling
-from afford.dataset.sor3d.colours import commonest, unpaint
-from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
-from afford.rgbd.readers.pictures import picture
-from afford.dataset.sor3d.write import GRID
-from afford.common.natural import natural
 from afford.common import strict_json
 from afford.common.errors import SourceError
+from afford.common.natural import natural
+from afford.dataset.sor3d.colours import commonest, unpaint
+from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
+from afford.dataset.sor3d.write import GRID
+from afford.rgbd.readers import sampling
+from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree
 from schemas.interaction import BACKGROUND, COLOURS_BGR, InteractionClip
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
+from afford.common.errors import SourceError
 from afford.dataset.layout import tree
 from afford.rgbd.readers import umd
-from afford.common.errors import SourceError
 from schemas.files import FileTree
 
 LABELS = {"umd": f"tools/<tool>/<tool>_<frame>{umd.LABEL}", "iit-aff": "affordances_labels/<picture>.txt"}

@@ -17,13 +17,13 @@ from pathlib import PurePosixPath
 import cv2
 import numpy as np
 
-from afford.rgbd.readers.crops import centre, mapped
-from afford.rgbd.readers.mat5 import read_matrix
-from afford.dataset.sor3d.names import DEPTH_MM
-from afford.rgbd.readers.pictures import picture
-from afford.rgbd.readers.static_set import Listed
 from afford.common.errors import SourceError
 from afford.common.utf8 import read_text
+from afford.dataset.sor3d.names import DEPTH_MM
+from afford.rgbd.readers.crops import centre, mapped
+from afford.rgbd.readers.mat5 import read_matrix
+from afford.rgbd.readers.pictures import picture
+from afford.rgbd.readers.static_set import Listed
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from afford.rgbd.scene_flow import colours
 from afford.rgbd.scene_flow.view import Settings, View
-from schemas.interaction import InteractionClip
-from schemas.interaction import SceneFlow
+from schemas.interaction import InteractionClip, SceneFlow
 
 Between = Callable[[View, View, Settings], tuple[np.ndarray, np.ndarray]]
 """two frames -> motion in space (h, w, 3) in m and on the image (h, w, 2) in px, between them"""

@@ -17,8 +17,8 @@ from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Seen, frames
 from afford.rgbd.model.pretrain import ActionLSTM
-from afford.training.order import Order
 from afford.rgbd.model.sequence_batches import Changes, changed, fitted
+from afford.training.order import Order
 
 FRAMES = 10
 """frames that are seen of a clip, spread over it"""

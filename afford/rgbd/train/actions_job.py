@@ -11,17 +11,17 @@ from afford.dataset.sor3d import sequences
 from afford.rgbd.model import pretrain
 from afford.rgbd.model.model import build
 from afford.rgbd.train.actions import Actions, ClipBatches
-from afford.training.order import Order
 from afford.rgbd.train.sequences_job import SequencesJob
 from afford.rgbd.train.sor3d_job import job as sor3d
 from afford.rgbd.train.sor3d_job import parts_of, spread
+from afford.training.order import Order
 from schemas.training import Recipe
 
 
 class ActionsJob(SequencesJob):
     """A pre-training for the model of `whole`."""
 
-    BACKEND = "sor3d_actions"
+    JOB = "afford.rgbd.train.actions_job:ActionsJob"
     WHAT = """The first encoder of SOR3D-AFF's spatio-temporal autoencoder with an LSTM, before the whole is trained. An RGB-D
 sequence goes in; the action comes out."""
 

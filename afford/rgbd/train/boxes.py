@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor, nn
 
+from afford.common.pictures import jpeg
 from afford.dataset.sor3d.sequences import Sequence
-from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.boxes.losses import extents, losses
 from afford.rgbd.boxes.model import Boxes, painted, proposals
-from afford.common.pictures import jpeg
-from afford.rgbd.train.interactions import tinted
+from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.model.sequence_batches import Learned, SequenceBatches, last, stack
+from afford.rgbd.train.interactions import tinted
 
 PREVIEWS, COLUMNS = 12, 4
 

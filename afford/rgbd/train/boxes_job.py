@@ -11,19 +11,19 @@ from torch import nn
 from afford.dataset.sor3d import sequences
 from afford.rgbd.boxes.model import FORMAT, Boxes, build
 from afford.rgbd.model import files
-from afford.rgbd.train.boxes import Detecting
-from afford.training.order import Order
 from afford.rgbd.model.sequence_batches import SequenceBatches, fitted
+from afford.rgbd.train.boxes import Detecting
 from afford.rgbd.train.sequences_job import SequencesJob
 from afford.rgbd.train.sor3d_job import job as sor3d
 from afford.rgbd.train.sor3d_job import parts_of, spread
+from afford.training.order import Order
 from schemas.training import Recipe
 
 
 class BoxesJob(SequencesJob):
     """A training on the last frames of what `whole` would learn from."""
 
-    BACKEND = "boxes"
+    JOB = "afford.rgbd.train.boxes_job:BoxesJob"
     WHAT = """A detector after AffordanceNet (Do, Nguyen and Reid 2018), for comparison: an encoder like that of SOR3D-AFF's model,
 boxes of things, and inside each box a mask of affordances. One picture goes in. Boxes were learned from the extent of labels."""
 

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from afford.common.pictures import jpeg
 from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import Said, Sor3d
-from afford.common.pictures import jpeg
 from afford.rgbd.model.sequence_batches import Learned, SequenceBatches, last, stack
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Self
 from torch import nn
 
 from afford.rgbd.train import sor3d_card
-from afford.training.job import Dataset
 from afford.rgbd.train.sor3d_job import Sor3dJob, kinds_of
+from afford.training.job import Dataset
 from afford.training.state import State
 from afford.training.task import Plan
 from schemas.training import TrainingLog
@@ -23,8 +23,8 @@ from schemas.training import TrainingLog
 class SequencesJob:
     """A training (`afford.training.job.Job`) on what `whole` would learn from; its network and files are those of the class."""
 
-    BACKEND: ClassVar[str]
-    """its name in `afford.training.job.BACKENDS`"""
+    JOB: ClassVar[str]
+    """"module:class" of the class, which reads its JSON"""
     WHAT: ClassVar[str]
     """what its card says that was trained"""
 
@@ -49,7 +49,7 @@ class SequencesJob:
 
     def to_json(self) -> str:
         """The job as text."""
-        return json.dumps({**json.loads(self.whole.to_json()), "backend": self.BACKEND})
+        return json.dumps({**json.loads(self.whole.to_json()), "job": self.JOB})
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:

@@ -17,11 +17,11 @@ from afford.rgbd.model import files, pretrain, vgg
 from afford.rgbd.model.config import ROWS, VARIANTS, Sor3dConfig, row
 from afford.rgbd.model.losses import LossParams
 from afford.rgbd.model.model import Sor3d, build
+from afford.rgbd.model.sequence_batches import Changes, SequenceBatches, fitted
 from afford.rgbd.train import shares, sor3d_card
 from afford.rgbd.train.interactions import Interactions
 from afford.training.job import Dataset
 from afford.training.order import Order
-from afford.rgbd.model.sequence_batches import Changes, SequenceBatches, fitted
 from afford.training.state import State
 from afford.training.task import Plan, plan_of
 from schemas.files import FileTree
@@ -100,7 +100,7 @@ class Sor3dJob:
 
     def to_json(self) -> str:
         """The job as text."""
-        return json.dumps({"backend": "sor3d", **dataclasses.asdict(self)})
+        return json.dumps({"job": "afford.rgbd.train.sor3d_job:Sor3dJob", **dataclasses.asdict(self)})
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Sor3dJob:

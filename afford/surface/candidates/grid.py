@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from afford.common.boxes import box
-from afford.surface.segments.suppress import collected
 from afford.render.views.six import SIX
+from afford.surface.segments.suppress import collected
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 

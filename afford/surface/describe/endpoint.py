@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from afford.surface.describe import answer
-from afford.surface.describe.question import question
 from afford.common.encode import jpeg
 from afford.models.chat_endpoint import ask, endpoint
 from afford.render.views.contact import contact_sheet, labels
+from afford.surface.describe import answer
+from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 

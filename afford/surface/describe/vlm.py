@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from afford.surface.describe import answer
-from afford.surface.describe.question import question
 from afford.models.chat_model import load_model, reply
 from afford.render.views.contact import contact_sheet, labels
+from afford.surface.describe import answer
+from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 

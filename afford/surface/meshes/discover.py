@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from afford.surface.meshes.files import LABELS, URDF
-from afford.surface.meshes.references import collisions, is_mesh, needs
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries, refuse_link
+from afford.surface.meshes.files import LABELS, URDF
+from afford.surface.meshes.references import collisions, is_mesh, needs
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]

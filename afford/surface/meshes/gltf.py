@@ -16,10 +16,10 @@ from urllib.parse import unquote
 import numpy as np
 from trimesh.transformations import quaternion_matrix
 
-from afford.surface.meshes.files import Pictures, locate, picture
-from afford.surface.meshes.surface import Surface, check_triangles, join, moved
 from afford.common import strict_json
 from afford.common.errors import SourceError
+from afford.surface.meshes.files import Pictures, locate, picture
+from afford.surface.meshes.surface import Surface, check_triangles, join, moved
 from schemas.files import FileRef, FileTree
 
 MAGIC, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.bake import bake
 from afford.surface.meshes.category import category_of
 from afford.surface.meshes.charts import unwrap
@@ -19,7 +20,6 @@ from afford.surface.meshes.read import read
 from afford.surface.meshes.repair import Counts, Limits, repair
 from afford.surface.meshes.simplify import simplify
 from afford.surface.meshes.units import METRES, decide
-from afford.common.errors import SourceError
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, MeshReport, ObjectMesh, ReadMesh, Repair
 

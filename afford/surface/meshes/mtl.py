@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import Pictures, locate, text
 from afford.surface.meshes.surface import GREY
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-boost": 1, "-bm": 1}

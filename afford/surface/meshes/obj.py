@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import Pictures, locate, text
 from afford.surface.meshes.mtl import read_mtl
 from afford.surface.meshes.surface import GREY, Surface
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 INDEX = re.compile(r"[0-9]{1,18}")

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from afford.common import strict_json
 from afford.common.bounded import TooLargeError
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import LABELS
 from afford.surface.meshes.surface import Surface
-from afford.common import strict_json
-from afford.common.errors import SourceError
 from schemas.files import FileTree
 
 FIX = "see docs/mesh-format.md"

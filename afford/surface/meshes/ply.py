@@ -12,9 +12,9 @@ from trimesh.exchange.ply import load_ply
 from trimesh.exchange.stl import load_stl
 
 from afford.common.bounded import reason
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import locate, picture
 from afford.surface.meshes.surface import Surface, check_corners, coloured, plain
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 HEADER_BYTES = 1 << 16

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import MESH_SUFFIXES, URDF, main_file, suffix
 from afford.surface.meshes.gltf import read_gltf
 from afford.surface.meshes.obj import read_obj
 from afford.surface.meshes.ply import read_ply, read_stl
 from afford.surface.meshes.surface import Surface, check_corners
 from afford.surface.meshes.urdf import read_urdf
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 FARTHEST = 1e9

@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 from urllib.parse import unquote
 
+from afford.common import strict_json
+from afford.common.errors import SourceError
 from afford.surface.meshes import urdf
 from afford.surface.meshes.files import MESH_SUFFIXES, URDF, suffix, target
 from afford.surface.meshes.mtl import image_name, statements
 from afford.surface.meshes.ply import HEADER_BYTES, texture_name
-from afford.common import strict_json
-from afford.common.errors import SourceError
 
 JSON_START = 20
 """bytes of a GLB before its JSON"""

@@ -13,9 +13,9 @@ import trimesh
 from trimesh.transformations import euler_matrix
 
 from afford.common.bounded import TooLargeError
+from afford.common.errors import SourceError
 from afford.surface.meshes.files import SCHEME, Pictures, locate, target, text
 from afford.surface.meshes.surface import Surface, check_triangles, join, moved, plain
-from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.render.views.six import SIX, six
 from afford.surface.negative.coarse import coarse_box, segmented
 from afford.surface.negative.project import on_faces
 from afford.surface.negative.relevance import RELEVANT, relevance
 from afford.surface.negative.votes import squareness
-from afford.render.views.six import SIX, six
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescription, PartScores
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.common.points import farthest, sample
 from afford.surface.negative.distance import field
 from afford.surface.negative.fuse import by_task, pixels
 from afford.surface.negative.neighbours import fill
-from afford.common.points import farthest, sample
 from afford.surface.negative.votes import squareness, vote
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores

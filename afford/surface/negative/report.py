@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.files import empty_folder, tree, write_json
 from afford.common.encode import jpeg
+from afford.common.files import empty_folder, tree, write_json
 from afford.surface.negative.score import METHODS
 from afford.surface.negative.sheet import QUALITY
 from schemas.files import FileTree

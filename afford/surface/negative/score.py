@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from afford.common.points import sample
 from afford.surface.negative import baselines
 from afford.surface.negative.fuse import by_task
-from afford.common.points import sample
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordances, NegativeScore, PartCandidates, PartDescriptions, PartScores
 

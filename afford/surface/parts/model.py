@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from afford.models.words import Words
 from afford.surface.parts.crops import CHANNELS
 from afford.surface.parts.form import FORM
-from afford.models.words import Words
 
 TRAITS = 4 + len(FORM)
 """numbers that come with a candidate (see traits.py and form.py)"""

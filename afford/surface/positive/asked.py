@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.common import materialise as folder
 from afford.common.files import empty_folder
-from afford.twohands.model.predictor import Predictor
 from afford.surface.positive.words import in_words
+from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from afford.common.points import farthest, sample
 from afford.surface.negative.project import DENSE, on_faces
 from afford.surface.negative.votes import squareness
+from schemas.benchmark import Prediction
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PositiveAffordance
-from schemas.benchmark import Prediction
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ import torch
 from torch import Tensor
 from transformers import CLIPModel
 
+from afford.models.clip_text import text_batch
+from afford.models.normalise import for_tower
 from afford.models.pretrained import place, pretrained
-from afford.twohands.model.clip import text_batch
-from afford.twohands.model.model import for_tower
 from afford.models.tokens import read_tokens
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews

@@ -13,10 +13,10 @@ from itertools import product
 import numpy as np
 
 from afford.render.mesh import transform
-from afford.synthetic.things.asset import Grip, ObjectModel
 from afford.render.motion import Pose, Track, about, pose
-from afford.synthetic.things.objects import build
 from afford.synthetic.kitchens.play import Arm, Play, Thing
+from afford.synthetic.things.asset import Grip, ObjectModel
+from afford.synthetic.things.objects import build
 from schemas.video import OTHER
 
 CENTRE = np.array([0.0, 0.30])

@@ -9,14 +9,13 @@ from blake3 import blake3
 
 from afford.codecs import save
 from afford.common.folders import media_of
+from afford.common.video.write import write_video
 from afford.synthetic.kitchens import write_epic
 from afford.synthetic.kitchens.play import LENGTH, Play, Saying
 from afford.synthetic.kitchens.record import Recording
-from afford.common.video.write import write_video
-from schemas.video import Narration
 from schemas.files import FileRef, FileTree
-from schemas.scene import RenderedClip, SceneSpec
-from schemas.scene import ClipTruth
+from schemas.scene import ClipTruth, RenderedClip, SceneSpec
+from schemas.video import Narration
 
 
 def write_clip(root: Path, spec: SceneSpec, play: Play, recording: Recording, crf: int) -> RenderedClip:

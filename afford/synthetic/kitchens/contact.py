@@ -7,8 +7,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from afford.render.model import Camera
-from afford.synthetic.things.asset import Part
 from afford.synthetic.kitchens.world import World
+from afford.synthetic.things.asset import Part
 
 THRESHOLD_M = 0.005
 SPACING_M = 0.0022

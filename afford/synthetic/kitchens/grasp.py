@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.synthetic.people.hand_grasp import close_on, distance_to, opening, posture
 from afford.synthetic.kitchens.play import Arm, Touch
+from afford.synthetic.people.hand_grasp import close_on, distance_to, opening, posture
 
 
 class Fingers:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from afford.synthetic.things.asset import Grip
-from afford.synthetic.kitchens.cast import Cast
 from afford.render.motion import Pose, PoseAt, about, blend, pose, sway
+from afford.synthetic.kitchens.cast import Cast
 from afford.synthetic.kitchens.play import Thing
+from afford.synthetic.things.asset import Grip
 
 SPOUT_M = 0.04
 """A mouth farther than this from the middle of a vessel is a spout, which has to point at the cup."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from afford.synthetic.things.asset import Grip, ObjectModel
 from afford.render.camera import Head
 from afford.render.motion import Curve, Pose, PoseAt, Track, approach, arc
+from afford.synthetic.things.asset import Grip, ObjectModel
 
 LENGTH = 121.0
 """How long a play is, in units of time."""

@@ -12,8 +12,7 @@ from afford.render.model import Bundle, Camera
 from afford.synthetic.kitchens.contact import Surfaces
 from afford.synthetic.kitchens.play import LENGTH
 from afford.synthetic.kitchens.world import HEIGHT, WIDTH, World
-from schemas.scene import SceneSpec
-from schemas.scene import ClipTruth
+from schemas.scene import ClipTruth, SceneSpec
 
 HANDS = (0, 1)
 SLIVER_PX = 12

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.render import materials
 from afford.render.mesh import moved
 from afford.render.model import BACKGROUND, Instance, Light, Material
 from afford.render.solids import box, patch
 from afford.render.textures import linear
-from afford.render import materials
-from afford.synthetic.things import objects
 from afford.synthetic.kitchens.settle_env import rest_poses
+from afford.synthetic.things import objects
 
 TABLE = ((-0.95, 0.95), (-0.12, 0.82))
 """Extent of the worktop in x and y, metres."""

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from afford.synthetic.kitchens.cast import Cast, Want
 from afford.render.motion import about, pose
+from afford.synthetic.kitchens.cast import Cast, Want
 from afford.synthetic.kitchens.moves import carry, held_at, put
 from afford.synthetic.kitchens.play import LENGTH
 from afford.synthetic.kitchens.scripts_kitchen import GRASPABLE

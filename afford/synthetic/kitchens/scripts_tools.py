@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.synthetic.things.asset import Grip
-from afford.synthetic.kitchens.cast import Cast, Want
 from afford.render.motion import Pose, PoseAt, about, pose
+from afford.synthetic.kitchens.cast import Cast, Want
 from afford.synthetic.kitchens.moves import aim, carry, put, rolled
 from afford.synthetic.kitchens.play import Thing
 from afford.synthetic.kitchens.scripts_kitchen import carry_one
+from afford.synthetic.things.asset import Grip
 
 DESK_THINGS = ("book", "tape", "phone", "water", "cup", "stapler")
 SHOP_THINGS = ("glue", "paint", "drill", "wood", "hammer", "screwdriver")

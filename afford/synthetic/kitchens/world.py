@@ -8,14 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from afford.render.camera import CALM, PARALLAX, Head, intrinsics
 from afford.render.model import Camera, Instance
 from afford.render.textures import Textures
-from afford.synthetic.things.asset import palm_frame
-from afford.render.camera import CALM, PARALLAX, Head, intrinsics
 from afford.synthetic.kitchens.cast import CENTRE, Cast
 from afford.synthetic.kitchens.grasp import Fingers
-from afford.synthetic.people.hand import HandModel
-from afford.synthetic.people.hand_look import person
 from afford.synthetic.kitchens.mats import mats
 from afford.synthetic.kitchens.play import LENGTH, Arm, Play, Thing
 from afford.synthetic.kitchens.rooms import Room
@@ -23,9 +20,12 @@ from afford.synthetic.kitchens.rooms import build as build_room
 from afford.synthetic.kitchens.scripts import STRONG_PARALLAX, script
 from afford.synthetic.kitchens.vocabulary import noun_class
 from afford.synthetic.kitchens.write_epic import hands
-from schemas.video import SIDES
+from afford.synthetic.people.hand import HandModel
+from afford.synthetic.people.hand_look import person
+from afford.synthetic.things.asset import palm_frame
 from schemas.masks import Entity
 from schemas.scene import SceneSpec
+from schemas.video import SIDES
 
 WIDTH, HEIGHT = 456, 256
 FIELD_OF_VIEW_DEG = 56.0

@@ -16,9 +16,8 @@ import numpy as np
 
 from afford.synthetic.kitchens.polygons import trace
 from afford.synthetic.kitchens.vocabulary import NOUNS, VERBS, WordClass, noun_class, verb_class
-from schemas.video import Narration
-from schemas.video import HAND_CLASS, SIDES
 from schemas.masks import Entity
+from schemas.video import HAND_CLASS, SIDES, Narration
 
 FPS = 30
 ACTION_COLUMNS = (

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.synthetic.objects.cut import cut
 from afford.render import materials
+from afford.synthetic.objects.cut import cut
 
 LOOKS = ("mixed", "plain")
 MARGIN = 6

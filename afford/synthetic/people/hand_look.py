@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from afford.common.palette import TONES
+from afford.render import materials
 from afford.render.mesh import Mesh, merge, moved, smooth_normals, transform
 from afford.render.model import Material
+from afford.render.patterns import cloud
 from afford.render.solids import lathe, tube
-from afford.render import materials
 from afford.synthetic.people.hand_bones import LENGTHS, RADII, REST, WRIST
 from afford.synthetic.people.hand_shape import ARM_M, HandShape, hand_shape
-from afford.render.patterns import cloud
 
-TONES = ((216, 174, 152), (206, 158, 132), (190, 142, 114), (162, 116, 90), (122, 86, 66), (90, 63, 49))
 GLOVES = ((206, 214, 224), (84, 140, 190), (222, 186, 60), (52, 54, 58))
 
 

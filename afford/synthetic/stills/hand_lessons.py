@@ -9,18 +9,17 @@ import numpy as np
 
 from afford.render.draw import render
 from afford.render.model import BACKGROUND, Instance
+from afford.render.motion import Pose, about, pose
 from afford.render.textures import Textures
 from afford.synthetic.kitchens.cast import CENTRE
+from afford.synthetic.kitchens.record import grain
+from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.stills.hand_people import Person, apart, in_the_air
 from afford.synthetic.stills.hand_views import backdrop, lit, view
-from afford.render.motion import Pose, about, pose
-from afford.synthetic.kitchens.record import grain
 from afford.synthetic.stills.still_ways import Reach, Way
 from afford.synthetic.stills.still_world import Layout, StillWorld
-from afford.synthetic.kitchens.world import elbow
-from schemas.scene import LEFT_HAND, REST, RIGHT_HAND, SLEEVE, TOUCHED, HandLessons, HandRoom
+from schemas.scene import LEFT_HAND, REST, RIGHT_HAND, SLEEVE, TOUCHED, HandLessons, HandRoom, StillSpec
 from schemas.video import SIDES
-from schemas.scene import StillSpec
 
 PERSON = {"train": "P71", "val": "P72"}
 SETTINGS = ("kitchen", "desk", "kitchen", "workshop")

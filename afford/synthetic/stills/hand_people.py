@@ -9,15 +9,15 @@ import numpy as np
 
 from afford.render.mesh import moved
 from afford.render.model import BACKGROUND, Instance
+from afford.render.motion import Pose, about, pose
 from afford.render.solids import lathe
-from afford.synthetic.things.asset import palm_frame
+from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_bones import HIGH, LOW
 from afford.synthetic.people.hand_grasp import CLOSED, OPENING, POSTURES
 from afford.synthetic.people.hand_look import HandLook, person
 from afford.synthetic.people.hand_shape import ARM_M
-from afford.render.motion import Pose, about, pose
-from afford.synthetic.kitchens.world import elbow
+from afford.synthetic.things.asset import palm_frame
 from schemas.video import SIDES
 
 CUFF_M = (0.0, 0.35)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.render.model import Camera, Light
 from afford.render.camera import intrinsics, look_at
+from afford.render.model import Camera, Light
 from afford.render.motion import about
 from afford.render.patterns import cloud, image, ramp
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.render.camera import intrinsics, look_at
 from afford.render.draw import draw_ids, render
 from afford.render.model import Camera, Instance
 from afford.render.raster import edges, fill, project
-from afford.render.camera import intrinsics, look_at
 from afford.synthetic.kitchens.cast import CENTRE
 from afford.synthetic.kitchens.record import grain
+from afford.synthetic.kitchens.world import EYE
 from afford.synthetic.stills.still_ways import Way
 from afford.synthetic.stills.still_world import Layout, StillWorld
-from afford.synthetic.kitchens.world import EYE
 
 EYE_SPREAD_M = np.array([0.07, 0.05, 0.06])
 GAZE_SPREAD_M = np.array([0.05, 0.04, 0.02])

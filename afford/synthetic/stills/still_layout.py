@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.synthetic.things.asset import ObjectModel
 from afford.render.motion import Pose, about, pose
+from afford.synthetic.things.asset import ObjectModel
 
 LOW, HIGH = np.array([-0.45, -0.10]), np.array([0.45, 0.74])
 """Corners of the map of the table, world x and y in metres."""

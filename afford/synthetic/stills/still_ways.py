@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.synthetic.things.asset import Grip, ObjectModel
-from afford.synthetic.kitchens.cast import comfort
-from afford.synthetic.things.grips import edge, mirrored
-from afford.synthetic.people.hand_bones import ROOTS, WRIST
 from afford.render.motion import Pose, about, pose
-from afford.synthetic.stills.still_layout import Placed, height_at, heights
+from afford.synthetic.kitchens.cast import comfort
 from afford.synthetic.kitchens.world import elbow
+from afford.synthetic.people.hand_bones import ROOTS, WRIST
+from afford.synthetic.stills.still_layout import Placed, height_at, heights
+from afford.synthetic.things.asset import Grip, ObjectModel
+from afford.synthetic.things.grips import edge, mirrored
 
 ROUND = ("mug", "bottle", "water", "jar", "can", "bowl", "plate", "glue", "paint", "tape", "cup", "glass", "grinder")
 """Kinds whose body, rim, neck, head or lid can be taken from all around."""

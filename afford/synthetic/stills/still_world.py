@@ -9,22 +9,22 @@ import numpy as np
 
 from afford.render.mesh import merge
 from afford.render.model import BACKGROUND, Instance, Light
+from afford.render.motion import about, pose
 from afford.render.textures import Textures
-from afford.synthetic.things import objects
 from afford.synthetic.kitchens import rooms
-from afford.synthetic.things.asset import ObjectModel
 from afford.synthetic.kitchens.cast import CENTRE
+from afford.synthetic.kitchens.mats import mats
+from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_grasp import close_on, distance_to
 from afford.synthetic.people.hand_look import person
-from afford.synthetic.kitchens.mats import mats
-from afford.render.motion import about, pose
 from afford.synthetic.stills.still_layout import Placed, lay_out
 from afford.synthetic.stills.still_sets import NEW, kinds
 from afford.synthetic.stills.still_ways import Way, with_more_grips
-from afford.synthetic.kitchens.world import elbow
-from schemas.video import SIDES
+from afford.synthetic.things import objects
+from afford.synthetic.things.asset import ObjectModel
 from schemas.scene import StillSpec
+from schemas.video import SIDES
 
 POOL = 9
 """Things that belong to a room; a layout shows some of them."""

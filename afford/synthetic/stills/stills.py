@@ -9,16 +9,15 @@ import numpy as np
 
 from afford.common.encode import jpeg
 from afford.synthetic.kitchens.cast import plain_name
+from afford.synthetic.kitchens.write_epic import narration
 from afford.synthetic.stills.still_draw import Shot, Sizes, shoot
 from afford.synthetic.stills.still_plans import Plan, plans, weights
 from afford.synthetic.stills.still_sets import is_asked, is_new
 from afford.synthetic.stills.still_tasks import Act, acts
 from afford.synthetic.stills.still_ways import Reach
 from afford.synthetic.stills.still_world import Layout, StillWorld
-from afford.synthetic.kitchens.write_epic import narration
+from schemas.scene import Mode, Picture, Still, Stills, StillSpec
 from schemas.video import Narration
-from schemas.scene import StillSpec
-from schemas.scene import Mode, Picture, Still, Stills
 
 LEAST_AREA = 0.0005
 """A smaller affordance, as a share of the picture, is no lesson."""

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.dataset.sor3d.rules import use
+from afford.render.motion import Curve, Pose, PoseAt, Track, about, approach, arc, ease, pose, sway
 from afford.synthetic.tabletop import holds
 from afford.synthetic.tabletop.holds import Hold
-from afford.dataset.sor3d.rules import use
 from afford.synthetic.tabletop.things import TOP_M
 from afford.synthetic.things.asset import ObjectModel
-from afford.render.motion import Curve, Pose, PoseAt, Track, about, approach, arc, ease, pose, sway
 
 LENGTH, TOUCH, RELEASE = 27.0, 5.0, 22.0
 SQUASH, BULGE = 0.34, 0.10

@@ -8,16 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from afford.synthetic.tabletop.acts import LENGTH, Act, act, elbow
 from afford.dataset.sor3d.rules import use
-from afford.synthetic.tabletop.skin import exact_skin
-from afford.synthetic.tabletop.studio import Studio, hand_of, studio
-from afford.synthetic.tabletop.things import build
 from afford.render.batch import batch
 from afford.render.draw import render
 from afford.render.model import Instance
 from afford.render.textures import Textures
 from afford.render.view import View, depth
+from afford.synthetic.tabletop.acts import LENGTH, Act, act, elbow
+from afford.synthetic.tabletop.skin import exact_skin
+from afford.synthetic.tabletop.studio import Studio, hand_of, studio
+from afford.synthetic.tabletop.things import build
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 
 HAND, THING = 0, 1

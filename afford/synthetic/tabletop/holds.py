@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.synthetic.things.asset import Grip, ObjectModel, palm_frame
+from afford.render.motion import Pose, about, pose
 from afford.synthetic.kitchens.cast import CENTRE, HANDED, SLACK, comfort, mirrored
 from afford.synthetic.people.hand_bones import tips
 from afford.synthetic.people.hand_grasp import Distance, close_on, distance_to, opening, posture
-from afford.render.motion import Pose, about, pose
+from afford.synthetic.things.asset import Grip, ObjectModel, palm_frame
 
 TURNS = np.radians(np.arange(0, 360, 15))
 POINTS, STEPS = 1500, 14

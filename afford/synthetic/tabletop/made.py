@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from blake3 import blake3
 
-from afford.synthetic.tabletop.film import film
 from afford.dataset.sor3d.folder import discover
-from afford.synthetic.tabletop.sensor import grain, sense
 from afford.dataset.sor3d.write import write
+from afford.synthetic.tabletop.film import film
+from afford.synthetic.tabletop.sensor import grain, sense
 from schemas.interaction import InteractionClip, InteractionSpec, InteractionTruth, RenderedInteraction
 
 

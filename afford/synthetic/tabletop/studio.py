@@ -7,19 +7,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from afford.synthetic.tabletop.acts import Act
-from afford.synthetic.tabletop.holds import ahead_inside
-from afford.synthetic.tabletop.things import BESIDE, COMPANIONS
+from afford.render import materials
+from afford.render.camera import look_at
 from afford.render.model import BACKGROUND, Camera, Instance, Light, Material
+from afford.render.motion import about, pose
 from afford.render.solids import patch, tube
 from afford.render.textures import linear
-from afford.render import materials
-from afford.synthetic.things import objects
-from afford.render.camera import look_at
 from afford.synthetic.kitchens.cast import CENTRE
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_look import HandLook, person
-from afford.render.motion import about, pose
+from afford.synthetic.tabletop.acts import Act
+from afford.synthetic.tabletop.holds import ahead_inside
+from afford.synthetic.tabletop.things import BESIDE, COMPANIONS
+from afford.synthetic.things import objects
 
 KINECT_FOCAL_PX, KINECT_CROP_PX = 365.0, 300
 """The depth camera of a Kinect 2: nominal focal length on its grid; the paper's pictures are 300 px of it"""

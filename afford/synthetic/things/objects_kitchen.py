@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from afford.render import materials
 from afford.render.mesh import Mesh, merge, mesh, moved, transform
 from afford.render.model import Material
+from afford.render.motion import about, pose
 from afford.render.solids import extrude, lathe, tube
-from afford.render import materials
 from afford.synthetic.things.asset import Grip, ObjectModel, Part
 from afford.synthetic.things.grips import UP, Vec, along, around, both, edge, over, pinch, rod
-from afford.render.motion import about, pose
 
 TINTS = ((206, 222, 226), (196, 218, 204), (222, 214, 196), (172, 190, 214), (214, 188, 160))
 """Colours of the glass of tumblers."""

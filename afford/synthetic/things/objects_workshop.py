@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.render import materials
 from afford.render.mesh import merge, moved, transform
 from afford.render.solids import box, extrude, lathe, tube
-from afford.render import materials
 from afford.synthetic.things.asset import Joint, ObjectModel, Part
 from afford.synthetic.things.grips import LEFT, UP, along, around, both, edge, over, pinch, rod, sides
 

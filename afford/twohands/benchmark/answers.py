@@ -10,9 +10,9 @@ import numpy as np
 from afford.twohands.benchmark.cases import Size, grey, resize_mask
 from afford.twohands.benchmark.compat import Grey
 from afford.twohands.model.select import taking
+from schemas.benchmark import Prediction
 from schemas.files import FileRef
 from schemas.video import SIDES
-from schemas.benchmark import Prediction
 
 CHOICES = np.array([[True, False], [False, True], [True, True]])
 """which hands act: left alone, right alone, both"""

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.boxes import box
-from schemas.benchmark import Case
-from schemas.benchmark import Prediction
+from schemas.benchmark import Case, Prediction
 
 SPREAD = 0.15
 """standard deviation of the centre prior, in widths and heights of the image"""

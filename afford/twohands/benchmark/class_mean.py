@@ -15,13 +15,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.twohands.benchmark.baselines import Baseline, said
 from afford.common.boxes import BORDER, box
 from afford.dataset import load, masks
 from afford.dataset.columns import MASKS
+from afford.twohands.benchmark.baselines import Baseline, said
 from schemas.affordance import TAKES
-from schemas.benchmark import Case
-from schemas.benchmark import Prediction
+from schemas.benchmark import Case, Prediction
 
 GRID = 64
 """side of the grid that masks are averaged on"""

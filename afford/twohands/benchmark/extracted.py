@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from afford.dataset import load, masks
 from afford.twohands.benchmark.baselines import Baseline, said
 from afford.twohands.benchmark.cases import Size, resize_mask
-from afford.dataset import load, masks
-from schemas.benchmark import Case
-from schemas.benchmark import Prediction
+from schemas.benchmark import Case, Prediction
 
 REGIONS = ("mask_left_rle", "mask_right_rle")
 COLUMNS = ("video", "frame", "height", "width", "taxonomy", *REGIONS)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Protocol
 
-from afford.twohands.benchmark import answers, stored
 from afford.dataset import layout
+from afford.twohands.benchmark import answers, stored
 from afford.twohands.benchmark.answers import Answer
 from schemas.benchmark import Case
 from schemas.files import FileRef, FileTree

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from afford.common.figures import Figure
 from afford.twohands.benchmark.cases import KITCHEN
 from afford.twohands.benchmark.summary import Row
-from afford.common.figures import Figure
 from schemas.benchmark import MethodScores
 
 SHOWN = ("iou", "precision", "hand_iou")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from afford.twohands.benchmark import plots, summary, tables
-from afford.dataset.layout import PROTOCOLS
 from afford.common import files
+from afford.dataset.layout import PROTOCOLS
+from afford.twohands.benchmark import plots, summary, tables
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from afford.common.mask_metrics import iou
 from afford.twohands.benchmark import calibration, compat, measures, modes
 from afford.twohands.benchmark.answers import Answer
-from afford.common.mask_metrics import iou
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case, MethodScores, Sheet
 from schemas.video import SIDES

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from afford.twohands.benchmark import cases
-from afford.twohands.benchmark.answers import Answer
 from afford.common.encode import jpeg
 from afford.common.palette import INK, LEFT, PAPER, RIGHT, Colour
+from afford.twohands.benchmark import cases
+from afford.twohands.benchmark.answers import Answer
 from schemas.benchmark import Case, Sheet
 
 TILE_PX, BAND_PX, GAP_PX = 260, 42, 6

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.common import bootstrap
+from afford.dataset.layout import PROTOCOLS
 from afford.twohands.benchmark import calibration, compat
 from afford.twohands.benchmark.cases import KITCHEN, SHIFT
-from afford.dataset.layout import PROTOCOLS
 from schemas.affordance import TAXONOMY
 from schemas.benchmark import MethodScores
 

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from skimage.draw import polygon
 
-from afford.dataset.layout import CaseFiles
 from afford.common.errors import SourceError
 from afford.common.strict_json import entry, parse
+from afford.dataset.layout import CaseFiles
 from schemas.files import FileTree
 from schemas.video import SIDES
 

@@ -9,14 +9,14 @@ from typing import Any
 import cv2
 import numpy as np
 
+from afford.common.errors import SourceError
+from afford.common.picture import Picture, decode
+from afford.common.pictures import grey_png
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.model.select import HANDS
 from afford.twohands.predict.ask import Answer, Question, ask
-from afford.common.picture import Picture, decode
 from afford.twohands.predict.record import record
 from afford.twohands.predict.stored import Stored
-from afford.common.errors import SourceError
-from afford.common.pictures import grey_png
 from schemas.video import SIDES
 
 MAX_PIXELS = 24_000_000

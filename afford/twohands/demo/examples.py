@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 
-from afford.dataset.layout import ANNOTATION, IMAGE
-from afford.common.picture import decode, read_image
 from afford.common.errors import SourceError
+from afford.common.picture import decode, read_image
 from afford.common.pictures import jpeg
-from afford.twohands.train.sources import tables
+from afford.dataset.layout import ANNOTATION, IMAGE
 from afford.training.written import CARD
+from afford.twohands.train.sources import tables
 
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")

@@ -20,10 +20,10 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from afford.common.bounded import TooLargeError
 from afford.common.deadline import Until
+from afford.common.errors import SourceError
 from afford.twohands.demo.answer import QuestionError
 from afford.twohands.demo.crowd import CrowdServer, FullError, Room, error_json
 from afford.twohands.demo.examples import Example
-from afford.common.errors import SourceError
 
 MAX_BODY_BYTES = 16 << 20
 MAX_BODIES_BYTES = 4 * MAX_BODY_BYTES

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
+from afford.common.registry import load
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.model import TwoHands
-from afford.common.registry import load
 
 VARIANTS = {
     "small": "afford.twohands.model.small:assemble",

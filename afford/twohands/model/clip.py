@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 from transformers import CLIPConfig, CLIPModel, SamModel
 
+from afford.models.clip_text import text_batch
+from afford.models.normalise import for_tower, normalised
+from afford.models.sam import Regions, check_size, tiny_sam
+from afford.models.tokens import Tokens
 from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
 from afford.twohands.model.batch import Batch, Output
 from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.model import TwoHands, for_tower, normalised
-from afford.models.sam import Regions, check_size, tiny_sam
-from afford.models.tokens import Tokens
+from afford.twohands.model.model import TwoHands
 
 
 class Clip(TwoHands):
@@ -53,22 +54,6 @@ class Clip(TwoHands):
         """(b, projection_dim): the embedding of each task, cut to what CLIP reads."""
         ids, keep = text_batch(self.tokens, self.clip.config.text_config, [task if self.config.text else "" for task in tasks])
         return self.clip.text_projection(self.clip.text_model(ids.to(device), attention_mask=keep.to(device)).pooler_output)
-
-
-def text_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
-    """(b, n) ids and (b, n) 1 where they count, as CLIP's text tower reads them; what is too long is cut."""
-    rows = [tokens.encode(text)[: config.max_position_embeddings - 2] for text in texts]
-    begin, end = text_ends(tokens, config)
-    longest = max(map(len, rows)) + 2
-    ids = torch.tensor([[begin, *row] + [end] * (longest - 1 - len(row)) for row in rows])
-    lengths = torch.tensor([len(row) + 2 for row in rows])
-    return ids, (torch.arange(longest) < lengths[:, None]).long()
-
-
-def text_ends(tokens: Tokens, config: Any) -> tuple[int, int]:
-    """Ids that begin and end a text. The tokenizer is asked first: old configs of CLIP give 0 and 2, which it never meant."""
-    begin, end = tokens.find("<|startoftext|>"), tokens.find("<|endoftext|>")
-    return config.bos_token_id if begin is None else begin, config.eos_token_id if end is None else end
 
 
 def tiny_clip(size_px: int, width: int, depth: int, heads: int) -> CLIPConfig:

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from afford.models.words import split
 from afford.common.sides import swap_sides
+from afford.models.words import split
 
 FILE, FORMAT = "words.json", "afford-words-1"
 FILLERS = frozenset(("a", "an", "and", "at", "by", "for", "from", "in", "into", "it", "my", "of", "off", "on", "onto", "out",

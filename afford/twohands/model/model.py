@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from torch import Tensor, nn
-from torch.nn.functional import interpolate
+from torch import nn
 
 from afford.twohands.model.batch import Batch, Output
 from afford.twohands.model.config import ModelConfig
-
-MEAN = (0.485, 0.456, 0.406)
-"""mean colour, RGB 0..1, of the published preprocessing (ImageNet); the letter-box is filled with it"""
-DEVIATION = (0.229, 0.224, 0.225)
-CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)
-"""the same for CLIP's image tower"""
-CLIP_DEVIATION = (0.26862954, 0.26130258, 0.27577711)
 
 
 class TwoHands(nn.Module, ABC):
@@ -32,16 +24,3 @@ class TwoHands(nn.Module, ABC):
         return {}
 
 
-def normalised(image: Tensor) -> Tensor:
-    """(b, 3, h, w) 0..1 -> zero mean, unit deviation, by the published constants."""
-    return _shifted(image, MEAN, DEVIATION)
-
-
-def for_tower(image: Tensor, size: int) -> Tensor:
-    """(b, 3, h, w) 0..1 -> (b, 3, size, size) as CLIP's image tower wants it."""
-    image = interpolate(image, (size, size), mode="bilinear", align_corners=False, antialias=True)
-    return _shifted(image, CLIP_MEAN, CLIP_DEVIATION)
-
-
-def _shifted(image: Tensor, mean: tuple[float, ...], deviation: tuple[float, ...]) -> Tensor:
-    return (image - image.new_tensor(mean).view(1, 3, 1, 1)) / image.new_tensor(deviation).view(1, 3, 1, 1)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from afford.common.sides import swap_sides
 from afford.models.threads import one_thread
 from afford.twohands.model.batch import Batch
 from afford.twohands.model.closer import joined, window
@@ -18,7 +19,6 @@ from afford.twohands.model.mirror import agreed, mirrored
 from afford.twohands.model.model import TwoHands
 from afford.twohands.model.select import select_hands
 from afford.twohands.model.told import Told
-from afford.common.sides import swap_sides
 from schemas.benchmark import Prediction
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
+from afford.models.normalise import normalised
+from afford.models.words import Words
 from afford.twohands.model.batch import Batch, Output
 from afford.twohands.model.common import mlp
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.encoder import Encoder
-from afford.twohands.model.model import TwoHands, normalised
+from afford.twohands.model.model import TwoHands
 from afford.twohands.model.twoway import Decoder
-from afford.models.words import Words
 
 
 class Small(TwoHands):

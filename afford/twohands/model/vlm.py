@@ -15,14 +15,15 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 from transformers import LlavaConfig, LlavaForConditionalGeneration, SamModel
 
+from afford.models.normalise import for_tower, normalised
+from afford.models.sam import Regions, check_size, tiny_sam
+from afford.models.tokens import IMAGE, SEG, HashedTokens, Tokens
 from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
 from afford.twohands.model.batch import Batch, Output
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.dialogue import IGNORE, Dialogue, dialogue, seg_positions
-from afford.twohands.model.model import TwoHands, for_tower, normalised
+from afford.twohands.model.model import TwoHands
 from afford.twohands.model.prompts import ANSWERS, FRAMED, QUESTIONS, question
-from afford.models.sam import Regions, check_size, tiny_sam
-from afford.models.tokens import IMAGE, SEG, HashedTokens, Tokens
 
 ADAPTED = r".*language_model\..*\.(q_proj|v_proj)"
 TRAINED = re.compile(r"(^|\.)(lora_[AB]\.|lm_head\.|embed_tokens\.)")

@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from afford.twohands.model.predictor import Predictor
 from afford.common.picture import Picture
+from afford.twohands.model.predictor import Predictor
 from schemas.benchmark import Prediction
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from afford.common.errors import SourceError
+from afford.common.picture import Picture
+from afford.common.video.probe import probe
+from afford.common.video.sources import Source, pictures
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.predict.ask import Answer, Question, ask
-from afford.common.picture import Picture
-from afford.common.video.sources import Source, pictures
-from afford.common.errors import SourceError
-from afford.common.video.probe import probe
 
 
 @dataclass(frozen=True)

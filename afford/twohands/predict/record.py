@@ -10,8 +10,8 @@ from afford.common.boxes import box
 from afford.twohands.predict.ask import Answer
 from afford.twohands.predict.stored import Stored, unknown_words
 from schemas.affordance import TAXONOMY
-from schemas.video import SIDES
 from schemas.benchmark import Prediction
+from schemas.video import SIDES
 
 DIGITS = 6
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from blake3 import blake3
 
+from afford.common.errors import SourceError
 from afford.twohands.model import files, known
 from afford.twohands.model.files import CONFIG, FORMAT, INSIDE, WEIGHTS
 from afford.twohands.model.known import KnownWords
-from afford.common.errors import SourceError
 
 
 @dataclass(frozen=True)

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from afford.common.files import empty_folder, write_json
 from afford.common.encode import png
-from afford.twohands.predict.ask import Answer
-from afford.common.overlay import overlay
-from afford.twohands.predict.record import record
-from afford.common.video.sources import RECORD
-from afford.twohands.predict.stored import Stored
 from afford.common.errors import SourceError
+from afford.common.files import write_json
+from afford.common.overlay import overlay
 from afford.common.pictures import mask_png
+from afford.common.prediction_folder import keep, replacing
+from afford.common.video.sources import RECORD
+from afford.twohands.predict.ask import Answer
+from afford.twohands.predict.record import record
+from afford.twohands.predict.stored import Stored
 from schemas.video import SIDES
 
 OVERLAY, INDEX, FORMAT = "overlay.png", "predictions.json", "afford-predictions-1"
@@ -55,35 +54,13 @@ def write(answer: Answer, model: Stored, out: Path, all_hypotheses: bool = False
     prediction.json, and every hypothesis as hypotheses/<side>_<n>.png when asked. What was there before is replaced whole.
     SourceError when something else lies there, OSError when a file does not hold what was written."""
     folder = out / answer.picture.name
-    with _replacing(folder) as partial:
+    with replacing(folder) as partial:
         for name, mask in _masks(answer, all_hypotheses):
             _save(partial / name, mask)
         drawn = overlay(answer.picture.rgb, answer.prediction)
-        _keep(partial / OVERLAY, png(drawn[..., ::-1]).tobytes())
+        keep(partial / OVERLAY, png(drawn[..., ::-1]).tobytes())
         write_json(partial / RECORD, record(answer, model))
     return folder
-
-
-def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Write a prediction's files, RECORD among them, into `folder` and return it, as `write` does."""
-    with _replacing(folder) as partial:
-        for name, data in files.items():
-            _keep(partial / name, data)
-    return folder
-
-
-@contextmanager
-def _replacing(folder: Path) -> Iterator[Path]:
-    """A folder aside, which takes the place of an earlier prediction when all is in it."""
-    if folder.exists() and not (folder / RECORD).is_file():
-        raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = empty_folder(folder.with_name(f".{folder.name}.partial-{os.getpid()}"))
-    try:
-        yield partial
-        _replace(partial, folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def _masks(answer: Answer, all_hypotheses: bool) -> Iterator[tuple[str, np.ndarray]]:
@@ -96,25 +73,10 @@ def _masks(answer: Answer, all_hypotheses: bool) -> Iterator[tuple[str, np.ndarr
 
 def _save(path: Path, mask: np.ndarray) -> None:
     path.parent.mkdir(exist_ok=True)
-    _keep(path, mask_png(mask))
+    keep(path, mask_png(mask))
     back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if back is None or not np.array_equal(back > 0, mask):
         raise OSError(f"{path}: expected the mask that was written, read something else; check the disk")
-
-
-def _keep(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
-    if path.read_bytes() != data:
-        raise OSError(f"{path}: expected the bytes that were written, read others; check the disk")
-
-
-def _replace(partial: Path, folder: Path) -> None:
-    """Put a folder in the place of another, which is deleted only when the new one is there."""
-    old = folder.with_name(f".{folder.name}.old-{os.getpid()}")
-    if folder.exists():
-        folder.rename(old)
-    partial.rename(folder)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def _format(path: Path) -> str | None:

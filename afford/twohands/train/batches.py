@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.dataset.load import Item
-from afford.twohands.model.letterbox import letterbox, letterbox_masks
 from afford.training.order import Order
+from afford.twohands.model.letterbox import letterbox, letterbox_masks
 from afford.twohands.train.views import Seen, Views, view
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from afford.training.curves import at_best, table
 from schemas.affordance import TAXONOMY
-from schemas.files import FileTree
 from schemas.training import TrainingLog
 
 if TYPE_CHECKING:
@@ -31,13 +29,6 @@ class Source:
     licence: str
     parts: dict[str, dict[str, Any]]
     """train and val -> what they hold"""
-
-
-def licence_of(dataset: FileTree) -> str:
-    """The licence on the data set's own card, 'unknown' where it says none."""
-    found = dataset.find("README.md")
-    line = re.search(r"^license: *(\S+)", found.path.read_text(encoding="utf-8"), re.MULTILINE) if found else None
-    return line[1] if line else "unknown"
 
 
 def text(name: str, source: Source, job: HandsJob, threshold: float, count: int, curves: TrainingLog) -> str:

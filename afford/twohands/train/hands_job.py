@@ -13,6 +13,10 @@ from typing import Any
 from torch import nn
 
 from afford.dataset.load import Item
+from afford.training.job import Dataset
+from afford.training.order import Order
+from afford.training.state import State
+from afford.training.task import Plan, plan_of
 from afford.twohands.model import files, known
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
@@ -22,10 +26,6 @@ from afford.twohands.train import cache, card, divide
 from afford.twohands.train.batches import Batches, Boxes
 from afford.twohands.train.divide import Division
 from afford.twohands.train.hands import Hands, judged_batches
-from afford.training.job import Dataset
-from afford.training.order import Order
-from afford.training.state import State
-from afford.training.task import Plan, plan_of
 from afford.twohands.train.views import Seen, Views, cropped, whole
 from schemas.training import Recipe, TrainingLog
 
@@ -96,7 +96,7 @@ class HandsJob:
 
     def to_json(self) -> str:
         """The job as text."""
-        return json.dumps({"backend": "twohands", **dataclasses.asdict(self)})
+        return json.dumps({"job": "afford.twohands.train.hands_job:HandsJob", **dataclasses.asdict(self)})
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> HandsJob:

@@ -8,9 +8,9 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from afford.extraction.inpaint.lama.generator import GIVEN, Generator, LamaConfig
 from afford.models.archive import read_tensors
 from afford.models.fitting import fit
-from afford.extraction.inpaint.lama.generator import GIVEN, Generator, LamaConfig
 
 NEEDED = "LaMa's published checkpoint (best.ckpt), its TorchScript (big-lama.pt), or safetensors with the names of either"
 INSIDE = "generator."

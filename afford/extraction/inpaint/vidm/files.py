@@ -10,10 +10,10 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from afford.models.archive import read_tensors
-from afford.models.fitting import fit
 from afford.extraction.inpaint.vidm.config import VidmConfig, config_text, read_config
 from afford.extraction.inpaint.vidm.model import Vidm
+from afford.models.archive import read_tensors
+from afford.models.fitting import fit
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PUBLISHED = VidmConfig()

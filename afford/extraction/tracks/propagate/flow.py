@@ -14,9 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated
 from afford.common.morphology import dilate
 from afford.common.optical_flow import flow_between, follow, identity_map
+from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated
 from afford.extraction.tracks.propagate.leaps import better_of, step_between
 from afford.extraction.tracks.propagate.patches import REACH_PX, UNMATCHED, colours, match
 
