@@ -67,8 +67,9 @@ test-all: $(READY) ## run every test
 
 check: lint types test ## what CI runs
 
-lint: $(READY) ## ruff: style and import rules
+lint: $(READY) ## ruff and import-linter: style, and which room may import which
 	@$(VENV)/bin/ruff check .
+	@$(VENV)/bin/lint-imports
 
 format: $(READY) ## ruff: sort imports and mend what can be mended
 	@$(VENV)/bin/ruff check --fix .

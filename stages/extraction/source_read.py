@@ -3,7 +3,7 @@
 Reads   FileTree: video or frame images (files, or in a tar, a zip, a large folder), VISOR or COCO masks or none, tables of
         narrations, classes, lengths, VISOR's frame numbers and corrected contacts
 Writes  tuple of Clip, by time; long videos are cut where key frames are far apart; without masks they have no key frames yet
-Method  the quirks of each format are dealt with in afford/readers; what was corrected or left out is in Clip.warnings
+Method  the quirks of each format are dealt with in afford/extraction/sources; what was corrected or left out is in Clip.warnings
 Fails   SourceError, one sentence: file, field, expected, got, what to do; other videos are not affected
 Paper   VISOR (annotation format), EPIC-KITCHENS-100 (narrations), 2HandedAfforder section 3 (input)
 """

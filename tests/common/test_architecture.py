@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import shutil
 import subprocess
 import sys
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -151,6 +153,110 @@ def test_importing_the_map_loads_nothing_heavy() -> None:
     every = ", ".join(f"maps.{path.stem}" for path in sources("maps") if path.stem != "__init__")
     found = loaded_by(f"import {every}")
     assert not found & set(HEAVY) and "stages.twohands.model_train" in found
+
+
+SYSTEMS = ("extraction", "twohands", "surface", "grasping", "rgbd", "synthetic")
+GROUNDS = ("common", "codecs", "render", "dataset", "models", "training", "recording")
+FIXED = {"afford": {*GROUNDS, *SYSTEMS}, "stages": {*SYSTEMS, "recording"},
+         "tests": {*SYSTEMS, "recording", "runner", "commands", "common", "helpers", "toy_domain"}}  # fmt: skip
+LOOSE = {"afford": {"__init__.py"}, "stages": {"__init__.py"}, "tests": {"conftest.py"}}
+"""files that may lie outside of a system"""
+
+
+@pytest.mark.parametrize("place", FIXED)
+def test_the_rooms_are_those_of_the_plan(place: str) -> None:
+    """The six systems and the ground they stand on, and no file beside them."""
+    rooms = {path.name for path in (ROOT / place).iterdir() if path.is_dir() and path.name != "__pycache__"}
+    files = {path.name for path in (ROOT / place).glob("*.py")}
+    assert rooms == FIXED[place] and files == LOOSE[place], (rooms ^ FIXED[place], files ^ LOOSE[place])
+
+
+def test_a_file_of_stages_is_a_stage() -> None:
+    """One file, one stage: `Params` and one public function, `run`; each name occurs once in all systems."""
+    files = [path for path in sources("stages") if path.stem != "__init__"]
+    for path in files:
+        body = ast.parse(path.read_text()).body
+        assert "Params" in {node.name for node in body if isinstance(node, ast.ClassDef)}, path
+        assert "run" in {node.name for node in body if isinstance(node, ast.FunctionDef)}, path
+    assert len({path.stem for path in files}) == len(files)
+
+
+def arrows(root: Path, registries: bool = True) -> dict[Path, set[Path]]:
+    """File of `afford/` -> files of it that it imports, or that it names in a registry ("module:attribute")."""
+    files = {path.relative_to(root).with_suffix("").as_posix().replace("/", "."): path for path in (root / "afford").rglob("*.py")}
+    modules = files | {name.removesuffix(".__init__"): path for name, path in files.items() if name.endswith(".__init__")}
+    reached = {path: imported(path) | (named(path) if registries else set()) for path in files.values()}
+    return {path: {modules[name] for name in names if name in modules} for path, names in reached.items()}
+
+
+def named(path: Path) -> set[str]:
+    """Modules that a file names as strings, "module:attribute"."""
+    texts = {node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)}
+    return {text.partition(":")[0] for text in texts if isinstance(text, str) and ":" in text and " " not in text}
+
+
+def circles(graph: dict[Path, set[Path]]) -> list[list[Path]]:
+    """Groups of nodes that reach each other."""
+    sorter = TopologicalSorter(graph)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        return [error.args[1]]
+    return []
+
+
+def folders(graph: dict[Path, set[Path]]) -> dict[Path, set[Path]]:
+    """The same arrows between folders; a package's own `__init__` hands nothing down."""
+    out: dict[Path, set[Path]] = {}
+    for path, targets in graph.items():
+        ends = {target.parent for target in targets if target.name != "__init__.py" or target.parent != path.parent.parent}
+        out.setdefault(path.parent, set()).update(ends - {path.parent})
+    return out
+
+
+def test_no_circle() -> None:
+    """Neither files nor folders import each other in a circle. Entries of registries count between folders; within one, a
+    registry may stand beside the Protocol of its entries."""
+    assert not circles({path: targets - {path} for path, targets in arrows(ROOT, registries=False).items()})
+    assert not circles(folders(arrows(ROOT)))
+
+
+def test_a_planted_circle_and_a_planted_wrong_import_are_seen(tmp_path: Path) -> None:
+    """The rules for folders, and the contracts of the linter, fail on what they forbid."""
+    for room in ("afford", "stages", "schemas", "maps", "commands", "runner"):
+        shutil.copytree(ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    assert linted(tmp_path).returncode == 0
+    low = tmp_path / "afford" / "common" / "boxes.py"
+    low.write_text(low.read_text() + "\n\ndef cheat():\n    import afford.grasping.env.core\n")
+    assert circles(folders(arrows(tmp_path)))
+    done = linted(tmp_path)
+    assert done.returncode == 1 and "afford.common.boxes" in done.stdout
+
+
+def linted(folder: Path) -> subprocess.CompletedProcess[str]:
+    """What the linter of imports says of a copy of the project."""
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+def test_the_map_reaches_the_command_line_only_as_a_program() -> None:
+    """`import pipeline` imports no verb: `commands` is imported inside of functions."""
+    body = ast.parse((ROOT / "pipeline.py").read_text()).body
+    outside = [node for node in body if not isinstance(node, ast.FunctionDef)]
+    names = {name for node in outside if not is_main(node) for name in imports_of(node)}
+    assert not {name for name in names if name.split(".")[0] == "commands"}
+
+
+def is_main(node: ast.AST) -> bool:
+    """Whether a statement is `if __name__ == "__main__":`."""
+    return isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)
+
+
+def imports_of(node: ast.AST) -> set[str]:
+    """Modules that a statement imports."""
+    found = [child for child in ast.walk(node) if isinstance(child, ast.Import | ast.ImportFrom)]
+    return {child.module or "" if isinstance(child, ast.ImportFrom) else child.names[0].name for child in found}
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Laws of afford/video: frames are told apart by their time and turned upright, whatever the container."""
+"""Laws of afford/common/video: frames are told apart by their time and turned upright, whatever the container."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of afford/readers/hand_names: every usual spelling of a hand is that hand, and a name that may be either is refused."""
+"""Laws of sources/hand_names: every usual spelling of a hand is that hand, and a name that may be either is refused."""
 
 from __future__ import annotations
 

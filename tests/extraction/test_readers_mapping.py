@@ -1,4 +1,4 @@
-"""Laws of afford/readers/mapping and corrections: VISOR's two tables are used, checked, and missed loudly where they are needed."""
+"""Laws of sources/mapping and corrections: VISOR's two tables are used, checked, and missed loudly where they are needed."""
 
 from __future__ import annotations
 

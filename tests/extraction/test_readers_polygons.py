@@ -1,4 +1,4 @@
-"""Laws of afford/readers/polygons: outlines and masks are exact inverses, drawn by VISOR's rule."""
+"""Laws of sources/polygons: outlines and masks are exact inverses, drawn by VISOR's rule."""
 
 from __future__ import annotations
 

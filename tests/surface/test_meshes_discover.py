@@ -1,4 +1,4 @@
-"""Laws of afford/meshes/discover: objects are found by name, hold exactly the files they need and never leave their folder."""
+"""Laws of meshes/discover: objects are found by name, hold exactly the files they need and never leave their folder."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The lexicon: for each thing and task, the parts that a hand must not touch and those where it belongs, one line each.
 
 A row holds for one verb (see task.py; '' for any use) and one state (hot, cold; '' for either). `rule` takes the row that fits
-best: verb and state, then the verb alone, then the state alone, then any use. Parts are those of afford/objects.
+best: verb and state, then the verb alone, then the state alone, then any use. Parts are those of afford/synthetic/objects.
 """
 
 from __future__ import annotations

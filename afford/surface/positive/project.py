@@ -1,4 +1,4 @@
-"""What a two-hand model says of an object's views -> its surface, by the votes that negative affordances take (afford/negative)."""
+"""What a two-hand model says of an object's views -> its surface, by the votes of negative affordance (surface/negative)."""
 
 from __future__ import annotations
 

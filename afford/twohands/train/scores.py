@@ -1,6 +1,6 @@
 """How well a two-hand model does on validation: at the size of the model, one truth per sample, strict definitions.
 
-The benchmark (`afford/benchmark`) measures more, and at the image's own size; here it must be quick, and choose a threshold.
+The benchmark (`twohands/benchmark`) measures more, and at the image's own size; here it must be quick, and choose a threshold.
 """
 
 from __future__ import annotations
