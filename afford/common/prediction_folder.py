@@ -10,7 +10,9 @@ from pathlib import Path
 
 from afford.common.errors import SourceError
 from afford.common.files import empty_folder
-from afford.common.video.sources import RECORD
+
+RECORD = "prediction.json"
+"""the file that makes a folder one of predictions"""
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:

@@ -10,10 +10,9 @@ from pathlib import Path, PurePosixPath
 from afford.common.errors import SourceError
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, entries
 from afford.common.picture import Picture, read_image
+from afford.common.prediction_folder import RECORD
 from afford.common.video.decode import every_nth
 
-RECORD = "prediction.json"
-"""the file that makes a folder one of predictions"""
 IMAGES = (*IMAGE_SUFFIXES, ".webp", ".bmp", ".tif", ".tiff")
 
 

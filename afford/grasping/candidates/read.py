@@ -11,7 +11,7 @@ from afford.common.bounded import load_npy, reason
 from afford.common.depth import matrix_of, numbers_of, read_depth, read_json, read_png
 from afford.common.errors import SourceError
 from afford.common.picture import read_image
-from afford.common.video.sources import RECORD
+from afford.common.prediction_folder import RECORD
 from schemas.affordance import TAKES, TAXONOMY
 from schemas.grasp import GraspScene
 from schemas.video import SIDES

@@ -13,8 +13,7 @@ from safetensors.numpy import save
 
 from afford.common.encode import png
 from afford.common.overlay import MIN_WIDTH_PX
-from afford.common.prediction_folder import write_files
-from afford.common.video.sources import RECORD
+from afford.common.prediction_folder import RECORD, write_files
 from afford.rgbd.evaluate import drawn
 from afford.rgbd.model.found import Found, likeliest
 from afford.rgbd.predict.footage import Footage

@@ -16,8 +16,7 @@ from afford.common.errors import SourceError
 from afford.common.files import write_json
 from afford.common.overlay import overlay
 from afford.common.pictures import mask_png
-from afford.common.prediction_folder import keep, replacing
-from afford.common.video.sources import RECORD
+from afford.common.prediction_folder import RECORD, keep, replacing
 from afford.twohands.predict.ask import Answer
 from afford.twohands.predict.record import record
 from afford.twohands.predict.stored import Stored
