@@ -2,7 +2,7 @@
 
     PYTHONPATH=. python benchmarks/bench_candidates.py [--model DIR] [--objects N] [--looks N]
 
-Writes the table of docs/grasp-candidates.md. `--model` is a folder that `make train` published; without it the rows of the
+Writes the table of docs/grasping/grasp-candidates.md. `--model` is a folder that `make train` published; without it the rows of the
 two-hand model are left out.
 """
 
@@ -32,7 +32,7 @@ from stages.synthetic import object_build
 CATEGORIES = ("hammer", "knife", "screwdriver", "spatula", "chisel", "ladle", "saw", "brush", "trowel", "cleaver", "axe", "razor")
 """that lie still, and have a handle and something to keep off; the last three are of the categories that training never shows"""
 SEED = 20267
-PAGE = ROOT / "docs" / "grasp-candidates.md"
+PAGE = ROOT / "docs" / "grasping" / "grasp-candidates.md"
 
 
 @dataclass(frozen=True)

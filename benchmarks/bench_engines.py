@@ -1,4 +1,4 @@
-"""How fast each engine is in the environment of grasping, and how deep its contacts go; writes a table of docs/physics.md.
+"""How fast each engine is in the environment of grasping, and how deep its contacts go; writes a table of docs/grasping/physics.md.
 
     PYTHONPATH=. python benchmarks/bench_engines.py
 
@@ -33,7 +33,7 @@ from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
 from stages.grasping import hand_model
 
-PAGE = ROOT / "docs" / "physics.md"
+PAGE = ROOT / "docs" / "grasping" / "physics.md"
 STEPS, EPISODES = 40, 2
 ON_CPU, ON_GPU = 16, 4096
 

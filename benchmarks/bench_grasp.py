@@ -3,12 +3,12 @@
     PYTHONPATH=. python benchmarks/bench_grasp.py [--store DIR] [--full [--policies NAMES] [--sections NAMES]]
         [--minutes N] [--set STAGE.PARAM=VALUE ...]
 
-Writes the results block of docs/grasping.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png; with --full the block of
-all rows and the table of the README, of all policies that benchmarks/grasp_rows.json knows, to which those of this run, or those of
-them that are named, are added. So seeds and rows can be trained a few at a time, and on other machines: `--set grasp_report.seeds=1
---set rl_grasp_refinement.seed=2 --set grasp_student.seed=2` is the third seed. Sections that stand apart are renewed when they are
-named: followed (how near the prior comes to clips) and full (what it is worth) in docs/imitation.md, told (N_t as predicted), uses
-(use by use) and pairs (one object, two tasks) in docs/grasping.md. Nothing in those is typed by hand.
+Writes the results block of docs/grasping/grasping.md, docs/pictures/grasps.png, two_tasks.png, grasp_curves.png; with --full the
+block of all rows and the table of the README, of all policies that benchmarks/grasp_rows.json knows, to which those of this run, or
+those of them that are named, are added. So seeds and rows can be trained a few at a time, and on other machines: `--set
+grasp_report.seeds=1 --set rl_grasp_refinement.seed=2 --set grasp_student.seed=2` is the third seed. Sections that stand apart are
+renewed when they are named: followed (how near the prior comes to clips) and full (what it is worth) in docs/grasping/imitation.md,
+told (N_t as predicted), uses (use by use) and pairs (one object, two tasks) in docs/grasping/grasping.md. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from benchmarks.pages import ROOT, head, into, make, took
 SELF = Path(__file__).name
 SHOWN = ("teacher", "no_negative", "prior", "student")
 """policies in the table of the README"""
-SECTIONS = {"followed": ("imitation.md", "Clips that training never shows"), "full": ("imitation.md", "With and without the prior"),
-            "told": ("grasping.md", "N_t as predicted"), "uses": ("grasping.md", "Use by use"),
-            "pairs": ("grasping.md", "One object, two tasks")}  # fmt: skip
+SECTIONS = {"followed": ("grasping/imitation.md", "Clips that training never shows"),
+            "full": ("grasping/imitation.md", "With and without the prior"),
+            "told": ("grasping/grasping.md", "N_t as predicted"), "uses": ("grasping/grasping.md", "Use by use"),
+            "pairs": ("grasping/grasping.md", "One object, two tasks")}  # fmt: skip
 """blocks, their pages, and where the report has them"""
 FIGURES = ("succ", "as_violation_pct", "hls", "negative_contact_end")
 
@@ -62,7 +63,7 @@ def main() -> None:
 def full(report: Path, policies: Sequence[str], sections: Mapping[str, str]) -> None:
     """The table with what this run adds to it, and sections of the run's report."""
     known = grasp_kept.add(grasp_kept.KEPT, report / "scores.json", head(), policies)
-    into(ROOT / "docs" / "grasping.md", "grasp-full", SELF, grasp_kept.table(known))
+    into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", SELF, grasp_kept.table(known))
     into(ROOT / "README.md", "grasp", SELF, short(grasp_kept.rows(known)))
     for name, text in sections.items():
         into(ROOT / "docs" / SECTIONS[name][0], name, SELF, text)
@@ -70,7 +71,7 @@ def full(report: Path, policies: Sequence[str], sections: Mapping[str, str]) -> 
 
 def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
     """One seed: the report, how long it took where all was made anew, and pictures."""
-    page = (ROOT / "docs" / "grasping.md", "grasp", SELF)
+    page = (ROOT / "docs" / "grasping" / "grasping.md", "grasp", SELF)
     line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     anew = found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
     into(*page, took(*page, line if anew else "") + text.replace("\n## ", "\n### "))

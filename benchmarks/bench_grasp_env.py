@@ -1,4 +1,5 @@
-"""Write the tables of docs/grasp-environments.md from the code, and how fast the environment of grasping is in both engines.
+"""Write the tables of docs/grasping/grasp-environments.md from the code, and how fast the environment of grasping is in both
+engines.
 
     PYTHONPATH=. python benchmarks/bench_grasp_env.py
 
@@ -30,7 +31,7 @@ from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
 from stages.synthetic import object_build
 
-PAGE = ROOT / "docs" / "grasp-environments.md"
+PAGE = ROOT / "docs" / "grasping" / "grasp-environments.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")
 WORLDS, STEPS, EPISODES = 8, 40, 4
 SETTINGS = (("mujoco", "small", 50), ("mujoco", "small", 100), ("mujoco", "paper", 50), ("bullet", "small", 20),

@@ -1,4 +1,4 @@
-"""Say what the Shadow Hand is made of, how exact it is, and what its shapes cost in PyBullet; write it into docs/hand.md.
+"""Say what the Shadow Hand is made of, how exact it is, and what its shapes cost in PyBullet; write it into docs/grasping/hand.md.
 
     PYTHONPATH=. python benchmarks/bench_hand.py
 
@@ -22,7 +22,7 @@ from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
 from stages.grasping import hand_model
 
-PAGE = ROOT / "docs" / "hand.md"
+PAGE = ROOT / "docs" / "grasping" / "hand.md"
 SETTLE, STEPS, REPEATS = 120, 600, 3
 BENT = {"J0": 1.2, "J1": 1.2, "J2": 1.2}
 THUMB = {"THJ4": 1.0, "THJ3": 0.8, "THJ0": -0.4}

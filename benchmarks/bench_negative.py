@@ -2,8 +2,8 @@
 
     PYTHONPATH=. python benchmarks/bench_negative.py [--store DIR]
 
-Writes the results block of docs/negative-affordance.md, the table of the README and docs/pictures/negative.jpg. Nothing in those is
-typed by hand.
+Writes the results block of docs/surface/negative-affordance.md, the table of the README and docs/pictures/negative.jpg. Nothing
+in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main() -> None:
     report = Path(found["outputs"]["report"])
     minutes = found["seconds"] / 60
     line = f"`make negative-affordance` took {minutes:.1f} minutes on this machine, the scorer's training included.\n\n"
-    page = (ROOT / "docs" / "negative-affordance.md", "results", Path(__file__).name)
+    page = (ROOT / "docs" / "surface" / "negative-affordance.md", "results", Path(__file__).name)
     trained = took(*page, line if found["ran"].get("scorer_train") else "")
     text = (report / "report.md").read_text().partition("\n\n")[2]
     head = f"{trained}{found['metrics']['cpu_s_per_object']:.1f} CPU seconds an object.\n\n"

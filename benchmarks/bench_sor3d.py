@@ -3,7 +3,8 @@
     PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--settings | --static | --ablation
         [--rows ROW,ROW] [--first-seed N] [--seeds N] [--minutes N]]
 
-Writes the results of docs/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the ablation
+Writes the results of docs/rgbd/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the
+ablation
 alone, of all trainings that benchmarks/sor3d_ablation.json knows, to which those of this run are added; with --set besides, of this
 run alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
 small and paper are and how they are trained, alone. Nothing in those is typed by hand.
@@ -27,7 +28,7 @@ from stages.rgbd import sor3d_report
 from stages.twohands.model_train import SOR3D, SOR3D_PAPER
 
 SELF = Path(__file__).name
-PAGE, README, PICTURE = ROOT / "docs" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
+PAGE, README, PICTURE = ROOT / "docs" / "rgbd" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
 CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"

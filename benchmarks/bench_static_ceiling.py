@@ -1,4 +1,4 @@
-"""The best that single pictures of rendered sequences allow who sees all but what was done. Writes a block of docs/sor3d.md.
+"""The best that single pictures of rendered sequences allow who sees all but what was done. Writes a block of docs/rgbd/sor3d.md.
 
     PYTHONPATH=. python benchmarks/bench_static_ceiling.py
 
@@ -20,7 +20,7 @@ from afford.rgbd.evaluate import published
 from benchmarks.pages import ROOT, into
 from stages.synthetic import interaction_plan
 
-PAGE, SELF = ROOT / "docs" / "sor3d.md", Path(__file__).name
+PAGE, SELF = ROOT / "docs" / "rgbd" / "sor3d.md", Path(__file__).name
 STARTS, SEED = 200, 0
 
 

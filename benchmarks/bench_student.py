@@ -1,4 +1,5 @@
-"""Write the tables of docs/student.md: sizes of the network, what noise of depth is drawn from, what seeing and acting cost.
+"""Write the tables of docs/grasping/student.md: sizes of the network, what noise of depth is drawn from, what seeing and acting
+cost.
 
     PYTHONPATH=. python benchmarks/bench_student.py
 
@@ -29,7 +30,7 @@ from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
 from stages.synthetic import object_build
 
-PAGE = ROOT / "docs" / "student.md"
+PAGE = ROOT / "docs" / "grasping" / "student.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")
 BEFORE, REPEAT = 16, 5
 SETTINGS = (("small", Senses()), ("small", Senses(eyes=Eyes(sampling="farthest"))),

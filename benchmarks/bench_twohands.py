@@ -2,8 +2,8 @@
 
     PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--ablation [--rows ROW,ROW] [--seeds N]]
 
-Writes the results block of docs/results.md (training, benchmark and, with --ablation, the ablation), the table of the README
-and docs/pictures/twohands.jpg. Without --ablation the ablation's part stays as it was. Nothing in those is typed by hand.
+Writes the results block of docs/twohands/results.md (training, benchmark and, with --ablation, the ablation), the table of the
+README and docs/pictures/twohands.jpg. Without --ablation the ablation's part stays as it was. Nothing in those is typed by hand.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def main() -> None:
     parser.add_argument("--rows", default=",".join(ablation_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=ablation_report.Params.seeds)
     asked = parser.parse_args()
-    page, readme = ROOT / "docs" / "results.md", ROOT / "README.md"
+    page, readme = ROOT / "docs" / "twohands" / "results.md", ROOT / "README.md"
     trained = make("train", asked.store)
     if trained["ran"].get("model_train"):
         stills = "its stills included" if trained["ran"].get("still_render") else "its stills made before"

@@ -1,4 +1,4 @@
-"""Write the tables of docs/negative-affordance.md: categories with their parts, and what is true of every evaluated task.
+"""Write the tables of docs/surface/negative-affordance.md: categories with their parts, and what is true of every evaluated task.
 
     PYTHONPATH=. python benchmarks/negative_table.py
 
@@ -16,7 +16,7 @@ from afford.synthetic.objects.build import BUILDERS
 from afford.synthetic.objects.split import UNSEEN
 from benchmarks.pages import ROOT, into
 
-PAGE = ROOT / "docs" / "negative-affordance.md"
+PAGE = ROOT / "docs" / "surface" / "negative-affordance.md"
 
 
 def categories() -> str:

@@ -52,7 +52,7 @@ def check(root: Path, clips: Sequence[str], sets: Sequence[str], as_json: bool) 
     """Show a source; 0 when all of it can be used, 1 when something is refused. UsageError when `root` is no folder."""
     if not root.is_dir():
         raise UsageError(f"{root}: expected a folder, got {'a file' if root.exists() else 'nothing there'}; give a source, see "
-                         "docs/own-video.md")  # fmt: skip
+                         "docs/extraction/own-video.md")  # fmt: skip
     found = _checked(root, clips, settings(sets, None))
     if as_json:
         sys.stdout.write(json.dumps(_tree(found), sort_keys=True) + "\n")

@@ -18,7 +18,7 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """Targets that render rooms of their own, whatever the source, and the names of what they make."""
-NEEDED = {"motions": "motion of hands, see docs/motion-format.md"}
+NEEDED = {"motions": "motion of hands, see docs/grasping/motion-format.md"}
 """Targets that make nothing without a source, and what that is."""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """Targets that read RGB-D sequences, or render them."""
@@ -54,7 +54,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
             _check_clips(clips, [spec.video_id for spec in rendered.specs])
         return rendered, None
     if not source.exists():
-        raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/own-video.md")
+        raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/extraction/own-video.md")
     try:
         found = discover(source, digest, clips)
     except ValueError as error:

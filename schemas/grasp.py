@@ -73,7 +73,7 @@ class GraspObjects(Schema):
 
 
 TERMS = ("positive", "negative", "antipodal", "centred", "clear", "fit", "upright", "reach")
-"""what a score is the weighted geometric mean of, each 0..1 (docs/grasp-candidates.md)"""
+"""what a score is the weighted geometric mean of, each 0..1 (docs/grasping/grasp-candidates.md)"""
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ class InteractionTruth(Schema):
 class RenderedInteraction(Schema):
     """A made sequence: what the sensor recorded, as files that are read like any others, and, apart, what was so."""
 
-    files: FileTree = value("one sequence in the layout of SOR3D-AFF (docs/interaction-data.md)")
+    files: FileTree = value("one sequence in the layout of SOR3D-AFF (docs/rgbd/interaction-data.md)")
     truth: InteractionTruth = value("for measuring only")
 
 

@@ -31,10 +31,11 @@ def parse(data: bytes, name: str) -> Any:
 def entry(record: Any, key: str, kind: type, where: str) -> Any:
     """`record[key]` when it is a `kind`; SourceError otherwise."""
     if not isinstance(record, dict):
-        raise SourceError(where, "an object with fields", type(record).__name__, "compare the file with docs/own-video.md")
+        raise SourceError(where, "an object with fields", type(record).__name__,
+                          "compare the file with docs/extraction/own-video.md")
     if not isinstance(record.get(key), kind):
         got = type(record[key]).__name__ if key in record else "nothing"
-        raise SourceError(f"{where}, field {key!r}", kind.__name__, got, "compare the file with docs/own-video.md")
+        raise SourceError(f"{where}, field {key!r}", kind.__name__, got, "compare the file with docs/extraction/own-video.md")
     return record[key]
 
 

@@ -58,7 +58,7 @@ def cases(files: FileTree) -> list[CaseFiles]:
     listed = [CaseFiles(*key, found[key]) for key in sorted(found) if IMAGE in found[key]]
     if not listed:
         raise SourceError(files.name, f"cropped/<video>/<frame>/{IMAGE} or masks/<video>/<frame>/{IMAGE}", "none",
-                          "give a folder in ActAffordance's layout, see docs/benchmark.md")
+                          "give a folder in ActAffordance's layout, see docs/twohands/benchmark.md")
     return listed
 
 
@@ -77,7 +77,8 @@ def predictions(files: FileTree, protocol: str) -> Iterator[tuple[float | None, 
         empty = False
     if empty:
         raise SourceError(files.name, "<video>/<frame>/aff_left.png or aff_right.png", "none",
-                          "give the folder that holds the videos, or one folder per threshold that does; see docs/benchmark.md")
+                          "give the folder that holds the videos, or one folder per threshold that does; "
+                          "see docs/twohands/benchmark.md")
 
 
 def _threshold(above: list[str], name: str) -> float | None:

@@ -61,7 +61,8 @@ def spread(seeds: list[dict[str, float]], name: str) -> tuple[float, float]:
 
 def table(rows: Values, planned: dict[str, int]) -> str:
     """Markdown, a line per row."""
-    head = "# Ablation\n\nMean and standard deviation over seeds; strict measures of cropped kitchens (docs/benchmark.md).\n\n"
+    head = "# Ablation\n\nMean and standard deviation over seeds; strict measures of cropped kitchens "
+    head += "(docs/twohands/benchmark.md).\n\n"
     lines = [f"| row | {' | '.join(MEASURES)} | seeds |", f"|---|{'--:|' * (len(MEASURES) + 1)}"]
     return head + "\n".join([*lines, *(_line(row, seeds, planned[row]) for row, seeds in rows.items())]) + "\n"
 

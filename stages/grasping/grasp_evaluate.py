@@ -5,7 +5,7 @@ Reads   HandModel; GraspTasks of one level; the policy (FileTree of rl_grasp_ref
 Writes  GraspEpisodes
 Method  the policy's mean action, strict physics, the same beginnings for every policy; each task as often as another
 Fails   ValueError for no tasks, or a policy that does not fit
-Paper   AffordDex: Succ, AS, HLS over randomly placed objects; our readings of them: docs/grasping.md
+Paper   AffordDex: Succ, AS, HLS over randomly placed objects; our readings of them: docs/grasping/grasping.md
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Reads   HandModel, GraspTasks to learn on, the FileTree of a teacher (rl_grasp_refinement)
 Writes  Trained: files (student.json, student.safetensors, tensorboard/) and the TrainingLog
 Method  DAgger in MuJoCo: the student acts, the teacher, which sees the object's state, says what it would have done; the mean
-        squared error of that. The student sees depth as a cloud, N_t, and the robot's own senses (docs/student.md). Killed, it
-        goes on to the same weights
+        squared error of that. The student sees depth as a cloud, N_t, and the robot's own senses (docs/grasping/student.md).
+        Killed, it goes on to the same weights
 Fails   without tasks, for files that are no teacher
 Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. size,
         views, size_px, points, sampling, layout and n_t have values that are the paper's

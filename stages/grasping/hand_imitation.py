@@ -45,13 +45,13 @@ class Params:
     nudged: float = 0.5
     """share of episodes in which somebody moves the hand along the object on its way down"""
     reinforcing: int = 0
-    """updates of PPO; 30 of them made the prior worse (docs/imitation.md)"""
+    """updates of PPO; 30 of them made the prior worse (docs/grasping/imitation.md)"""
     critic: int = 6
     """the first of them, in which only the critic learns"""
     ppo_lr: float = 1e-4
     """learning rate of PPO; it falls to 0"""
     reward: str = "paper"
-    """paper: fingers and power; code: what AffordDex's code has (docs/grasp-environments.md)"""
+    """paper: fingers and power; code: what AffordDex's code has (docs/grasping/grasp-environments.md)"""
     worlds: int = 24
     """worlds; objects are taken in turn"""
     steps: int = 40

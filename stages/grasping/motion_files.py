@@ -1,7 +1,7 @@
 """motions in a robot hand's joints, and what was dropped -> files for people and for other programs.
 
 Reads   ReferenceSet
-Writes  FileTree: references/<clip>.npz (plain arrays, docs/motion.md), verdicts.csv (every clip), metrics.json, report.md
+Writes  FileTree: references/<clip>.npz (plain arrays, docs/grasping/motion.md), verdicts.csv (every clip), metrics.json, report.md
 Method  as they are; nothing is rounded but in the report
 Fails   ValueError when there is no reference
 Paper   AffordDex, HTI: what a policy imitates

@@ -1,6 +1,6 @@
 """files of hand motion -> clips of one hand each, in metres, 21 keypoints in one order.
 
-Reads   FileTree: .npz, .json, .csv of our own format (docs/motion-format.md); DexYCB's grasps as D-Grasp prepared them;
+Reads   FileTree: .npz, .json, .csv of our own format (docs/grasping/motion-format.md); DexYCB's grasps as D-Grasp prepared them;
         OakInk2 after its import, with MANO as .npz
 Writes  HandMotion of every clip
 Method  units, orders of points and of quaternions become ours; nothing is smoothed and nothing dropped. Nothing is unpickled

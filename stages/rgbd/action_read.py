@@ -1,6 +1,6 @@
 """files of action clips -> frames and what is done, for pre-training.
 
-Reads   FileTree of UTKinect-Action3D (docs/interaction-data.md)
+Reads   FileTree of UTKinect-Action3D (docs/rgbd/interaction-data.md)
 Writes  ActionClip of every action of every sequence
 Method  frames spread evenly over an action; depth where every frame has it
 Fails   SourceError, one sentence: file, field, expected, got, what to do

@@ -1,6 +1,6 @@
 """files of an RGB-D sequence -> a clip: colours, depth, the label of its last frame.
 
-Reads   FileTree of one sequence in the layout of SOR3D-AFF, rendered or recorded (docs/interaction-data.md)
+Reads   FileTree of one sequence in the layout of SOR3D-AFF, rendered or recorded (docs/rgbd/interaction-data.md)
 Writes  InteractionClip; no depth in the files: depth 0 everywhere
 Method  the folder's name says affordance and thing; the colour of the affordance in the mask is the label, all else background
 Fails   SourceError, one sentence: file, field, expected, got, what to do

@@ -4,8 +4,8 @@ Reads   the Recipes that were planned; InteractionScores of those that are train
         where the truth is known
 Writes  metrics.json (video.iou, static.f, flow.epe_ratio, action.accuracy, ...; of an ablation <row>.video.iou, ...), report.md,
         scores.json (seed by seed), sheet.png
-Method  pixels pooled over sequences, then a mean over categories (docs/sor3d.md); percentile intervals by resampling sequences; a
-        row is the mean over its seeds, with the sample standard deviation
+Method  pixels pooled over sequences, then a mean over categories (docs/rgbd/sor3d.md); percentile intervals by resampling
+        sequences; a row is the mean over its seeds, with the sample standard deviation
 Fails   when nothing was scored, or a score belongs to no recipe
 Paper   SOR3D-AFF, tables of results and ablations
 """

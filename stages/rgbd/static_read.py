@@ -1,6 +1,6 @@
 """files of pictures with affordance labels -> samples for static evaluation.
 
-Reads   FileTree of UMD part affordance or IIT-AFF (docs/interaction-data.md)
+Reads   FileTree of UMD part affordance or IIT-AFF (docs/rgbd/interaction-data.md)
 Writes  StaticSet: of every picture that was asked for its middle, depth where there is, label in our nine classes; a sentence for
         each that cannot be read
 Method  classes are mapped to ours by name (afford/rgbd/readers/umd.py, iit_aff.py); those that we do not have become background

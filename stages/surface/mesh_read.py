@@ -1,6 +1,6 @@
 """files of one object -> its mesh in metres, repaired, with one texture; the parts that a label file names; what was done.
 
-Reads   FileTree: OBJ (MTL, images), PLY, STL, GLB, glTF or URDF, and `<mesh file>.parts.json` (docs/mesh-format.md)
+Reads   FileTree: OBJ (MTL, images), PLY, STL, GLB, glTF or URDF, and `<mesh file>.parts.json` (docs/surface/mesh-format.md)
 Writes  ReadMesh: ObjectMesh, MeshParts, MeshReport; each is an artifact of its own
 Method  places merged, empty faces and dust dropped, windings turned, small holes filled; images packed into one texture without
         touching a texel; more than max_faces simplified by quadric collapse and painted anew from the nearest place

@@ -5,7 +5,7 @@ Writes  StillSpec of every room of the benchmark
 Method  kitchens with known kinds of things, kitchens with new kinds and new uses, workshops and desks; each row is a
         participant with a stream of seeds of its own
 Fails   never
-Paper   takes the place of ActAffordance; docs/stills.md says what training never sees
+Paper   takes the place of ActAffordance; docs/synthetic/stills.md says what training never sees
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Reads   SceneSpec: script, setting, seed, length, distance of key frames.
 Writes  RenderedClip: files (video H.264 456 x 256 at 30 fps, sparse annotations, narrations, classes, video info as in an
-        EPIC root) and truth/<video_id>/ (ClipTruth; docs/truth-format.md).
+        EPIC root) and truth/<video_id>/ (ClipTruth; docs/synthetic/truth-format.md).
 Method  objects, hands and camera follow a seeded choreography; a software renderer draws each frame with hands, without
         hands, and without hands but with their shadows, at one pixel-exact id map; noise and compression go on the video
         only. Hand = skin, sleeve and whatever is worn, so that removing it removes the arm. Deterministic.

@@ -5,7 +5,7 @@ Writes  Stills: JPEG pictures; per task the narration and its modes, each with a
 Method  things are laid out at random; what each hand can reach in comfort, past what else stands there, decides which hands
         take which part; hands close on the thing, and affordance = complete object AND visible hand. Deterministic.
 Fails   when the setting is unknown.
-Paper   takes the place of 2HANDS and ActAffordance for training and measuring; docs/stills.md says what is held out.
+Paper   takes the place of 2HANDS and ActAffordance for training and measuring; docs/synthetic/stills.md says what is held out.
 """
 
 from __future__ import annotations

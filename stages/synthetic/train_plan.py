@@ -4,7 +4,7 @@ Reads   nothing
 Writes  StillSpec of every training and validation room
 Method  a participant of the training split and one of the validation split, each with a stream of seeds of its own
 Fails   when there is no room to train on
-Paper   no paper; docs/stills.md says what the benchmark holds out
+Paper   no paper; docs/synthetic/stills.md says what the benchmark holds out
 """
 
 from __future__ import annotations

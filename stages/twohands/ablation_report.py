@@ -2,8 +2,8 @@
 
 Reads   the Recipes that were planned; MethodScores of those whose training and scoring are done, named as their recipe
 Writes  metrics.json (<row>.<measure>, <row>.<measure>.sd), ablation.md, ablation.json (seed by seed)
-Method  a measure of one seed is its mean over the cropped cases of kitchens (docs/benchmark.md); a row is the mean over its
-        seeds, with the sample standard deviation
+Method  a measure of one seed is its mean over the cropped cases of kitchens (docs/twohands/benchmark.md); a row is the mean over
+        its seeds, with the sample standard deviation
 Fails   when nothing was scored, or a score belongs to no recipe
 Paper   2HandedAfforder, ablations; K hypotheses against one are ours
 """

@@ -24,7 +24,7 @@ MEMORY_GIB = 1.0
 @dataclass(frozen=True)
 class Params:
     predictions: tuple[str, ...] = ()
-    """folders with masks of other methods to score as well; read when the graph is built (docs/benchmark.md)"""
+    """folders with masks of other methods to score as well; read when the graph is built (docs/twohands/benchmark.md)"""
     resamples: int = 1000
     """resampled sets of cases behind every interval"""
     seed: int = 0

@@ -113,7 +113,7 @@ class Params:
     zoom: float = 2.0
     """samples are kept at this many times the model's size, so that crops stay sharp"""
     loss_mode: str = "paper"
-    """paper or code (docs/models.md): what an idle hand costs, and what the taxonomy loss is taken of"""
+    """paper or code (docs/twohands/models.md): what an idle hand costs, and what the taxonomy loss is taken of"""
     mask_loss: str = "bce"
     """focal or bce; '' is what the mode says (paper: focal); from nothing, bce learns faster"""
     mask_weight: float = 1.0

@@ -1,7 +1,7 @@
 """predictions + the cases they are for -> every measure, case by case.
 
-Reads   a benchmark in ActAffordance's layout (docs/benchmark.md); predictions: what `predict_cases` or `baseline_cases` wrote, or
-        masks of any method in the released layout
+Reads   a benchmark in ActAffordance's layout (docs/twohands/benchmark.md); predictions: what `predict_cases` or `baseline_cases`
+        wrote, or masks of any method in the released layout
 Writes  MethodScores: strict measures and the released script's own, taxonomy, reliability, sheets of best, median and worst
 Method  strict counts every case and every pixel, takes the valid mode that fits best, and looks at each hand as well; compat is
         what the released script computes, bit for bit, with what it skips

@@ -250,8 +250,8 @@ def test_classes_emerge_in_epics_order_then_new_ones():
 
 
 def test_the_guide_lists_the_columns_as_they_are():
-    """The table in docs/dataset.md is the one the card prints."""
-    guide = (ROOT / "docs" / "dataset.md").read_text(encoding="utf-8")
+    """The table in docs/extraction/dataset.md is the one the card prints."""
+    guide = (ROOT / "docs" / "extraction" / "dataset.md").read_text(encoding="utf-8")
     assert card.table(columns.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)
 

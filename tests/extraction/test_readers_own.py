@@ -143,8 +143,8 @@ def test_clock_times(text: str, value: float) -> None:
 
 
 def example(kind: str) -> str:
-    """A block of docs/own-video.md."""
-    text = (Path(__file__).resolve().parents[2] / "docs" / "own-video.md").read_text(encoding="utf-8")
+    """A block of docs/extraction/own-video.md."""
+    text = (Path(__file__).resolve().parents[2] / "docs" / "extraction" / "own-video.md").read_text(encoding="utf-8")
     return text.split(f"{kind}\n", 1)[1].split("```", 1)[0]
 
 

@@ -19,7 +19,7 @@ from runner import Graph
 from tests.helpers.made_students import teacher
 from tests.helpers.mesh_files import write_labels, write_obj
 
-PAGE = Path(__file__).parents[2] / "docs" / "grasping.md"
+PAGE = Path(__file__).parents[2] / "docs" / "grasping" / "grasping.md"
 STICK_M = (0.2, 0.02, 0.02)
 
 

@@ -27,7 +27,7 @@ def discover(root: Path, digest: Digest) -> tuple[FileTree, ...]:
             found.setdefault("/".join(words[:2]), []).append(entry)
     if not found:
         raise SourceError(str(root), "train/<Subject>_<action>_<object>/rgb/ or the same in val/", "no such folder",
-                          "name the folders as docs/interaction-data.md says")  # fmt: skip
+                          "name the folders as docs/rgbd/interaction-data.md says")  # fmt: skip
     names = Counter(key.partition("/")[2] for key in found)
     twice = next((name for name, count in names.items() if count > 1), None)
     if twice is not None:

@@ -33,7 +33,7 @@ def parse(path: str) -> Sequence:
     words = folder.split("_")
     if split not in SPLITS or len(words) < 3:
         raise SourceError(path, "train/ or val/, then Subject_action_..._object", f"{split}/{folder}",
-                          "name the folders as docs/interaction-data.md says")  # fmt: skip
+                          "name the folders as docs/rgbd/interaction-data.md says")  # fmt: skip
     if words[1] not in AFFORDANCES:
         raise SourceError(f"{split}/{folder}, second word", f"one of {', '.join(AFFORDANCES)}", repr(words[1]),
                           "rename the folder, or leave it out")  # fmt: skip

@@ -21,7 +21,7 @@ from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
-WEIGHTS = "LaMa's published checkpoint, a TorchScript file of it, or safetensors (docs/inpainting.md)"
+WEIGHTS = "LaMa's published checkpoint, a TorchScript file of it, or safetensors (docs/extraction/inpainting.md)"
 
 
 class Job(NamedTuple):

@@ -21,7 +21,7 @@ from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
-WEIGHTS = "a folder or checkpoint of VIDM, with the names that were published (docs/inpainting.md)"
+WEIGHTS = "a folder or checkpoint of VIDM, with the names that were published (docs/extraction/inpainting.md)"
 GROWN_PX = 3
 """growth of a hole in what the network sees: the paper's second dilation, by 7 x 7 at 256 x 256"""
 CONFIDENCE = 128

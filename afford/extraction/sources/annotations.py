@@ -76,7 +76,7 @@ def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
         return coco.sheets(document, file.name)
     got = ", ".join(map(str, document)) if isinstance(document, dict) else type(document).__name__
     raise SourceError(file.name, "'video_annotations' (VISOR) or 'images', 'annotations' and 'categories' (COCO)",
-                      got or "nothing", "see docs/own-video.md")
+                      got or "nothing", "see docs/extraction/own-video.md")
 
 
 def _bytes(file: FileRef) -> bytes:

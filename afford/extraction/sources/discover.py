@@ -1,7 +1,8 @@
 """A source folder -> one file tree per video, from names and digests alone. Runs before anything is read or computed.
 
 Three kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root; `own`, one video with masks and narrations; `bare`, one
-video without masks, or several beside EPIC's tables (docs/own-video.md). Of an EPIC root only annotated videos that are present
+video without masks, or several beside EPIC's tables (docs/extraction/own-video.md). Of an EPIC root only annotated videos that
+are present
 become trees; those without media are listed in `missing`, those that must not or cannot be read in `refused`. The media of a
 video are its video file, or else its frames: a tar or zip, a folder, or VISOR's key frames alone. What is not needed is not read:
 of a large root, only what its videos consist of.
@@ -168,7 +169,7 @@ def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:
     choices = {e.stem: [e] for e in videos} or folders or packs
     if len(choices) != 1 or len(videos) > 1:
         got = ", ".join(sorted(e.name for e in videos) or sorted(folders)) or "none"
-        raise SourceError(str(root), "exactly one video, or one folder of frame images", got, "see docs/own-video.md")
+        raise SourceError(str(root), "exactly one video, or one folder of frame images", got, "see docs/extraction/own-video.md")
     return next(iter(choices.items()))
 
 

@@ -87,7 +87,7 @@ def _of_pack(whole: FileRef, fps: float) -> Media:
 
 def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[pack.Span, ...] = ()) -> Media:
     if not names:
-        raise SourceError("media", "a video file or frame images", "neither", "see docs/own-video.md")
+        raise SourceError("media", "a video file or frame images", "neither", "see docs/extraction/own-video.md")
     empty = [name for name, size in zip(names, sizes, strict=True) if size == 0]
     if empty:
         raise SourceError(empty[0], "an image", f"0 bytes, as of {len(empty)} of {len(names)} frames", "get these files again")

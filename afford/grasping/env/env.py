@@ -18,7 +18,7 @@ Observation, a vector by `layout` and `role` (observe.py). `layout="paper"` are 
     22-43    qd         66-130   tips        161-166  palm        191-206  object     236-299  feature
 
 Reward: the sum of `reward/...` in info (reward.py). Terminated when the object is out of reach, truncated after `steps`; the last
-info has `report` (metrics.py). All in tables: docs/grasp-environments.md.
+info has `report` (metrics.py). All in tables: docs/grasping/grasp-environments.md.
 """
 
 from __future__ import annotations

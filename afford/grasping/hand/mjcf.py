@@ -2,7 +2,7 @@
 
 Kept: bodies, hinges with limits, inertia, the primitives that collide (group 4), the meshes that are seen (group 1), the motors'
 torque limits, fingertip sites, the pairs of links that may touch. The coupling of each finger's last two joints is a tendon of
-0.00705 q0 - 0.00805 q1 within +-0.001 there; here q0 = q1, which keeps both limits (docs/hand.md).
+0.00705 q0 - 0.00805 q1 within +-0.001 there; here q0 = q1, which keeps both limits (docs/grasping/hand.md).
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
 
 Action (24,) in -1..1 as in afford/AffordanceGrasp-v0, along the world's axes. Observation: see imitate.Imitating.observe. Reward:
 the sum of `reward/...` in info, see imitation.py. Terminated when the hand is too far off, truncated at the end of the clip, which
-is the success; the last info has `report`. All in tables: docs/grasp-environments.md.
+is the success; the last info has `report`. All in tables: docs/grasping/grasp-environments.md.
 """
 
 from __future__ import annotations

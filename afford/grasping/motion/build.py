@@ -10,7 +10,7 @@ from schemas.hand import PHASES, HandMotion
 HAND_M = (0.04, 0.16)
 """wrist to the middle finger's knuckle, from a small child to the largest adults with room to spare"""
 RATE_HZ = (1.0, 1000.0)
-DOCS = "see docs/motion-format.md"
+DOCS = "see docs/grasping/motion-format.md"
 
 
 def build(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str, phase: np.ndarray | None = None,

@@ -1,4 +1,4 @@
-"""A clip of hand keypoints in our own format (docs/motion-format.md), as .npz, .json or .csv -> HandMotion."""
+"""A clip of hand keypoints in our own format (docs/grasping/motion-format.md), as .npz, .json or .csv -> HandMotion."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def spread(asked: Asked, label: np.ndarray) -> np.ndarray:
 
 
 def record(asked: Asked, label: np.ndarray, sure: np.ndarray, model: Identified) -> dict[str, Any]:
-    """Everything that is not a picture; docs/predict.md names every field. `label` and `sure` are at the picture's own size."""
+    """Everything that is not a picture (docs/twohands/predict.md). `label` and `sure` are at the picture's own size."""
     footage, found = asked.footage, asked.found
     top, left, side = footage.square
     return {

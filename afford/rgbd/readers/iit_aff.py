@@ -31,7 +31,7 @@ TABLE = np.array([BACKGROUND, *(AFFORDANCES.index(OURS[c]) if c in OURS else BAC
 OBJECTS = ("bowl", "tvm", "pan", "hammer", "knife", "cup", "drill", "racket", "spatula", "bottle")
 SPLIT_FILES = (("test.txt", "test"), ("val.txt", "val"), ("train_and_val.txt", "train"))
 """the first that names a picture says its split"""
-FIX = "compare with the layout in docs/interaction-data.md"
+FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:

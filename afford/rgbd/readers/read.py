@@ -23,8 +23,8 @@ SHRUNK, ROWS, COLUMNS = (640, 360), slice(0, 300), slice(200, 500)
 """The released code shrinks 1920 x 1080 to this (width, height) and cuts these rows and columns out."""
 WIDE = (16, 9)
 """shape of what is shrunk so, width to height: anything else would be squeezed"""
-DOCS = "see docs/interaction-data.md"
-REGISTER = "register colour to the depth grid first, docs/interaction-data.md"
+DOCS = "see docs/rgbd/interaction-data.md"
+REGISTER = "register colour to the depth grid first, docs/rgbd/interaction-data.md"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def pictures(root: Path, backend: str, digest: Callable[[Path], str]) -> FileTre
     if found[backend]:
         return files
     other = next((kind for kind, there in found.items() if there), None)
-    fix = f"it looks like {other}: add --set static_read.backend={other}" if other else "see docs/interaction-data.md"
+    fix = f"it looks like {other}: add --set static_read.backend={other}" if other else "see docs/rgbd/interaction-data.md"
     raise SourceError(files.name, f"a root of {backend} with {LABELS[backend]}", LABELS[other] if other else "no such file", fix)
 
 

@@ -28,7 +28,7 @@ def gathered(source: str, listed: Sequence[Listed], split: str) -> StaticSet:
     refused = tuple(one for one in found if isinstance(one, str))
     if not samples:
         got = f"none of {len(wanted)}, of which the first: {refused[0]}"
-        raise SourceError(source, "one picture at least that can be read", got, "see docs/interaction-data.md")
+        raise SourceError(source, "one picture at least that can be read", got, "see docs/rgbd/interaction-data.md")
     return StaticSet(samples, refused)
 
 

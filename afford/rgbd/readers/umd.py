@@ -32,7 +32,7 @@ OURS = {"grasp": "grasp", "cut": "cut", "pound": "hammer", "wrap-grasp": "grasp"
 TABLE = np.array([BACKGROUND, *(AFFORDANCES.index(OURS[c]) if c in OURS else BACKGROUND for c in CLASSES)], np.uint8)
 SPLITS = {"1": "train", "2": "test"}
 RGB, LABEL, DEPTH = "_rgb.jpg", "_label.mat", "_depth.png"
-FIX = "compare with the layout in docs/interaction-data.md"
+FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:

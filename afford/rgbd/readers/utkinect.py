@@ -28,7 +28,7 @@ from schemas.interaction import ActionClip
 LABELS = "actionLabel.txt"
 PICTURE = re.compile(r"colorImg(0|[1-9][0-9]{0,17})\.jpg")
 PLAYER_BITS = 3
-FIX = "compare with the layout in docs/interaction-data.md"
+FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, ...]:

@@ -1,4 +1,4 @@
-"""Part labels beside a mesh: `<mesh file name>.parts.json`, as docs/mesh-format.md tells."""
+"""Part labels beside a mesh: `<mesh file name>.parts.json`, as docs/surface/mesh-format.md tells."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from afford.surface.meshes.files import LABELS
 from afford.surface.meshes.surface import Surface
 from schemas.files import FileTree
 
-FIX = "see docs/mesh-format.md"
+FIX = "see docs/surface/mesh-format.md"
 MAX_PARTS = 1000
 """names of one object: each is looked for on every face"""
 KEYS = {"version", "category", "parts", "groups"}

@@ -1,4 +1,4 @@
-"""Which categories training sees and which it never sees, and the specs of every split (docs/negative-affordance.md)."""
+"""Which categories training sees and which it never sees, and the specs of every split (docs/surface/negative-affordance.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which things, verbs and rooms belong to training and which only to the benchmark (docs/stills.md)."""
+"""Which things, verbs and rooms belong to training and which only to the benchmark (docs/synthetic/stills.md)."""
 
 from __future__ import annotations
 

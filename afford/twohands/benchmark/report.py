@@ -51,7 +51,7 @@ def check(scores: Sequence[MethodScores]) -> None:
 def markdown(scores: Sequence[MethodScores], found: Sequence[summary.Row]) -> str:
     """The whole report as text."""
     parts = ["# Benchmark of two-hand affordances\n\nIntervals are 95 %, by resampling cases. What each column means: "
-             "docs/benchmark.md.\n\n"]  # fmt: skip
+             "docs/twohands/benchmark.md.\n\n"]  # fmt: skip
     for protocol, group in dict.fromkeys((row.protocol, row.group) for row in found):
         parts.append(tables.markdown(found, protocol, group, "Methods") + "\n")
     for one in scores:

@@ -23,7 +23,7 @@ MEASURES = (
     "taxonomy_accuracy", "taxonomy_open_accuracy", "hands_accuracy", "taxonomy_confidence",
     "spurious", "spurious_unselected", "missed", "answered",
 )  # fmt: skip
-"""docs/benchmark.md says what each one is"""
+"""docs/twohands/benchmark.md says what each one is"""
 
 
 class Row(NamedTuple):

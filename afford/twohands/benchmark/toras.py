@@ -74,7 +74,7 @@ def _picture(record: Any, where: str) -> tuple[str, int]:
     name = entry((entry(record, "documents", list, where) or [{}])[0], "name", str, where)
     match = EPIC.search(name) or EGO4D.search(name)
     if match is None:
-        raise SourceError(where, "a document named ..frame_<number>.png", repr(name), "compare with docs/benchmark.md")
+        raise SourceError(where, "a document named ..frame_<number>.png", repr(name), "compare with docs/twohands/benchmark.md")
     return match[1], int(match[2])
 
 

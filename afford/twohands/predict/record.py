@@ -1,4 +1,4 @@
-"""An answer in numbers and words: the JSON object beside the masks (docs/predict.md names every field)."""
+"""An answer in numbers and words: the JSON object beside the masks (docs/twohands/predict.md names every field)."""
 
 from __future__ import annotations
 
