@@ -8,7 +8,8 @@ block of all rows and the table of the README, of all policies that benchmarks/g
 those of them that are named, are added. So seeds and rows can be trained a few at a time, and on other machines: `--set
 grasp_report.seeds=1 --set rl_grasp_refinement.seed=2 --set grasp_student.seed=2` is the third seed. Sections that stand apart are
 renewed when they are named: followed (how near the prior comes to clips) and full (what it is worth) in docs/grasping/imitation.md,
-told (N_t as predicted), uses (use by use) and pairs (one object, two tasks) in docs/grasping/grasping.md. Nothing in those is typed by hand.
+told (N_t as predicted), uses (use by use) and pairs (one object, two tasks) in docs/grasping/grasping.md. Nothing in those is
+typed by hand.
 """
 
 from __future__ import annotations
