@@ -53,11 +53,11 @@ def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, 
 
 def rows(chosen: Settings, stage: str = "") -> list[Row]:
     """Every entry of every registry, in the order of the stages, or those of one. UsageError when it has none."""
-    owners = {one.owner.removeprefix("stages.") for one in everywhere()}
+    owners = {one.stage for one in everywhere()}
     if stage and stage not in owners:
         raise unknown("stage with backends", stage, owners)
-    wanted = [one for one in everywhere() if stage in ("", one.owner.removeprefix("stages."))]
-    return [_row(one, getattr(chosen, one.owner.removeprefix("stages."), None)) for one in wanted]
+    wanted = [one for one in everywhere() if stage in ("", one.stage)]
+    return [_row(one, getattr(chosen, one.stage, None)) for one in wanted]
 
 
 def markdown(found: list[Row]) -> str:
@@ -67,7 +67,7 @@ def markdown(found: list[Row]) -> str:
 
 
 def _row(backend: Backend, params: Any) -> Row:
-    owner, field = backend.owner.removeprefix("stages."), backend.registry.lower().removesuffix("s").replace("policie", "policy")
+    owner, field = backend.stage, backend.registry.lower().removesuffix("s").replace("policie", "policy")
     chosen_by = f"{owner}.{field}" if backend.owner != owner else f"{owner}:{backend.registry}"
     wants = [f"weights: {backend.weights}"] if backend.weights else []
     wants += [f"server: {backend.server}"] if backend.server else []

@@ -40,21 +40,32 @@ class Backend:
     packages: tuple[str, ...] = ()
 
     @property
+    def stage(self) -> str:
+        """The stage that holds the registry; the full name of a module that is no stage."""
+        return self.owner.rpartition(".")[2] if self.owner.startswith("stages.") else self.owner
+
+    @property
     def module(self) -> str:
         return self.entry.partition(":")[0]
 
 
 def of_stage(stage: str) -> list[Backend]:
-    """The backends of stages/STAGE.py."""
-    return _of(_modules(), f"stages.{stage}")
+    """The backends of a stage; none for a name that no stage has."""
+    return [one for path in (ROOT / "stages").glob(f"*/{stage}.py") for one in _of(_modules(), _name(path))]
+
+
+def _name(path: Path) -> str:
+    """The module of a file."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
 
 
 def everywhere() -> list[Backend]:
     """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
     half of what a stage has chosen."""
     inside = [path for path in sorted((ROOT / "afford").rglob("*.py")) if not path.is_relative_to(ROOT / "afford" / "codecs")]
-    paths = [*sorted((ROOT / "stages").glob("*.py")), *inside]  # how a codec writes a field is no choice of a user
-    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths if '": "afford.' in path.read_text()]
+    stages = sorted((ROOT / "stages").glob("*/*.py"), key=lambda path: path.name)
+    paths = [*stages, *inside]  # how a codec writes a field is no choice of a user
+    names = [_name(path) for path in paths if '": "afford.' in path.read_text()]
     held = {name: _of(_modules(), name) for name in names}
     chosen = {_choice(found) for name, found in held.items() if name.startswith("stages.")}
     return [one for name, found in held.items() if name.startswith("stages.") or _choice(found) not in chosen for one in found]

@@ -11,6 +11,7 @@ import pytest
 
 from commands import backends, registries
 from tests.helpers.command import call
+from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
 LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propose", "sam"), ("mask_score", "clip"),
@@ -26,12 +27,11 @@ def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:
 def test_every_entry_of_every_registry_is_listed_with_a_sentence() -> None:
     """Those of the stages as Python sees them; each says what it does, and no two of a stage say the same."""
     rows = found()
-    for path in (ROOT / "stages").glob("[!_]*.py"):
-        module = importlib.import_module(f"stages.{path.stem}")
-        for name in getattr(module, "BACKENDS", {}):
-            assert len(str(rows[path.stem, name]["about"]).split()) > 2, (path.stem, name)
-        told = [row["about"] for (stage, _), row in rows.items() if stage == path.stem]
-        assert len(set(told)) == len(told), path.stem
+    for stage, module in MODULES.items():
+        for name in getattr(importlib.import_module(module), "BACKENDS", {}):
+            assert len(str(rows[stage, name]["about"]).split()) > 2, (stage, name)
+        told = [row["about"] for (owner, _), row in rows.items() if owner == stage]
+        assert len(set(told)) == len(told), stage
 
 
 def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
@@ -39,7 +39,7 @@ def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
     rows = found()
     assert {key for key, row in rows.items() if "weights" in str(row["needs"])} >= LEARNED
     for stage, name in LEARNED:
-        params = importlib.import_module(f"stages.{stage}").Params(backend=name)
+        params = importlib.import_module(MODULES[stage]).Params(backend=name)
         assert (params.model, params.device, params.dtype) == ("", "cpu", "float32")
 
 
@@ -112,5 +112,5 @@ def test_what_chooses_a_row_can_be_set() -> None:
             module, _, registry = str(row["parameter"]).partition(":")
             assert row["backend"] in getattr(importlib.import_module(module), registry)
         else:
-            assert field in importlib.import_module(f"stages.{stage}").Params.__dataclass_fields__
+            assert field in importlib.import_module(MODULES[stage]).Params.__dataclass_fields__
     assert not [stage for stage, _ in found() if stage == "afford.training.job"]

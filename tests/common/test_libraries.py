@@ -9,9 +9,10 @@ import pytest
 
 from runner.fingerprint import declarations, reachable_third_party
 from runner.modules import Modules
+from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = sorted(path.stem for path in (ROOT / "stages").glob("*.py") if path.stem != "__init__")
+STAGES = sorted(MODULES)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,7 @@ def distributions() -> dict[str, list[str]]:
 @pytest.mark.parametrize("stage", STAGES)
 def test_libraries_are_complete(stage: str, distributions: dict[str, list[str]]) -> None:
     """Whichever backend is selected; import names are turned into names of distributions."""
-    declared = set(declarations(Modules(ROOT), f"stages.{stage}")["LIBRARIES"])
-    reached = reachable_third_party(ROOT, f"stages.{stage}:run")
+    declared = set(declarations(Modules(ROOT), MODULES[stage])["LIBRARIES"])
+    reached = reachable_third_party(ROOT, f"{MODULES[stage]}:run")
     missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}
     assert not missing, f"stages/{stage}.py reaches {sorted(missing)}; name their distributions in LIBRARIES"

@@ -29,9 +29,10 @@ from tests.helpers.command import Made
 from tests.helpers.impure_stages import CHEATS
 from tests.helpers.purity_probe import blobs
 from tests.helpers.purity_stores import ELSEWHERE, Maker, with_fonts
+from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[!_]*.py"))
+STAGES = sorted(MODULES)
 OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
@@ -78,7 +79,7 @@ def test_a_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path]
     store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     if stage in COMPARED:
         store = request.getfixturevalue("benchmarked")
-    traces = one_of_each(Traces(store).all(), f"stages.{stage}:run")
+    traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
     answers = replay(list(map(task, traces)), sources(traces), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):

@@ -12,8 +12,8 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from afford.extraction.inpaint.lama import fill
-from afford.extraction.inpaint.lama.files import generator_tensors, load
-from afford.extraction.inpaint.lama.generator import FourierUnit, Generator, LamaConfig
+from afford.extraction.inpaint.networks.lama_files import generator_tensors, load
+from afford.extraction.inpaint.networks.lama_generator import FourierUnit, Generator, LamaConfig
 from schemas.video import Inpainted, PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params

@@ -12,9 +12,10 @@ from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.source import SourceError
 from tests.helpers.edited_code import CASES, FOLLOWED, REFUSED, SAME, Case, Verdict, counts, judge
+from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = [f"stages.{path.stem}:run" for path in sorted((ROOT / "stages").glob("*.py")) if path.stem != "__init__"]
+STAGES = [f"{module}:run" for module in MODULES.values()]
 RAISED = re.compile(r"^\w*(Error|Exception): ")
 PLACE = re.compile(r"^/.*/old/[\w/]+\.py:[1-9]\d*: .+")
 

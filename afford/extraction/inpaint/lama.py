@@ -14,8 +14,8 @@ import numpy as np
 import torch
 
 from afford.extraction.inpaint import Filled
-from afford.extraction.inpaint.lama.files import load
-from afford.extraction.inpaint.lama.generator import Generator
+from afford.extraction.inpaint.networks.lama_files import load
+from afford.extraction.inpaint.networks.lama_generator import Generator
 from afford.extraction.inpaint.windows import chunks, side_of, windows
 from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, interpolate, scaled_dot_product_attention
 
-from afford.extraction.inpaint.vidm.config import VidmConfig
+from afford.extraction.inpaint.networks.vidm_config import VidmConfig
 
 GROUPS = 32
 LATENT, CONDITION = 3, 4

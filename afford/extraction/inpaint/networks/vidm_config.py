@@ -42,7 +42,8 @@ def read_config(path: Path) -> VidmConfig:
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected the config of a saved VIDM; {error}") from error
     if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
-        raise ValueError(f'{path}: expected "format": "{FORMAT}"; write the folder with afford.extraction.inpaint.vidm.files.save')
+        raise ValueError(f'{path}: expected "format": "{FORMAT}"; '
+                         'write the folder with afford.extraction.inpaint.networks.vidm_files.save')
     unknown = sorted(fields.keys() - {field.name for field in dataclasses.fields(VidmConfig)})
     if unknown:
         raise ValueError(f"{path}: expected the fields of VidmConfig, got {', '.join(unknown)} too")

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from afford.extraction.inpaint.lama.generator import GIVEN, Generator, LamaConfig
+from afford.extraction.inpaint.networks.lama_generator import GIVEN, Generator, LamaConfig
 from afford.models.archive import read_tensors
 from afford.models.fitting import fit
 

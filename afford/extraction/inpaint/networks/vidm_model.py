@@ -10,8 +10,8 @@ from diffusers import DDIMScheduler, VQModel
 from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
-from afford.extraction.inpaint.vidm.config import VidmConfig
-from afford.extraction.inpaint.vidm.unet import LATENT, Unet
+from afford.extraction.inpaint.networks.vidm_config import VidmConfig
+from afford.extraction.inpaint.networks.vidm_unet import LATENT, Unet
 
 STEPS, BETAS = 1000, (0.0015, 0.0205)
 """of the diffusion that the model was trained on"""

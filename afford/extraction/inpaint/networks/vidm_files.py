@@ -10,8 +10,8 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from afford.extraction.inpaint.vidm.config import VidmConfig, config_text, read_config
-from afford.extraction.inpaint.vidm.model import Vidm
+from afford.extraction.inpaint.networks.vidm_config import VidmConfig, config_text, read_config
+from afford.extraction.inpaint.networks.vidm_model import Vidm
 from afford.models.archive import read_tensors
 from afford.models.fitting import fit
 

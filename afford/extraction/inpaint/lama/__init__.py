@@ -1,1 +1,0 @@
-"""LaMa, the inpainting network."""

@@ -1,0 +1,1 @@
+"""Inpainting networks: LaMa and VIDM, the hand-inpainting diffusion model of 2HandedAfforder."""

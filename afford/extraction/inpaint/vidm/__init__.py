@@ -1,1 +1,0 @@
-"""VIDM, the hand-inpainting diffusion model of 2HandedAfforder."""

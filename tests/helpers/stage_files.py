@@ -1,0 +1,10 @@
+"""Every stage of the project: its name, and the module that holds it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = {path.stem: f"stages.{path.parent.name}.{path.stem}"
+           for path in sorted((ROOT / "stages").glob("*/[!_]*.py"), key=lambda path: path.stem)}  # fmt: skip
+"""stage -> its module"""
