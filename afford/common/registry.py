@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 DYNAMIC = ()  # no module of ours is loaded here that the literal registry of the caller does not name
+
+Own = TypeVar("Own", contravariant=True)
+"""the parameters of one backend in the Protocol of its question; None for a backend that has none"""
 
 
 def load(registry: Mapping[str, str], name: str) -> Any:
@@ -16,6 +19,11 @@ def load(registry: Mapping[str, str], name: str) -> Any:
         raise KeyError(f"unknown backend {name!r}; choose one of {', '.join(sorted(registry))}")
     module, attribute = registry[name].split(":")
     return getattr(importlib.import_module(module), attribute)
+
+
+def block(params: object, name: str) -> Any:
+    """The parameters of the entry `name` alone: the field of Params that is named so; None for an entry without any."""
+    return getattr(params, name, None)
 
 
 def extra(package: str, name: str) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from typing import Any
 from urllib.parse import urlsplit
 
 KEY = re.compile(r"[A-Za-z0-9._~+/=:-]{8,}")
@@ -32,14 +31,10 @@ def is_here(url: str) -> bool:
     return urlsplit(url).hostname in THIS_MACHINE
 
 
-def harmless(params: Any) -> None:
-    """ValueError unless parameters that may name a server (`url`, `key_variable`, `new_tokens`, `retries`, `timeout_s`, `pause_s`)
-    hold no key and are in range."""
-    named(params.key_variable)
-    plain(params.url)
-    if params.new_tokens < 1 or params.retries < 0 or params.timeout_s <= 0 or params.pause_s < 0:
-        raise ValueError("expected new_tokens of 1 or more, timeout_s above 0, retries and pause_s of 0 or more, got "
-                         f"{params.new_tokens}, {params.timeout_s}, {params.retries} and {params.pause_s}")  # fmt: skip
+def harmless(url: str, variable: str) -> None:
+    """ValueError, which does not show them, unless an address and the name of an environment variable hold no key."""
+    named(variable)
+    plain(url)
 
 
 def read(variable: str, url: str) -> str:

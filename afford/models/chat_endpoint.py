@@ -14,7 +14,6 @@ import io
 import json
 import socket
 import time
-from dataclasses import dataclass, fields
 from functools import partial
 from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from typing import Any, NamedTuple
@@ -23,6 +22,7 @@ from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, Proxy
 
 from afford.common.deadline import Until, left_s
 from afford.models import api_key
+from afford.models.chat import Endpoint
 
 LARGEST_REPLY = 1 << 22
 """bytes; a longer reply is refused"""
@@ -31,32 +31,6 @@ PASSING = (0, 408, 409, 429)
 LONGEST_PAUSE_S = 60.0
 SHOWN = 200
 """characters of a server's message that an error shows"""
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """A server, and how it is asked."""
-
-    url: str
-    """base address, e.g. http://127.0.0.1:8000/v1"""
-    model: str
-    """what the server calls it"""
-    key_variable: str
-    """name of the environment variable that holds the key; '' where none is asked for"""
-    timeout_s: float
-    """of one try as a whole: connection, request, headers and body"""
-    retries: int
-    """further tries after what may be over soon"""
-    pause_s: float
-    """before the first retry; twice as long before each further one"""
-    seed: int
-    new_tokens: int
-
-
-def endpoint(params: Any) -> Endpoint:
-    """The server that a stage's parameters name: `url`, `model`, `key_variable`, `timeout_s`, `retries`, `pause_s`, `seed` and
-    `new_tokens`."""
-    return Endpoint(**{field.name: getattr(params, field.name) for field in fields(Endpoint)})
 
 
 class Reply(NamedTuple):

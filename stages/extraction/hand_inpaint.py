@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.extraction.inpaint import LamaParams, VidmParams
 from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted, PixelSource
@@ -36,24 +37,10 @@ class Params:
     """layered, median, telea, vidm or lama"""
     dilate_px: int = 3
     """growth of the hand masks before they are replaced, in pixels of the working size"""
-    model: str = ""
-    """vidm, lama: file or folder of the weights"""
-    device: str = "cpu"
-    """vidm, lama: cpu, cuda or cuda:N"""
-    dtype: str = "float32"
-    """vidm, lama: float32, bfloat16 or float16"""
-    batch: int = 4
-    """vidm, lama: holes that are filled at once, as many as memory has room for"""
-    window_px: int = 0
-    """vidm, lama: side of the square that is cut out around a hole; 0: the frame's shorter side (vidm), the whole frame (lama)"""
-    window_frames: int = 0
-    """vidm: frames around the target among which the three others are, evenly spread; 0: the whole clip"""
-    ddim_steps: int = 200
-    """vidm: denoising steps, 1 to 500"""
-    ddim_eta: float = 1.0
-    """vidm: share of fresh noise in every step, 0..1"""
-    seed: int = 0
-    """vidm: seed of the noise"""
+    vidm: VidmParams = VidmParams()
+    """parameters of vidm"""
+    lama: LamaParams = LamaParams()
+    """parameters of lama"""
 
 
 def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None = None) -> Inpainted:
@@ -61,13 +48,13 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     import numpy as np
 
     from afford.common.morphology import dilate
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.extraction.layers import regions
     from afford.models.weights import placed
 
     _check(frames, tracks)
     hole = dilate(regions.hands(tracks), params.dilate_px)
-    filled = load(BACKENDS, params.backend)(frames, tracks, hole, placed(params, weights))
+    filled = load(BACKENDS, params.backend)(frames, tracks, hole, placed(block(params, params.backend), weights))
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)
     confidence = np.where(hole, filled.confidence, 255).astype(np.uint8)

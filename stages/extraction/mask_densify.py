@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.extraction.tracks import Tracking
+from afford.extraction.tracks.propagate import Flow, Sam2
 from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Clip, Frames
@@ -32,39 +34,22 @@ BACKENDS = {
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(Tracking):
     backend: str = "flow"
     """how labels spread from key frames: flow, nearest, dense (ready-made VISOR tracks), or sam2"""
-    model: str = ""
-    """sam2: local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
-    search_px: int = 1
-    """flow: how far around a supposed motion patches are searched; 2 is a little better and twice as slow"""
-    band_px: int = 4
-    """flow: pixels this close to an outline are decided by patches"""
-    radius: int = 0
-    """masks farther than this from their key frame are dropped, frames; 0 = full length (released code: 10)"""
-    max_step_frames: int = 1
-    """frames whose numbers differ by more are no neighbours: nothing is propagated between them"""
-    keep_untouched: bool = False
-    """also keep annotated objects that no hand touches in any key frame"""
-    link_min_iou: float = 0.1
-    """overlap from which a same-name object is the one of the key frame before"""
-    contact_reach_px: int = 4
-    """a hand dilated by this much touches what it overlaps; used where the source does not tell contact"""
-    device: str = "cpu"
-    """sam2: cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """sam2: float32, bfloat16 or float16"""
-    memory_keys: int = 2
-    """sam2: key frames on each side of a gap that the model remembers"""
-    cache_frames: int = 16
-    """sam2: frames whose image features are kept for the way back; about 0.1 GB each at the published sizes"""
+    flow: Flow = Flow()
+    """parameters of flow"""
+    sam2: Sam2 = Sam2()
+    """parameters of sam2"""
 
 
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Tracks:
     """Tracks of the clip on every frame of `frames`; ValueError when none of its key frames is among them."""
-    from afford.common.registry import load
+    from functools import partial
+
+    from afford.common.registry import block, load
     from afford.extraction.tracks.densify import densify
     from afford.models.weights import placed
 
-    return densify(clip, frames, load(BACKENDS, params.backend), placed(params, weights))
+    propagate = partial(load(BACKENDS, params.backend), params=placed(block(params, params.backend), weights))
+    return densify(clip, frames, propagate, params, dense=params.backend == "dense")

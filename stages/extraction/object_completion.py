@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from afford.extraction.complete import Sam2
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import Frames, Inpainted
@@ -38,28 +39,25 @@ BACKENDS = {
 class Params:
     backend: str = "template"
     """template, hull, visible or sam2"""
-    model: str = ""
-    """sam2: local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
-    device: str = "cpu"
-    """sam2: cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """sam2: float32, bfloat16 or float16"""
+    sam2: Sam2 = Sam2()
+    """parameters of sam2"""
 
 
 def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, weights: FileTree | None = None) -> CompleteObjects:
     """Complete every touched object. Only pixels that another entity covers are ever added to the visible mask."""
     import numpy as np
 
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.extraction.layers import regions
     from afford.models.weights import placed
 
     _check(frames, tracks, inpainted)
-    complete, indices, params = load(BACKENDS, params.backend), regions.touched_indices(tracks), placed(params, weights)
+    complete, own = load(BACKENDS, params.backend), placed(block(params, params.backend), weights)
+    indices = regions.touched_indices(tracks)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)
     for row, index in enumerate(indices):
-        found = complete(frames, tracks, inpainted, index, params)
+        found = complete(frames, tracks, inpainted, index, own)
         visible = tracks.masks[index]
         masks[row] = visible | (found.masks & regions.others(tracks, index))
         whole = (masks[row] == visible).all(axis=(1, 2)) & ~_hidden_nearby(visible, regions.others(tracks, index))

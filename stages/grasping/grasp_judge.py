@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.models.chat import Chat, Endpoint
 from schemas.episodes import GraspEpisodes, GraspJudgement
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -35,32 +36,12 @@ class Params:
     """of each, px"""
     height: int = 180
     """px"""
-    model: str = ""
-    """vlm: local folder or hub id; endpoint: what the server calls its model; '' and no `url`: nobody is asked"""
-    new_tokens: int = 256
-    """longest answer"""
-    url: str = ""
-    """endpoint: base address of the server, e.g. http://127.0.0.1:8000/v1"""
-    key_variable: str = "OPENAI_API_KEY"
-    """endpoint: name of the environment variable that holds the key; '' for a server that asks for none"""
-    timeout_s: float = 120.0
-    """endpoint: longest that a request lasts as a whole, from the connection to the last byte of the reply"""
-    retries: int = 3
-    """endpoint: further tries when it cannot be reached, is busy or fails"""
-    pause_s: float = 1.0
-    """endpoint: before the first of them; twice as long before each further one"""
-    seed: int = 0
-    """endpoint: sent to the server, which may heed it"""
-    device: str = "cpu"
-    """vlm: cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """vlm: float32, bfloat16 or float16"""
+    vlm: Chat = Chat(new_tokens=256)
+    """parameters of vlm"""
+    endpoint: Endpoint = Endpoint(new_tokens=256)
+    """parameters of endpoint"""
 
     def __post_init__(self) -> None:
-        """What might be a key is not shown, and is refused before anything is written."""
-        from afford.models.api_key import harmless
-
-        harmless(self)
         if self.frames < 1:
             raise ValueError(f"expected frames of 1 or more, got {self.frames}")
 
@@ -70,12 +51,13 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     """Ask about every trace."""
     import numpy as np
 
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.grasping.evaluate.studio import Studio
     from afford.models.weights import placed
 
-    given = placed(params, weights)
-    judge, known, scores = load(BACKENDS, params.backend), {one.name: one for some in tasks for one in some}, list[float]()
+    own = block(params, params.backend)
+    judge, given = load(BACKENDS, params.backend), placed(own, weights)
+    known, scores = {one.name: one for some in tasks for one in some}, list[float]()
     for trace in episodes.traces:
         if trace.task not in known:
             raise ValueError(f"grasp_judge, {episodes.name}: expected the tasks of its traces, got none named {trace.task}; "
@@ -84,5 +66,5 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         studio = Studio(hand, known[trace.task], params.width, params.height)
         frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
         scores.append(judge(trace.name, frames, rows / trace.rate_hz, given))
-    return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, params.model,
+    return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, own.model,
                           tuple(trace.name for trace in episodes.traces), np.array(scores, np.float64))  # fmt: skip

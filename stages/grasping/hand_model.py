@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.grasping.hand import Urdf
 from schemas.files import FileTree
 from schemas.hand import HandModel
 
@@ -43,23 +44,23 @@ class Params:
     """gantry: mass of each of its six parts"""
     capsules: str = "capsule"
     """capsule: as one solid, which PyBullet and MuJoCo read; parts: a cylinder and two spheres, standard URDF"""
-    fingers: tuple[str, ...] = ()
-    """urdf: finger=last link of thumb, index, middle, ring, little, where names of links do not tell"""
-    coupled: tuple[str, ...] = ()
-    """urdf: follower=driver of joints without a motor that have no <mimic>"""
+    urdf: Urdf = Urdf()
+    """parameters of urdf"""
 
 
 def run(files: FileTree, params: Params) -> HandModel:
     """Build the hand; ValueError when a parameter or the source cannot be used."""
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.grasping.hand.coupling import coupled
     from afford.grasping.hand.gantry import Gantry
     from afford.grasping.hand.model import Wishes, model
 
     _check(params)
     gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)
-    wishes = Wishes(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", params.fingers)
-    return model(coupled(load(BACKENDS, params.backend)(files), params.coupled), wishes)
+    own = block(params, params.backend)
+    fingers, pairs = (own.fingers, own.coupled) if own else ((), ())
+    wishes = Wishes(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
+    return model(coupled(load(BACKENDS, params.backend)(files), pairs), wishes)
 
 
 def _check(params: Params) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.common.registry import load
+from afford.rgbd.scene_flow import Regularised
 from schemas.interaction import InteractionClip, SceneFlow
 
 LIBRARIES = ("numpy", "opencv-python-headless", "numba")
@@ -32,24 +32,24 @@ BACKENDS = {
 class Params:
     backend: str = "regularised"
     """regularised, or difference: optical flow with the difference of depths, for comparison"""
-    smoothness: float = 60.0
-    """how far motion spreads within a surface: the weight of smoothness against data"""
-    still_margin: float = 0.5
-    """what moves must explain the second frame better than rest does, by so many standard deviations of the noise"""
     colour: str = "fixed"
     """fixed: no motion has the same colour everywhere; clip: least to largest motion of each clip, as the paper says"""
     range_m: float = 0.05
     """fixed: motion in metres per frame that has full colour"""
     range_share: float = 0.08
     """fixed: motion on the image that has full colour, as a share of the width, per frame"""
+    regularised: Regularised = Regularised()
+    """parameters of regularised"""
 
 
 def run(clip: InteractionClip, params: Params) -> SceneFlow:
     """Estimate the flow of all pairs of frames."""
-    from afford.rgbd.scene_flow.clip import scene_flow
-    from afford.rgbd.scene_flow.view import Settings
+    from functools import partial
 
-    for name in ("smoothness", "range_m", "range_share"):
+    from afford.common.registry import block, load
+    from afford.rgbd.scene_flow.clip import scene_flow
+
+    for name in ("range_m", "range_share"):
         if getattr(params, name) <= 0:
             raise ValueError(f"scene_flow.{name}: expected more than 0, got {getattr(params, name)}")
     if params.colour not in ("fixed", "clip"):
@@ -57,5 +57,5 @@ def run(clip: InteractionClip, params: Params) -> SceneFlow:
     if min(clip.label.shape) < SMALLEST_PX:
         raise ValueError(f"{clip.name}: expected frames of at least {SMALLEST_PX} x {SMALLEST_PX} px, got {clip.label.shape}; "
                          "read it at a larger size")
-    return scene_flow(clip, load(BACKENDS, params.backend), Settings(params.smoothness, params.still_margin), params.colour,
-                      params.range_m, params.range_share)
+    between = partial(load(BACKENDS, params.backend), params=block(params, params.backend))
+    return scene_flow(clip, between, params.colour, params.range_m, params.range_share)

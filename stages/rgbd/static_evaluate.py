@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.rgbd.boxes import Boxes
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSet
 from schemas.spec import Context
@@ -36,14 +37,14 @@ class Params:
     """what the set is called in the report"""
     split: str = ""
     """train, val or test; '' for every picture"""
-    true_boxes: bool = False
-    """boxes: the thing's true box is given, instead of the model's own proposals"""
     threshold: float = 0.75
     """confidence above which the sheet shows a region"""
     shown: int = 12
     """pictures in the sheet, spread evenly"""
     device: str = "cpu"
     """cpu, or cuda for a GPU"""
+    boxes: Boxes = Boxes()
+    """parameters of boxes"""
 
 
 def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, params: Params, ctx: Context) -> FileTree:
@@ -52,7 +53,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
 
     from afford.common import materialise as folder
     from afford.common.files import empty_folder, tree
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.rgbd.evaluate.static_sets import Scored, Tally, write
     from afford.rgbd.model.static import last_picture
 
@@ -62,7 +63,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
                          f"{len(pictures)} of {len(given.samples)} and {params.shown}")
     tell = load(BACKENDS, params.backend)(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
-                                          params.true_boxes)  # fmt: skip
+                                          block(params, params.backend))  # fmt: skip
     tally, shown = Tally.of(pictures), []
     chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())
     for n, picture in enumerate(pictures):

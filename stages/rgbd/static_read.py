@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.rgbd.readers import Umd
 from schemas.files import FileTree
 from schemas.interaction import StaticSet
 
@@ -33,20 +34,20 @@ class Params:
     crop_px: int = 300
     """side of the middle that is cut out, of a smaller picture the largest square; 0 for whole pictures. A sample takes 8 bytes a
     pixel (5 without depth), and all are held at once, here and in static_evaluate"""
-    split_file: str = "category_split.txt"
-    """umd: category_split.txt (tools held out) or novel_split.txt (categories held out)"""
     every: int = 1
     """take every n-th picture; 3 for UMD's labels by people"""
     split: str = ""
     """train, val or test: no other picture is decoded; '' for all"""
+    umd: Umd = Umd()
+    """parameters of umd"""
 
 
 def run(files: FileTree, params: Params) -> StaticSet:
     """Samples of a source, by name."""
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.rgbd.readers.static_set import gathered
 
     if params.crop_px < 0 or params.every < 1:
         raise ValueError(f"static_read: expected crop_px of 0 or more and every of 1 or more, got {params}")
-    listed = load(BACKENDS, params.backend)(files, params.crop_px, params.split_file, params.every)
+    listed = load(BACKENDS, params.backend)(files, params.crop_px, params.every, block(params, params.backend))
     return gathered(files.name, listed, params.split)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.surface.score import Clip
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
@@ -27,23 +28,16 @@ BACKENDS = {"parts": "afford.surface.score.parts:score", "clip": "afford.surface
 class Params:
     backend: str = "parts"
     """parts or clip"""
-    model: str = ""
-    """clip: folder of save_pretrained with its tokenizer.json, or one that holds it as clip/; or a hub id"""
-    least_cosine: float = -1.0
-    """clip: a candidate that fits no part better fits nothing; -1 for none"""
-    batch: int = 32
-    """clip: candidates in one pass; 0.6 GB at the published size"""
-    device: str = "cpu"
-    """clip: cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """clip: float32, bfloat16 or float16"""
+    clip: Clip = Clip()
+    """parameters of clip"""
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
         params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
     """Score every candidate."""
-    from afford.common.registry import load
+    from afford.common.registry import block, load
     from afford.models.weights import placed
 
-    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, placed(params, weights))
+    own = placed(block(params, params.backend), weights)
+    found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, own)
     return found

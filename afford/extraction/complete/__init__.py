@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
 
 if TYPE_CHECKING:
     import numpy as np
 
     from schemas.masks import Tracks
     from schemas.video import Frames, Inpainted
+
+
+@dataclass(frozen=True)
+class Sam2:
+    """Parameters of `sam2`."""
+
+    model: str = ""
+    """local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
 
 
 @dataclass(frozen=True)
@@ -22,13 +36,12 @@ class Completed:
     """(t,) float32 in 0..1"""
 
 
-class Complete(Protocol):
+class Complete(Protocol[Own]):
     """What every backend of this folder looks like."""
 
-    def __call__(self, frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
+    def __call__(self, frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Own) -> Completed:
         """Complete the object `tracks.entities[index]` in every frame; empty where nothing of it is known.
 
-        `params` is the Params of the stage; a backend names the fields that it reads in its own docstring. Pure and
-        deterministic; the inputs are not modified.
+        `params` are those of this backend. Pure and deterministic; the inputs are not modified.
         """
         ...

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
@@ -12,8 +10,8 @@ from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
 
-def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
-    """Hull of each frame's visible mask, with half the tracks' confidence. Reads no parameter."""
+def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
+    """Hull of each frame's visible mask, with half the tracks' confidence."""
     return Completed(np.stack([hull(mask) for mask in tracks.masks[index]]), tracks.confidence[index] * np.float32(0.5))
 
 

@@ -1,16 +1,13 @@
 """SAM 2 on a video of two frames, as 2HandedAfforder has it: the frame, prompted by the visible mask, and the frame without hands.
 
-What is found in the second is the complete object. Reads `params.model` (folder of a `Sam2VideoModel`, or sam2*_hiera_*.pt),
-`params.device` and `params.dtype`.
+What is found in the second is the complete object.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from afford.extraction.complete import Completed
+from afford.extraction.complete import Completed, Sam2
 from afford.models.sam2_video import load_model, track
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
@@ -18,7 +15,7 @@ from schemas.video import Frames, Inpainted
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
 
 
-def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
+def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Sam2) -> Completed:
     """See `Complete`. Frames in which the object is out of sight stay empty; confidence is the mean probability inside."""
     model = load_model(params.model, params.device, params.dtype)
     visible = tracks.masks[index]

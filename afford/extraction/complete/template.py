@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
@@ -17,10 +15,10 @@ from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
 
-def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
+def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
     """Follow the object, carry it with the hand while hardly any of it shows, then let all frames vote on its hidden pixels.
 
-    What no frame has seen is guessed behind hands only: things that touch each other seldom hide much. Reads no parameter.
+    What no frame has seen is guessed behind hands only: things that touch each other seldom hide much.
     """
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
     visible, hidden_by = tracks.masks[index], dilate(regions.others(tracks, index), 1)

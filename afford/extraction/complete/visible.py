@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from afford.extraction.complete import Completed
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
 
-def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Any) -> Completed:
-    """The mask of the tracks, with the tracks' confidence. Reads no parameter."""
+def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
+    """The mask of the tracks, with the tracks' confidence."""
     return Completed(tracks.masks[index], tracks.confidence[index])

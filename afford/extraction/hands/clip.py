@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
-from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
+from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
 from afford.extraction.hands.follow import Track, follow
 from afford.extraction.hands.looks import Looks, look, spread
 from afford.extraction.hands.moving import own_motion
@@ -17,14 +17,16 @@ from afford.extraction.hands.refine import along_edges, coloured, steadied
 from afford.extraction.hands.sides import Bearing, hands_of, sided, usual
 from afford.extraction.hands.touched import NOTHING, Hands, Reach, contacts, held
 from afford.extraction.sources.polygons import trace
-from schemas.files import FileTree
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame
 
+Finder = Callable[[np.ndarray], np.ndarray]
+"""a backend with its own parameters and weights, see `Find`: pictures -> how likely each pixel is what"""
 
-def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTree | None = None) -> Clip:
-    """The clip with key frames about `every_s` apart; `params` is stages.extraction.hand_detect.Params."""
+
+def detect(clip: Clip, frames: Frames, find: Finder, params: Detection) -> Clip:
+    """The clip with key frames about `every_s` apart."""
     looks = look(frames, params.look_s)
-    seen = steadied(_asked(looks, find, params, weights), looks, params.memory)
+    seen = steadied(_asked(looks, find, params), looks, params.memory)
     hands = _hands(seen, looks, params)
     objects, touch = _things(seen, looks, hands, params)
     keys = _keys(looks, params.every_s)
@@ -33,7 +35,7 @@ def detect(clip: Clip, frames: Frames, find: Find, params: Any, weights: FileTre
         _key_frame(int(frames.frame[looks.at[k]]), looks, k, hands, objects, touch, called) for k in keys))
 
 
-def _things(seen: np.ndarray, looks: Looks, hands: Hands, params: Any) -> tuple[list[Track], dict[Hand, np.ndarray]]:
+def _things(seen: np.ndarray, looks: Looks, hands: Hands, params: Detection) -> tuple[list[Track], dict[Hand, np.ndarray]]:
     """What hands touch, and for each side which of these at which look."""
     width, least_px = looks.rgb.shape[2], params.least_object * _area(looks)
     reach = Reach(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
@@ -49,17 +51,17 @@ def _area(looks: Looks) -> int:
     return looks.rgb.shape[1] * looks.rgb.shape[2]
 
 
-def _asked(looks: Looks, find: Find, params: Any, weights: FileTree | None) -> np.ndarray:
+def _asked(looks: Looks, find: Finder, params: Detection) -> np.ndarray:
     """What the finder says of every look, (k, h, w, 4) float16. A person seen from the front is turned round: the arms then come
     from below, the left one from the left."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = looks.rgb[:, turn, turn], params.batch
     batches = [np.ascontiguousarray(rgb[at : at + batch]) for at in range(0, len(rgb), batch)]
-    parts = [find(pictures, params, weights).astype(np.float16) for pictures in batches]
+    parts = [find(pictures).astype(np.float16) for pictures in batches]
     return np.concatenate(parts)[:, turn, turn]
 
 
-def _hands(seen: np.ndarray, looks: Looks, params: Any) -> Hands:
+def _hands(seen: np.ndarray, looks: Looks, params: Detection) -> Hands:
     """Side -> look -> mask."""
     left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
     bearing = Bearing(params.viewpoint == "facing", params.order, params.entry)
@@ -105,5 +107,5 @@ def _hand(frame: int, side: Hand, mask: np.ndarray, touched: int, shown: Mapping
     return _annotation(f"{frame}-{side}", f"{side} hand", HAND_CLASS[side], side, contact, mask)
 
 
-def _annotation(key: str, name: str, class_id: int, side: Any, contact: str, mask: np.ndarray) -> Annotation:
+def _annotation(key: str, name: str, class_id: int, side: Hand | Literal[""], contact: str, mask: np.ndarray) -> Annotation:
     return Annotation(key, name, class_id, side, contact, "inconclusive", trace(mask))

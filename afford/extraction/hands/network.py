@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from afford.extraction.hands.finder import find as ask
 from schemas.files import FileTree
 
 
-def find(rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
+def find(rgb: np.ndarray, params: None, weights: FileTree | None = None) -> np.ndarray:
     """`weights`: what hands_train wrote."""
     if weights is None:
         raise ValueError("backend 'network': expected the files that hands_train wrote, got none; give them as `weights`")

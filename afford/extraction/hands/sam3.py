@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from afford.extraction.hands import Sam3
 from afford.models.sam3_concepts import load_model, see
 from afford.models.weights import placed
 from schemas.files import FileTree
@@ -16,8 +15,8 @@ DOUBT = 0.05
 """added to both sides: a hand that is neither the left one nor the right one in words is half of each"""
 
 
-def find(rgb: np.ndarray, params: Any, weights: FileTree | None = None) -> np.ndarray:
-    """Reads `model`, `device`, `dtype` and `threshold`."""
+def find(rgb: np.ndarray, params: Sam3, weights: FileTree | None = None) -> np.ndarray:
+    """See `Find`."""
     model = load_model(placed(params, weights).model, params.device, params.dtype)
     hand, left, right, thing, sleeve = see(model, rgb, PHRASES, params.threshold)
     any_hand = np.maximum(hand, np.maximum(left, right))

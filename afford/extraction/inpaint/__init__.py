@@ -3,13 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
 
 if TYPE_CHECKING:
     import numpy as np
 
     from schemas.masks import Tracks
     from schemas.video import Frames
+
+
+@dataclass(frozen=True)
+class VidmParams:
+    """Parameters of `vidm`."""
+
+    model: str = ""
+    """file or folder of the weights"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
+    batch: int = 4
+    """holes that are filled at once, as many as memory has room for"""
+    window_px: int = 0
+    """side of the square that is cut out around a hole; 0: the frame's shorter side, as in training"""
+    window_frames: int = 0
+    """frames around the target among which the three others are, evenly spread; 0: the whole clip"""
+    ddim_steps: int = 200
+    """denoising steps, 1 to 500"""
+    ddim_eta: float = 1.0
+    """share of fresh noise in every step, 0..1"""
+    seed: int = 0
+    """seed of the noise"""
+
+
+@dataclass(frozen=True)
+class LamaParams:
+    """Parameters of `lama`."""
+
+    model: str = ""
+    """file or folder of the weights"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
+    batch: int = 4
+    """holes that are filled at once, as many as memory has room for"""
+    window_px: int = 0
+    """side of the square that is cut out around a hole, or more; 0: the whole frame"""
 
 
 @dataclass(frozen=True)
@@ -24,14 +66,13 @@ class Filled:
     """(t, h, w) uint8: 255 = seen directly in another frame, 0 = guessed"""
 
 
-class Inpaint(Protocol):
+class Inpaint(Protocol[Own]):
     """What every backend of this folder looks like."""
 
-    def __call__(self, frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
+    def __call__(self, frames: Frames, tracks: Tracks, hole: np.ndarray, params: Own) -> Filled:
         """Fill `hole` (t, h, w) bool, which contains every hand pixel of `tracks`.
 
-        Frames need not be consecutive: four frames, seconds apart, are a valid input, and so is one. `params` is the Params
-        of the stage; a backend names the fields that it reads in its own docstring. Pure and deterministic; the inputs are
-        not modified.
+        Frames need not be consecutive: four frames, seconds apart, are a valid input, and so is one. `params` are those of this
+        backend. Pure and deterministic; the inputs are not modified.
         """
         ...

@@ -1,19 +1,18 @@
 """LaMa, a feed-forward network that fills each frame alone, in one pass. Needs its published weights; a CPU will do.
 
-Works at the frame's own size, mirrored up to multiples of 8 at the bottom and at the right; nothing is scaled. Reads
-`params.model`, `device`, `dtype`, `batch` and `window_px` (0: the whole frame; else squares of that side, or more, around holes).
+Works at the frame's own size, mirrored up to multiples of 8 at the bottom and at the right; nothing is scaled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
-from afford.extraction.inpaint import Filled
+from afford.extraction.inpaint import Filled, LamaParams
 from afford.extraction.inpaint.networks.lama_files import load
 from afford.extraction.inpaint.networks.lama_generator import Generator
 from afford.extraction.inpaint.windows import chunks, side_of, windows
@@ -31,7 +30,7 @@ class Job(NamedTuple):
     area: tuple[slice, slice]
 
 
-def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: LamaParams) -> Filled:
     """See `Inpaint`. Confidence is 0: everything is guessed. With no hole at all no model is loaded."""
     side = side_of(params.window_px, 0)
     jobs = [Job(t, area) for t in range(len(hole)) for area in _areas(hole[t], side)]

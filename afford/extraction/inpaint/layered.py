@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
@@ -24,9 +22,8 @@ MOVING_PX = 3
 RIM_PX = 4
 
 
-def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
-    """Background layer, then object layers over it, each relit to meet its surroundings, objects shaded by the grip. Reads no
-    parameter."""
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: None) -> Filled:
+    """Background layer, then object layers over it, each relit to meet its surroundings, objects shaded by the grip."""
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
     filled = fill_background(frames, grey, tracks, hole)
     for index in regions.touched_indices(tracks):

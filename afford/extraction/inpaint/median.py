@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
@@ -13,7 +11,7 @@ from schemas.masks import Tracks
 from schemas.video import Frames
 
 
-def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
-    """Robust mean over registered frames; objects behind hands are not followed. Reads no parameter."""
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: None) -> Filled:
+    """Robust mean over registered frames; objects behind hands are not followed."""
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
     return fill_background(frames, grey, tracks, hole)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 
@@ -14,8 +12,8 @@ from schemas.video import Frames, PixelSource
 RADIUS_PX = 3
 
 
-def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
-    """Telea 2004, radius 3 px. Confidence is 0: everything is guessed. Reads no parameter."""
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: None) -> Filled:
+    """Telea 2004, radius 3 px. Confidence is 0: everything is guessed."""
     rgb = np.stack([spread(image, mask) for image, mask in zip(frames.rgb, hole, strict=True)])
     source = np.where(hole, PixelSource.SPATIAL, PixelSource.ORIGINAL).astype(np.uint8)
     return Filled(rgb, source, np.zeros(hole.shape, np.uint8))

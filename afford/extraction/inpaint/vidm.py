@@ -1,19 +1,18 @@
 """VIDM, a diffusion model over four far-apart frames, as in 2HandedAfforder. Needs its published checkpoint, and a GPU to be quick.
 
 The network sees squares of 256 x 256 cut out around the holes, at the pixels' own size where a hole fits into `window_px`; only
-pixels of the hole are pasted back. Reads `params.model`, `device`, `dtype`, `batch`, `window_px` (0: the shorter side of the frame,
-as in training), `window_frames`, `ddim_steps`, `ddim_eta` and `seed`.
+pixels of the hole are pasted back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from afford.common.morphology import dilate
-from afford.extraction.inpaint import Filled
+from afford.extraction.inpaint import Filled, VidmParams
 from afford.extraction.inpaint.networks.vidm_files import load
 from afford.extraction.inpaint.networks.vidm_model import Vidm, ddim, fill
 from afford.extraction.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows
@@ -36,7 +35,7 @@ class Job(NamedTuple):
     window: Window
 
 
-def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: Any) -> Filled:
+def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: VidmParams) -> Filled:
     """See `Inpaint`. Frames without a hole are copied, and with no hole at all no model is loaded."""
     ddim(params.ddim_steps)
     side = side_of(params.window_px, min(hole.shape[1:]))
@@ -61,7 +60,7 @@ def context(t: int, length: int, count: int, within: int = 0) -> list[int]:
     return [*sorted(start + (t - start + k * stretch // count) % stretch for k in range(1, count)), t]
 
 
-def _answers(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[Job], params: Any) -> np.ndarray:
+def _answers(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[Job], params: VidmParams) -> np.ndarray:
     """(b, s, s, 3) uint8"""
     size, count = model.config.size_px, model.config.frames
     groups = [context(job.t, len(hole), count, params.window_frames) for job in jobs]

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
+from afford.extraction.tracks import Tracking
 from afford.extraction.tracks.contact import contact_at_keys, spread_contact
 from afford.extraction.tracks.keys import Key, read_keys, runs
 from afford.extraction.tracks.link import Carry, Links, link
-from afford.extraction.tracks.propagate import UNKNOWN, Propagate, Propagated
+from afford.extraction.tracks.propagate import UNKNOWN, Propagated
 from afford.extraction.tracks.provenance import Bracket, bracket, flags_of, source_of
 from schemas.masks import Tracks
 from schemas.video import Clip, Frames
 
+Spread = Callable[[np.ndarray, np.ndarray, np.ndarray, int], Propagated]
+"""a backend with its own parameters, see `Propagate`: frames, positions of key frames, their labels, number of entities"""
 
-def densify(clip: Clip, frames: Frames, propagate: Propagate, params: Any) -> Tracks:
-    """Masks of every hand and every touched object on every frame; `params` is stages.extraction.mask_densify.Params."""
-    keys = read_keys(clip, frames, dense=params.backend == "dense")
+
+def densify(clip: Clip, frames: Frames, propagate: Spread, params: Tracking, dense: bool = False) -> Tracks:
+    """Masks of every hand and every touched object on every frame; `dense`: from the ready-made tracks of the source."""
+    keys = read_keys(clip, frames, dense)
     parts = runs(frames.frame, params.max_step_frames)
-    links = link(keys, _carrier(frames, parts, propagate, params), params.link_min_iou)
-    spread = _spread(frames, parts, keys, links, propagate, params)
+    links = link(keys, _carrier(frames, parts, propagate), params.link_min_iou)
+    spread = _spread(frames, parts, keys, links, propagate)
     around = bracket(frames.frame, parts, np.array([key.at for key in keys]))
     return _tracks(clip, frames, keys, links, spread, around, params)
 
 
 def _tracks(
-    clip: Clip, frames: Frames, keys: list[Key], links: Links, spread: Propagated, around: Bracket, params: Any
+    clip: Clip, frames: Frames, keys: list[Key], links: Links, spread: Propagated, around: Bracket, params: Tracking
 ) -> Tracks:
     said = contact_at_keys(keys, links, params.contact_reach_px)
     kept = _kept(links, said, params.keep_untouched)
@@ -63,9 +67,7 @@ def _present(keys: list[Key], links: Links) -> np.ndarray:
     return np.array([[i in row for row in links.of] for i in range(len(links.entities))], bool).reshape(-1, len(keys))
 
 
-def _spread(
-    frames: Frames, parts: list[slice], keys: list[Key], links: Links, propagate: Propagate, params: Any
-) -> Propagated:
+def _spread(frames: Frames, parts: list[slice], keys: list[Key], links: Links, propagate: Spread) -> Propagated:
     """Labels and confidence of all frames; a run without a key frame stays empty."""
     labels = np.zeros(frames.rgb.shape[:3], np.int16)
     confidence = np.zeros((len(links.entities), len(frames.frame)), np.float32)
@@ -74,7 +76,7 @@ def _spread(
         mine = [k for k, key in enumerate(keys) if part.start <= key.at < part.stop]
         if mine:
             at = np.array([keys[k].at for k in mine]) - part.start
-            found = propagate(frames.rgb[part], at, np.stack([painted[k] for k in mine]), len(links.entities), params)
+            found = propagate(frames.rgb[part], at, np.stack([painted[k] for k in mine]), len(links.entities))
             labels[part], confidence[:, part] = found.labels, found.confidence
     return Propagated(labels, confidence)
 
@@ -88,7 +90,7 @@ def _paint(key: Key, entity: list[int]) -> np.ndarray:
     return labels
 
 
-def _carrier(frames: Frames, parts: list[slice], propagate: Propagate, params: Any) -> Carry:
+def _carrier(frames: Frames, parts: list[slice], propagate: Spread) -> Carry:
     """Masks of one key frame carried to another by the backend, or left where they are when no video joins the two."""
 
     def carry(last: Key, key: Key, masks: np.ndarray) -> np.ndarray:
@@ -97,7 +99,7 @@ def _carrier(frames: Frames, parts: list[slice], propagate: Propagate, params: A
         labels = np.zeros((1, *masks.shape[1:]), np.int16)
         for i, mask in enumerate(masks):
             labels[0, mask] = i + 1
-        found = propagate(frames.rgb[last.at : key.at + 1], np.zeros(1, np.int64), labels, len(masks), params)
+        found = propagate(frames.rgb[last.at : key.at + 1], np.zeros(1, np.int64), labels, len(masks))
         return found.labels[-1][None] == np.arange(1, len(masks) + 1)[:, None, None]
 
     return carry

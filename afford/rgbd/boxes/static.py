@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from afford.rgbd.boxes import Boxes
 from afford.rgbd.boxes.losses import extents
 from afford.rgbd.boxes.model import load, painted, proposals
 from afford.rgbd.model.inputs import frames
@@ -14,15 +15,15 @@ from afford.rgbd.model.static import Teller, Told, seen, square
 from schemas.interaction import StaticSample
 
 
-def teller(folder: Path, device: str, true_boxes: bool) -> Teller:
-    """Answers of the model in `folder`; with `true_boxes` it is told the extent of the label, and says what is inside."""
+def teller(folder: Path, device: str, params: Boxes) -> Teller:
+    """Answers of the model in `folder`; with `params.true_boxes` it is told the extent of the label, and says what is inside."""
     model = load(folder).to(device)
 
     @torch.inference_mode()
     def tell(sample: StaticSample) -> Told:
         label = torch.from_numpy(np.ascontiguousarray(square(sample.label)).astype(np.int64))[None]
         found = model(frames([seen(sample, model.config.size_px)], model.config).to(device))
-        boxes = extents(label)[0].to(device) if true_boxes else proposals(found, 0)
+        boxes = extents(label)[0].to(device) if params.true_boxes else proposals(found, 0)
         probability = painted(model, found.features, boxes, (label.shape[1], label.shape[2]))
         return Told(probability.cpu().numpy(), np.zeros((0, 0), np.float32), label.shape[1] * boxes.cpu().numpy())
 

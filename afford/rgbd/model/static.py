@@ -30,8 +30,8 @@ class Told(NamedTuple):
 Teller = Callable[[StaticSample], Told]
 
 
-def teller(folder: Path, device: str, true_boxes: bool) -> Teller:
-    """Answers of the model in `folder`, in static mode: a sequence of one frame. It looks for no boxes."""
+def teller(folder: Path, device: str, params: None) -> Teller:
+    """Answers of the model in `folder`, in static mode: a sequence of one frame."""
     predictor = Predictor(folder, device)
 
     def tell(sample: StaticSample) -> Told:

@@ -34,7 +34,7 @@ SPLIT_FILES = (("test.txt", "test"), ("val.txt", "val"), ("train_and_val.txt", "
 FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
-def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:
+def listed(files: FileTree, crop_px: int, every: int, params: None) -> tuple[Listed, ...]:
     """Every n-th picture that has a label, by name. `split_file` is UMD's matter."""
     at = {tuple(PurePosixPath(f.name).parts[-2:]): f for f in files.files}
     labels = sorted(stem for folder, stem in ((k[0], PurePosixPath(k[-1]).stem) for k in at) if folder == "affordances_labels")

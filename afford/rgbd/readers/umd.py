@@ -20,6 +20,7 @@ import numpy as np
 from afford.common.errors import SourceError
 from afford.common.utf8 import read_text
 from afford.dataset.sor3d.names import DEPTH_MM
+from afford.rgbd.readers import Umd
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.mat5 import read_matrix
 from afford.rgbd.readers.pictures import picture
@@ -35,9 +36,9 @@ RGB, LABEL, DEPTH = "_rgb.jpg", "_label.mat", "_depth.png"
 FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
-def listed(files: FileTree, crop_px: int, split_file: str, every: int) -> tuple[Listed, ...]:
+def listed(files: FileTree, crop_px: int, every: int, params: Umd) -> tuple[Listed, ...]:
     """Every n-th labelled picture of each tool (people labelled every third, the others were filled in), by name."""
-    splits = _splits(files, split_file)
+    splits = _splits(files, params.split_file)
     by_name = {file.name: file for file in files.files}
     tools: dict[str, list[FileRef]] = {}
     for file in files.files:

@@ -1,1 +1,38 @@
-"""Scene flow: regularised 3-D motion between RGB-D frames."""
+"""Question: how does everything in an RGB-D clip move between two frames, in space and on the image?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from afford.rgbd.scene_flow.view import View
+
+
+@dataclass(frozen=True)
+class Regularised:
+    """Parameters of `regularised`."""
+
+    smoothness: float = 60.0
+    """how far motion spreads within a surface: the weight of smoothness against data"""
+    still_margin: float = 0.5
+    """what moves must explain the second frame better than rest does, by so many standard deviations of the noise"""
+
+    def __post_init__(self) -> None:
+        if self.smoothness <= 0:
+            raise ValueError(f"expected smoothness of more than 0, got {self.smoothness}")
+
+
+class Between(Protocol[Own]):
+    """What every backend of this folder looks like."""
+
+    def __call__(self, a: View, b: View, params: Own) -> tuple[np.ndarray, np.ndarray]:
+        """Motion from `a` to `b`: in space (h, w, 3) float32 in m, on the image (h, w, 2) float32 in px. Never NaN.
+
+        `params` are those of this backend. Pure and deterministic; the inputs are not modified.
+        """
+        ...

@@ -8,19 +8,19 @@ from itertools import pairwise
 import numpy as np
 
 from afford.rgbd.scene_flow import colours
-from afford.rgbd.scene_flow.view import Settings, View
+from afford.rgbd.scene_flow.view import View
 from schemas.interaction import InteractionClip, SceneFlow
 
-Between = Callable[[View, View, Settings], tuple[np.ndarray, np.ndarray]]
-"""two frames -> motion in space (h, w, 3) in m and on the image (h, w, 2) in px, between them"""
+Estimate = Callable[[View, View], tuple[np.ndarray, np.ndarray]]
+"""a backend with its own parameters, see `Between`"""
 RANGES = {"fixed": colours.fixed, "clip": colours.of_clip}
 
 
-def scene_flow(clip: InteractionClip, between: Between, settings: Settings, colour: str, range_m: float,
+def scene_flow(clip: InteractionClip, between: Estimate, colour: str, range_m: float,
                range_share: float) -> SceneFlow:
     """Every pair of neighbouring frames; `range_share` is of the width. A clip of one frame has no flow."""
     views = [View(rgb, depth_m, clip.K) for rgb, depth_m in zip(clip.rgb, clip.depth_m, strict=True)]
-    found = [between(a, b, settings) for a, b in pairwise(views)]
+    found = [between(a, b) for a, b in pairwise(views)]
     size = clip.label.shape
     flow_m = np.stack([m for m, _ in found]) if found else np.zeros((0, *size, 3))
     flow_px = np.stack([px for _, px in found]) if found else np.zeros((0, *size, 2))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from afford.common.optical_flow import flow_between
-from afford.rgbd.scene_flow.view import Settings, View, carried, lift
+from afford.rgbd.scene_flow.view import View, carried, lift
 
 
-def between(a: View, b: View, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Motion from `a` to `b`: in space (h, w, 3) float32 in m, on the image (h, w, 2) float32 in px. `settings` has no say.
+def between(a: View, b: View, params: None) -> tuple[np.ndarray, np.ndarray]:
+    """Motion from `a` to `b`: in space (h, w, 3) float32 in m, on the image (h, w, 2) float32 in px.
 
     A hole of `b` is as deep as `a` is there; a hole of `a` has no motion in space.
     """

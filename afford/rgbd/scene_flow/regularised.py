@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from afford.common.optical_flow import flow_between
+from afford.rgbd.scene_flow import Regularised
 from afford.rgbd.scene_flow.search import search
 from afford.rgbd.scene_flow.smooth import affinity, smooth
-from afford.rgbd.scene_flow.view import Settings, View, carried, lift
+from afford.rgbd.scene_flow.view import View, carried, lift
 
 COLOUR_STEP = 12.0
 """difference of colour, 0..255 summed over channels / 3, that parts two surfaces"""
@@ -32,25 +33,25 @@ FLOW_NOISE_PX = 0.5
 """disagreement of the two optical flows at which belief is halved"""
 
 
-def between(a: View, b: View, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+def between(a: View, b: View, params: Regularised) -> tuple[np.ndarray, np.ndarray]:
     """Motion from `a` to `b`: in space (h, w, 3) float32 in m, on the image (h, w, 2) float32 in px. Never NaN."""
     first_m, second_m = filled(a), filled(b)
     near = affinity(np.dstack([a.rgb.astype(np.float32) / (3 * COLOUR_STEP), np.log(first_m) / DEPTH_STEP]))
     shown = [np.dstack([one.rgb.astype(np.float32) / 255, depth_m / SEARCH_M]) for one, depth_m in ((a, first_m), (b, second_m))]
     far = search(*shown), search(*shown[::-1])
-    guesses = [_guess(a, b, first_m, near, settings, start) for start in ((None, None), far)]
+    guesses = [_guess(a, b, first_m, near, params, start) for start in ((None, None), far)]
     rest = np.zeros((*first_m.shape, 2), np.float32), np.zeros_like(first_m)
-    flow_px, change_m = _best([rest, *guesses], a, b, near, settings)
+    flow_px, change_m = _best([rest, *guesses], a, b, near, params)
     return lift(flow_px, first_m, change_m, a.K), flow_px
 
 
-def _guess(a: View, b: View, first_m: np.ndarray, near: tuple[np.ndarray, np.ndarray], settings: Settings,
+def _guess(a: View, b: View, first_m: np.ndarray, near: tuple[np.ndarray, np.ndarray], params: Regularised,
            start: tuple[np.ndarray | None, np.ndarray | None]) -> tuple[np.ndarray, np.ndarray]:
     """Flow (h, w, 2) in px and change of depth (h, w) in m, without gaps, from optical flows that start at `start`, both ways."""
     flow_px, belief = _seen(a, b, *start)
-    flow_px = _spread(flow_px, belief, near, settings.smoothness)
+    flow_px = _spread(flow_px, belief, near, params.smoothness)
     change_m, known = _change(a, b, first_m, flow_px)
-    return flow_px, _spread(change_m[..., None], known * belief, near, settings.smoothness)[..., 0]
+    return flow_px, _spread(change_m[..., None], known * belief, near, params.smoothness)[..., 0]
 
 
 def filled(view: View) -> np.ndarray:
@@ -104,11 +105,11 @@ def _change(a: View, b: View, first_m: np.ndarray, flow_px: np.ndarray) -> tuple
 
 
 def _best(guesses: list[tuple[np.ndarray, np.ndarray]], a: View, b: View, near: tuple[np.ndarray, np.ndarray],
-          settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+          params: Regularised) -> tuple[np.ndarray, np.ndarray]:
     """For every pixel the guess that explains `b` best; the first one, rest, unless another is better by the margin."""
     misfit = np.dstack([_misfit(a, b, *guess) for guess in guesses])
-    cost = smooth(misfit, np.ones_like(misfit[..., 0]), near, settings.smoothness)
-    cost[..., 0] -= settings.still_margin
+    cost = smooth(misfit, np.ones_like(misfit[..., 0]), near, params.smoothness)
+    cost[..., 0] -= params.still_margin
     chosen = cost.argmin(-1)
     return (np.choose(chosen[..., None], [flow_px for flow_px, _ in guesses]), np.choose(chosen, [change for _, change in guesses]))
 

@@ -27,16 +27,6 @@ class View:
         return cv2.cvtColor(self.rgb, cv2.COLOR_RGB2GRAY)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What regularisation may be told."""
-
-    smoothness: float = 60.0
-    """of the fast global smoother: larger spreads motion farther within a surface"""
-    still_margin: float = 0.5
-    """how much better than rest a motion must explain the frames, in standard deviations of their noise"""
-
-
 def lift(flow_px: np.ndarray, depth_m: np.ndarray, change_m: np.ndarray, K: np.ndarray) -> np.ndarray:
     """Motion in space, (h, w, 3) float32 in m, of points at `depth_m` that move by `flow_px` (h, w, 2) on the image and by
     `change_m` (h, w) along the optical axis."""

@@ -5,12 +5,11 @@ What a model that knows pictures, but proposes no masks, can be asked about: bas
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from afford.common.boxes import box
 from afford.render.views.six import SIX
+from afford.surface.candidates import Windows
 from afford.surface.segments.suppress import collected
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
@@ -19,8 +18,8 @@ UNKNOWN = 0.5
 """quality of every window"""
 
 
-def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
-    """Reads `windows` (along each side of the square around a silhouette) and `least_window` (of what a view shows).
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Windows) -> PartCandidates:
+    """See `Propose`.
 
     Windows come row by row and are cut with the silhouette; those that show the same of it, as many do of a thin thing, are
     one. How much one stands out nobody knows: their quality is in the middle.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from afford.surface.candidates import Regions
 from afford.surface.segments.borders import Borders, Weights
 from afford.surface.segments.features import Features
 from afford.surface.segments.oversegment import oversegment
@@ -18,8 +17,8 @@ FINEST = 0.0003
 """scale of the first regions (see oversegment)"""
 
 
-def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
-    """Reads `least_share`, `most_share` (of the object's area), `least_px`, `nms_iou` and `most` (masks of a view)."""
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandidates:
+    """See `Propose`."""
     tree = regions(mesh, params.least_share)
     chosen = np.flatnonzero((tree.share >= params.least_share) & (tree.share <= params.most_share))
     nodes, quality = tree.members()[chosen], tree.persistence[chosen]

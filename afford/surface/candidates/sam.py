@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from afford.models.sam_masks import Grid, everything, grid_points, load_model
+from afford.surface.candidates import Sam
 from afford.surface.segments.suppress import collected, suppress
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
@@ -14,9 +13,8 @@ from schemas.surface import PartCandidates
 WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-huge"
 
 
-def propose(mesh: ObjectMesh, views: ObjectViews, params: Any) -> PartCandidates:
-    """Reads `model`, `device`, `dtype`, `batch`, `grid`, `least_iou`, `least_stability`, `offset`, `least_px`, `most_share`,
-    `nms_iou` and `most`."""
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates:
+    """See `Propose`."""
     model = load_model(params.model, params.device, params.dtype)
     grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
     points = grid_points(grid.points, *views.face.shape[1:])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from afford.common.encode import jpeg
-from afford.models.chat_endpoint import ask, endpoint
+from afford.models.chat_endpoint import ask
 from afford.render.views.contact import contact_sheet, labels
-from afford.surface.describe import answer
+from afford.surface.describe import Served, answer
 from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
@@ -16,8 +14,8 @@ SERVER = "OpenAI-compatible: `url`, `model` as the server calls it, a key in the
 QUALITY = 90
 
 
-def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
-    """Reads what `endpoint` does, and `views`."""
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Served) -> PartDescription:
+    """See `Describer`."""
     asked = question(mesh.category, task, labels(views, params.views))
     picture = jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
-    return answer.read(ask(endpoint(params), asked, picture), mesh.name, task, "endpoint")
+    return answer.read(ask(params, asked, picture), mesh.name, task, "endpoint")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from afford.surface.describe.lexicon import LEXICON, Rule, changes, rule
 from afford.surface.describe.looks import PARTS, phrase
@@ -15,8 +14,8 @@ SURE, GENERAL = 0.95, 0.7
 """Confidence where the table has the task, and where it only has what holds for any use."""
 
 
-def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Any) -> PartDescription:
-    """What the table says of an object by its name and category. It looks at no picture and reads no parameter."""
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: None) -> PartDescription:
+    """What the table says of an object by its name and category. It looks at no picture."""
     return look_up(mesh.name, mesh.category, task)
 
 

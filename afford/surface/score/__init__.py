@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
 
 if TYPE_CHECKING:
     from schemas.files import FileTree
@@ -10,14 +13,29 @@ if TYPE_CHECKING:
     from schemas.surface import PartCandidates, PartDescriptions, PartScores
 
 
-class Score(Protocol):
+@dataclass(frozen=True)
+class Clip:
+    """Parameters of `clip`."""
+
+    model: str = ""
+    """folder of save_pretrained with its tokenizer.json, or one that holds it as clip/; or a hub id"""
+    least_cosine: float = -1.0
+    """a candidate that fits no part better fits nothing; -1 for none"""
+    batch: int = 32
+    """candidates in one pass; 0.6 GB at the published size"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
+
+
+class Score(Protocol[Own]):
     """What every backend of this folder looks like."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions,
-                 scorer: FileTree, params: Any) -> PartScores:  # fmt: skip
+                 scorer: FileTree, params: Own) -> PartScores:  # fmt: skip
         """Scores of every candidate for every note of the descriptions, in order.
 
-        `params` is the Params of the stage; a backend names the fields that it reads in its own docstring. Pure and
-        deterministic; the inputs are not modified.
+        `params` are those of this backend. Pure and deterministic; the inputs are not modified.
         """
         ...

@@ -8,7 +8,6 @@ nothing.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +19,7 @@ from afford.models.clip_text import text_batch
 from afford.models.normalise import for_tower
 from afford.models.pretrained import place, pretrained
 from afford.models.tokens import read_tokens
+from afford.surface.score import Clip
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
@@ -30,9 +30,8 @@ BLUR = 100 / 336
 
 
 def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
-          params: Any) -> PartScores:  # fmt: skip
-    """Reads `model` (a folder that `save_pretrained` wrote with its tokenizer.json, or that holds it as `clip/`), `device`,
-    `dtype`, `batch` and `least_cosine`."""
+          params: Clip) -> PartScores:  # fmt: skip
+    """See `Score`."""
     count = len(candidates.view), len(descriptions.notes)
     if not all(count):
         return PartScores(mesh.name, np.zeros(count, np.float32), np.zeros(count, np.float32))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import torch
 
@@ -18,8 +16,8 @@ AT_ONCE = 256
 
 
 def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
-          params: Any) -> PartScores:  # fmt: skip
-    """Reads no field of the parameters. A part is asked for twice, by name and looks, and by its looks alone."""
+          params: None) -> PartScores:  # fmt: skip
+    """A part is asked for twice, by name and looks, and by its looks alone."""
     phrases = tuple(note.phrase for note in descriptions.notes)
     looks = tuple(phrase.partition(", ")[2] or phrase for phrase in phrases)
     found = np.zeros((len(candidates.view), len(phrases), 2), np.float32)

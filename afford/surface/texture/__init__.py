@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
 
 if TYPE_CHECKING:
     from schemas.mesh import ObjectMesh
 
 
-class Texture(Protocol):
+@dataclass(frozen=True)
+class Procedural:
+    """Parameters of `procedural`."""
+
+    regions: int = 3
+    """materials at most, 1..8"""
+    side_px: int = 512
+    """side of the texture, a power of two"""
+    seed: int = 0
+    """seed of the materials"""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.regions <= 8 or self.side_px < 64 or self.side_px & (self.side_px - 1):
+            raise ValueError("expected 1 to 8 regions and side_px a power of two of 64 or more, got "
+                             f"{self.regions} and {self.side_px}")
+
+
+class Texture(Protocol[Own]):
     """What every backend of this folder looks like."""
 
-    def __call__(self, mesh: ObjectMesh, params: Any) -> ObjectMesh:
+    def __call__(self, mesh: ObjectMesh, params: Own) -> ObjectMesh:
         """The mesh with another texture and other texture coordinates; vertices, faces and names stay as they are.
 
-        The mesh has one colour. `params` is the Params of the stage; a backend names the fields that it reads in its own
-        docstring. Pure and deterministic; the input is not modified. It never sees part labels.
+        The mesh has one colour. `params` are those of this backend. Pure and deterministic; the input is not modified. It never
+        sees part labels.
         """
         ...

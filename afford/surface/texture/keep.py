@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from schemas.mesh import ObjectMesh
 
 
-def texture(mesh: ObjectMesh, params: Any) -> ObjectMesh:
-    """The mesh itself; reads no parameter."""
+def texture(mesh: ObjectMesh, params: None) -> ObjectMesh:
+    """The mesh itself."""
     return mesh

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from afford.surface.meshes.texture import texture as painted
+from afford.surface.texture import Procedural
 from schemas.mesh import ObjectMesh
 
 
-def texture(mesh: ObjectMesh, params: Any) -> ObjectMesh:
-    """The mesh with materials; reads `regions`, `side_px` and `seed`."""
+def texture(mesh: ObjectMesh, params: Procedural) -> ObjectMesh:
+    """The mesh with materials."""
     uv, image = painted(mesh.vertices, mesh.faces, params.regions, params.side_px, params.seed)
     return replace(mesh, uv=uv, texture=image)

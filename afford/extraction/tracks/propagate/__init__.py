@@ -3,13 +3,41 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from afford.common.registry import Own
 
 if TYPE_CHECKING:
     import numpy as np
 
 BACKGROUND = 0
 UNKNOWN = -1
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Parameters of `flow`."""
+
+    search_px: int = 1
+    """how far around a supposed motion patches are searched; 2 is a little better and twice as slow"""
+    band_px: int = 4
+    """pixels this close to an outline are decided by patches"""
+
+
+@dataclass(frozen=True)
+class Sam2:
+    """Parameters of `sam2`."""
+
+    model: str = ""
+    """local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
+    memory_keys: int = 2
+    """key frames on each side of a gap that the model remembers"""
+    cache_frames: int = 16
+    """frames whose image features are kept for the way back; about 0.1 GB each at the published sizes"""
 
 
 @dataclass(frozen=True)
@@ -22,16 +50,15 @@ class Propagated:
     """(n, t) float32 in 0..1: trust in the mask of entity i in frame t; 0 where it has none, 1 at key frames."""
 
 
-class Propagate(Protocol):
+class Propagate(Protocol[Own]):
     """What every backend of this folder looks like."""
 
-    def __call__(self, rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Any) -> Propagated:
+    def __call__(self, rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Own) -> Propagated:
         """Spread the labels of key frames over a run of consecutive frames.
 
         rgb: (t, h, w, 3) uint8, consecutive in time. key_index: (k,) ascending positions of the key frames in `rgb`, k >= 1.
         key_labels: (k, h, w) int16: 0 background, i + 1 entity i of `count`, -1 not known. An entity that a key frame
         does not show is out of sight there. Frames before the first and after the last key frame are reached from that
-        key frame alone. `params` is the Params of the stage; a backend names the fields that it reads in its own docstring.
-        Pure and deterministic; the inputs are not modified.
+        key frame alone. `params` are those of this backend. Pure and deterministic; the inputs are not modified.
         """
         ...

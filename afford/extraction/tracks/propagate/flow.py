@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import cv2
 import numpy as np
 
 from afford.common.morphology import dilate
 from afford.common.optical_flow import flow_between, follow, identity_map
-from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated
+from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Flow, Propagated
 from afford.extraction.tracks.propagate.leaps import better_of, step_between
 from afford.extraction.tracks.propagate.patches import REACH_PX, UNMATCHED, colours, match
 
@@ -57,8 +56,8 @@ Solved = tuple[np.ndarray, np.ndarray]
 """labels (h, w) int16 of a frame, confidence (n,) float32 of its entities"""
 
 
-def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Any) -> Propagated:
-    """See `Propagate`. Reads `params.search_px` and `params.band_px`."""
+def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Flow) -> Propagated:
+    """See `Propagate`."""
     labels = np.zeros(rgb.shape[:3], np.int16)
     confidence = np.zeros((count, len(rgb)), np.float32)
     labels[key_index] = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels)
@@ -87,7 +86,7 @@ def _rename(labels: np.ndarray, local: np.ndarray) -> np.ndarray:
     return names[labels]
 
 
-def _segment(rgb: np.ndarray, before: Key | None, after: Key | None, count: int, params: Any) -> dict[int, Solved]:
+def _segment(rgb: np.ndarray, before: Key | None, after: Key | None, count: int, params: Flow) -> dict[int, Solved]:
     """Labels and confidences of the frames between two key frames.
 
     What only one of them shows enters or leaves, often fast: then the frames are solved in order, away from that key frame,
@@ -131,7 +130,7 @@ def _drop_specks(labels: np.ndarray, label: int) -> None:
     labels[np.isin(piece, small[small > 0])] = BACKGROUND
 
 
-def _in_order(rgb: np.ndarray, views: dict[int, list[View]], order: list[int], count: int, params: Any) -> dict[int, Solved]:
+def _in_order(rgb: np.ndarray, views: dict[int, list[View]], order: list[int], count: int, params: Flow) -> dict[int, Solved]:
     """Solve frames one after the other; each has the one before as a further view."""
     found: dict[int, Solved] = {}
     last: int | None = None
@@ -183,7 +182,7 @@ def _carried(labels: np.ndarray, flow: np.ndarray) -> np.ndarray:
     return np.maximum(found, BACKGROUND)
 
 
-def _solve(target: np.ndarray, views: list[View], count: int, params: Any) -> Solved:
+def _solve(target: np.ndarray, views: list[View], count: int, params: Flow) -> Solved:
     """Labels (h, w) int16 of one frame and the confidence (n,) of each entity."""
     guess, doubt, unseen = _guess(target, views, params.band_px)
     where = np.argwhere(doubt)

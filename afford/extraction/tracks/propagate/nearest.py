@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated
 
 
-def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Any) -> Propagated:
-    """The earlier key frame wins a tie; confidence halves with every second of a 30 fps video. Reads no parameter."""
+def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: None) -> Propagated:
+    """The earlier key frame wins a tie; confidence halves with every second of a 30 fps video."""
     distance = np.abs(np.arange(len(rgb))[:, None] - key_index[None])
     nearest = distance.argmin(axis=1)
     labels = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels).astype(np.int16)[nearest]

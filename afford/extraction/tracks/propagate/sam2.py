@@ -1,8 +1,7 @@
 """SAM 2 follows the key frames' masks through the video, forwards and backwards; each frame trusts the nearer key frame more.
 
 Between two key frames both are prompts, with `params.memory_keys` on each side in all; one way starts at the earlier, one at the
-later, and their logits are mixed by nearness. Reads `params.model` (folder of a `Sam2VideoModel`, or sam2*_hiera_*.pt),
-`params.device`, `params.dtype`, `params.memory_keys` and `params.cache_frames`.
+later, and their logits are mixed by nearness.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated
+from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Propagated, Sam2
 from afford.models.sam2_video import Seen, follow, full_size, load_model, session
 
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
 
 
-def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Any) -> Propagated:
+def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Sam2) -> Propagated:
     """See `Propagate`. Where two entities claim a pixel, the larger logit has it; confidence is the mean probability inside."""
     model = load_model(params.model, params.device, params.dtype)
     labels = np.zeros(rgb.shape[:3], np.int16)
