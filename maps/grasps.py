@@ -288,7 +288,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
 
 def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[GraspJudgement, ...]:
     """What a vision-language model thinks of them, where one is named."""
-    if not (p.grasp_judge.model or p.grasp_judge.url):
+    if not grasp_judge.is_named(p.grasp_judge):
         return g.leaf("nobody_asked", ())
     return (g.add(grasp_judge.run,          hand=s.hand, tasks=s.shop.tasks["train"], episodes=episodes, params=p.grasp_judge,
                   **weights(g, p, "grasp_judge")),)  # fmt: skip

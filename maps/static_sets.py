@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+from afford.rgbd.boxes import Boxes
 from maps.recording import record_run
 from maps.settings import Origin, Settings
 from maps.sor3d import lessons, teach, usual
@@ -48,7 +49,7 @@ def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: File
     models  = {"sor3d": model, "boxes": boxes}
     return Told(*(g.named(name).add(
         static_evaluate.run, samples=samples, model=models[backend],
-        params=replace(p.static_evaluate, name=name, backend=backend, true_boxes=true), ctx=g.ctx)
+        params=replace(p.static_evaluate, name=name, backend=backend, boxes=Boxes(true)), ctx=g.ctx)
         for name, (backend, true) in REPORTS.items()))  # fmt: skip
 
 

@@ -46,6 +46,12 @@ class Params:
             raise ValueError(f"expected frames of 1 or more, got {self.frames}")
 
 
+def is_named(params: Params) -> bool:
+    """Whether a model or a server is named: where none is, no model is asked."""
+    named = {"vlm": params.vlm.model, "endpoint": params.endpoint.model or params.endpoint.url}
+    return bool(named.get(params.backend))
+
+
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: GraspEpisodes, params: Params,
         weights: FileTree | None = None) -> GraspJudgement:  # fmt: skip
     """Ask about every trace."""

@@ -12,8 +12,8 @@ import pytest
 
 from afford.common.mask_metrics import iou
 from afford.common.morphology import dilate
-from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Find
-from afford.extraction.hands.clip import detect
+from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED
+from afford.extraction.hands.clip import Finder, detect
 from afford.extraction.sources.polygons import fill
 from afford.extraction.sources.speech import untold
 from schemas.video import NOT_IN_CONTACT, Annotation, Clip, Frames, KeyFrame
@@ -32,11 +32,11 @@ def clip_of(frames: Frames, **more: Any) -> Clip:
     return replace(plain, **more)
 
 
-def finder(frames: Frames, masks: Masks, noise: float = 0.0, blind: tuple[int, ...] = ()) -> Find:
+def finder(frames: Frames, masks: Masks, noise: float = 0.0, blind: tuple[int, ...] = ()) -> Finder:
     """One that says the masks, blurred and noisy, of pictures that it knows; of those of `blind` frames it says nothing."""
     known = {picture.tobytes(): t for t, picture in enumerate(frames.rgb)}
 
-    def find(rgb: np.ndarray, params: Any, weights: Any = None) -> np.ndarray:
+    def find(rgb: np.ndarray) -> np.ndarray:
         out = np.zeros((*rgb.shape[:3], 4), np.float32)
         for n, picture in enumerate(rgb):
             t = known[picture.tobytes()]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from safetensors.torch import load_file, save_file
 
+from afford.extraction.hands import Sam3
 from afford.extraction.hands.sam3 import PHRASES, find
 from afford.models.hub import files
 from afford.models.sam3_concepts import load_model, see
@@ -31,9 +32,9 @@ def pictures(count: int = 3) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 255, (count, 48, 80, 3), np.uint8)
 
 
-def params(model: Path, **more: object) -> Params:
+def params(model: Path) -> Sam3:
     """Whatever the model says counts."""
-    return Params("sam3", str(model), threshold=0.0, **more)  # type: ignore[arg-type]  # fields of Params
+    return Sam3(str(model), threshold=0.0)
 
 
 def test_other_weights_other_answers_and_the_same_bytes_twice(model: Path, tmp_path: Path) -> None:
@@ -69,7 +70,8 @@ def test_the_detector_of_the_video_model_is_taken(model: Path, tmp_path: Path) -
 def test_a_clip_goes_through_the_stage(model: Path) -> None:
     """With the model among its inputs, wherever it lies."""
     frames = toy(7).frames
-    found = hand_detect.run(clip_of(frames), frames, params(Path("elsewhere"), batch=3), files(str(model), digest))
+    chosen = Params(backend="sam3", batch=3, sam3=params(Path("elsewhere")))
+    found = hand_detect.run(clip_of(frames), frames, chosen, files(str(model), digest))
     assert len(found.key_frames) >= 2
 
 
@@ -87,4 +89,4 @@ def test_what_is_no_sam3_is_refused_in_a_sentence(model: Path, tmp_path: Path) -
             find(pictures(1), params(folder))
         assert "\n" not in str(caught.value)
     with pytest.raises(ValueError, match="set `model`"):
-        find(pictures(1), Params("sam3"))
+        find(pictures(1), Sam3())

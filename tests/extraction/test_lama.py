@@ -17,6 +17,7 @@ from afford.extraction.inpaint.networks.lama_generator import FourierUnit, Gener
 from schemas.video import Inpainted, PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params
+from tests.helpers.blocks import changed
 from tests.helpers.tiny_inpainters import LAMA, lama, lama_checkpoint, random_tensors, save_lama
 from tests.helpers.toy_clip import Toy, toy
 
@@ -32,7 +33,7 @@ def clip() -> Toy:
 
 @pytest.fixture(scope="module")
 def params(tmp_path_factory: pytest.TempPathFactory) -> Params:
-    return Params(backend="lama", model=str(save_lama(tmp_path_factory.mktemp("lama") / "a.safetensors")), device="cpu")
+    return changed(Params(backend="lama"), model=str(save_lama(tmp_path_factory.mktemp("lama") / "a.safetensors")), device="cpu")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,7 @@ def test_nothing_outside_the_mask_changes(clip: Toy, found: Inpainted) -> None:
 def test_same_bytes_twice_and_others_with_other_weights(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
     """What is painted comes from the file alone."""
     assert run(clip, params).rgb.tobytes() == found.rgb.tobytes()
-    other = replace(params, model=str(save_lama(tmp_path / "b.safetensors", seed=1)))
+    other = changed(params, model=str(save_lama(tmp_path / "b.safetensors", seed=1)))
     assert run(clip, other).rgb.tobytes() != found.rgb.tobytes()
 
 
@@ -81,7 +82,7 @@ def test_the_hand_itself_is_not_seen(clip: Toy, params: Params, found: Inpainted
 
 def test_squares_around_the_holes(clip: Toy, params: Params, found: Inpainted) -> None:
     """Less is seen, so something else is painted; outside the mask nothing is."""
-    other = run(clip, replace(params, window_px=64))
+    other = run(clip, changed(params, window_px=64))
     assert not np.array_equal(other.rgb, found.rgb)
     assert np.array_equal(other.rgb[~other.mask], clip.frames.rgb[~other.mask])
 
@@ -147,5 +148,5 @@ def test_a_partial_or_foreign_lama_is_refused(clip: Toy, params: Params, tmp_pat
                          r"model\.5\.conv1\.bn_l\.weight; give LaMa's"),
                         (str(tmp_path / "text.pt"), "expected a checkpoint or TorchScript")):  # fmt: skip
         with pytest.raises(ValueError, match=said) as error:
-            run(clip, replace(params, model=model))
+            run(clip, changed(params, model=model))
         assert "\n" not in str(error.value)

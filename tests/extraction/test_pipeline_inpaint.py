@@ -20,7 +20,7 @@ def weights(backend: str, folder: Path, seed: int) -> Path:
 
 
 def dataset(source: Path, store: Path, backend: str, model: Path) -> Called:
-    chosen = {"backend": backend, "model": model, "ddim_steps": 1, "device": "cpu"}
+    chosen = {"backend": backend, f"{backend}.model": model, "vidm.ddim_steps": 1, f"{backend}.device": "cpu"}
     words = [word for name, value in chosen.items() for word in ("--set", f"hand_inpaint.{name}={value}")]
     return call("run", "dataset", "--source", source, "--store", store, "--jobs", "0", "--json", *words)
 

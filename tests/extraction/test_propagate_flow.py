@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import cv2
 import numpy as np
 import pytest
 
 from afford.common.mask_metrics import region_similarity
 from afford.common.optical_flow import flow_between, follow
-from afford.extraction.tracks.propagate import UNKNOWN, dense, flow, nearest
+from afford.extraction.tracks.propagate import UNKNOWN, Flow, dense, flow, nearest
 from afford.extraction.tracks.propagate.leaps import step_between
 from afford.extraction.tracks.propagate.patches import UNMATCHED, colours, match
 from tests.helpers.moving_shapes import CUP, HAND, film, texture
 
-PARAMS = SimpleNamespace(search_px=1, band_px=4)
+PARAMS = Flow(search_px=1, band_px=4)
 BACKENDS = (flow.propagate, nearest.propagate, dense.propagate)
 
 

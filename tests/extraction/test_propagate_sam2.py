@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from afford.extraction.tracks.propagate import UNKNOWN
+from afford.extraction.tracks.propagate import UNKNOWN, Sam2
 from afford.extraction.tracks.propagate.sam2 import propagate
 from tests.helpers.tiny_models import save_sam2_video
 
 
 @pytest.fixture(scope="module")
-def params(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+def params(tmp_path_factory: pytest.TempPathFactory) -> Sam2:
     folder: Path = save_sam2_video(tmp_path_factory.mktemp("sam2"))
-    return SimpleNamespace(model=str(folder), device="cpu", dtype="float32", memory_keys=2, cache_frames=4)
+    return Sam2(model=str(folder), device="cpu", dtype="float32", memory_keys=2, cache_frames=4)
 
 
-def test_key_labels_come_back_as_they_were(params: SimpleNamespace) -> None:
+def test_key_labels_come_back_as_they_were(params: Sam2) -> None:
     """At key frames the known labels are kept and the confidence is 1; elsewhere labels are valid and confidence in 0..1."""
     rgb = np.random.default_rng(1).integers(0, 255, (4, 32, 48, 3), np.uint8)
     labels = np.zeros((2, 32, 48), np.int16)

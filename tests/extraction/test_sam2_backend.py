@@ -6,18 +6,18 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from safetensors.torch import load_file, save_file
 
 from afford.codecs import CODEC
-from afford.extraction.tracks.propagate import BACKGROUND
+from afford.extraction.tracks.propagate import BACKGROUND, Sam2
 from afford.extraction.tracks.propagate.sam2 import propagate
 from afford.models.sam2_video import follow, full_size, load_model, session, track
 from runner.store import Store
 from runner.traces import Traces
-from stages.extraction import mask_densify
 from tests.helpers.command import Called, Made
 from tests.helpers.learned_chain import flip_a_weight
 from tests.helpers.tiny_models import save_backbones, save_sam2_video
@@ -33,10 +33,10 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def dataset(mine: Made, densify: Path, complete: Path | None = None) -> Called:
     """The data set of the tiny source, with SAM 2 where a model is given."""
-    words = ["--set", "mask_densify.backend=sam2", "--set", f"mask_densify.model={densify}"]
+    words = ["--set", "mask_densify.backend=sam2", "--set", f"mask_densify.sam2.model={densify}"]
     words += ["--set", "affordance_intersect.max_area_px855=1e6"]  # a model that knows nothing takes much
     if complete:
-        words += ["--set", "object_completion.backend=sam2", "--set", f"object_completion.model={complete}"]
+        words += ["--set", "object_completion.backend=sam2", "--set", f"object_completion.sam2.model={complete}"]
     done = mine.run("dataset", *words)
     assert done.code == 0, done.words
     return done
@@ -54,7 +54,7 @@ def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp
             tracks = Store(mine.store, CODEC).load(trace.output)
             assert tracks.masks.dtype == bool and tracks.masks.shape[1:] == (19, 96, 160)
             assert (tracks.masks.sum(0) <= 1).all() and np.isfinite(tracks.confidence).all()
-            assert trace.params["fields"]["model"] == "tiny" and set(trace.inputs) == {"clip", "frames", "weights"}
+            assert trace.params["fields"]["sam2"]["fields"]["model"] == "tiny" and set(trace.inputs) == {"clip", "frames", "weights"}
     moved = shutil.move(first.parent, tmp_path / "elsewhere")
     assert dataset(mine, Path(moved) / "tiny", second).json["ran"] == {}
     flip_a_weight(second / "model.safetensors")
@@ -62,7 +62,7 @@ def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp
     assert again["object_completion"] == 2 and not {"mask_densify", "hand_inpaint", *UNTOUCHED} & again.keys()
 
 
-def stretch(params: mask_densify.Params, count: int = 7) -> np.ndarray:
+def stretch(params: Sam2, count: int = 7) -> np.ndarray:
     """Labels of a short random video with key frames at its ends."""
     rgb = np.random.default_rng(0).integers(0, 255, (count, 48, 80, 3), np.uint8)
     labels = np.zeros((2, 48, 80), np.int16)
@@ -70,8 +70,8 @@ def stretch(params: mask_densify.Params, count: int = 7) -> np.ndarray:
     return propagate(rgb, np.array([0, count - 1]), labels, 2, params).labels
 
 
-def params(model: Path, **more: object) -> mask_densify.Params:
-    return mask_densify.Params("sam2", str(model), **more)  # type: ignore[arg-type]  # fields of Params
+def params(model: Path, **more: Any) -> Sam2:
+    return Sam2(str(model), **more)
 
 
 def test_other_weights_other_masks_and_the_same_bytes_twice(model: Path, tmp_path: Path) -> None:

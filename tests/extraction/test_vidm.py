@@ -12,6 +12,7 @@ from afford.extraction.inpaint.vidm import context
 from schemas.video import Inpainted, PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params
+from tests.helpers.blocks import changed
 from tests.helpers.tiny_inpainters import save_vidm
 from tests.helpers.toy_clip import Toy, toy
 
@@ -24,7 +25,7 @@ def clip() -> Toy:
 @pytest.fixture(scope="module")
 def params(tmp_path_factory: pytest.TempPathFactory) -> Params:
     folder = save_vidm(tmp_path_factory.mktemp("vidm"))
-    return Params(backend="vidm", model=str(folder), device="cpu", ddim_steps=2, seed=7)
+    return changed(Params(backend="vidm"), model=str(folder), device="cpu", ddim_steps=2, seed=7)
 
 
 @pytest.fixture(scope="module")
@@ -47,15 +48,15 @@ def test_nothing_outside_the_mask_changes(clip: Toy, found: Inpainted) -> None:
 def test_same_seed_same_bytes(clip: Toy, params: Params, found: Inpainted) -> None:
     """The noise comes from the seed alone, in whatever batches; another seed and no fresh noise are other pictures."""
     assert run(clip, params).rgb.tobytes() == found.rgb.tobytes()
-    one = run(clip, replace(params, batch=1)).rgb
+    one = run(clip, changed(params, batch=1)).rgb
     assert (np.abs(one.astype(int) - found.rgb) > 1).mean() < 0.01  # convolutions of other batches may end in other last bits
-    for other in (replace(params, seed=8), replace(params, ddim_eta=0.0), replace(params, ddim_steps=3)):
+    for other in (changed(params, seed=8), changed(params, ddim_eta=0.0), changed(params, ddim_steps=3)):
         assert run(clip, other).rgb.tobytes() != found.rgb.tobytes()
 
 
 def test_other_weights_other_pictures(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
     """What is painted comes from the checkpoint."""
-    assert not np.array_equal(run(clip, replace(params, model=str(save_vidm(tmp_path, seed=1)))).rgb, found.rgb)
+    assert not np.array_equal(run(clip, changed(params, model=str(save_vidm(tmp_path, seed=1)))).rgb, found.rgb)
 
 
 def test_other_frames_are_looked_at(clip: Toy, params: Params, found: Inpainted) -> None:
@@ -70,7 +71,7 @@ def test_other_frames_are_looked_at(clip: Toy, params: Params, found: Inpainted)
 @pytest.mark.parametrize("change", [{"window_px": 64}, {"window_frames": 4}, {"dtype": "bfloat16"}])
 def test_windows_and_types_are_choices(clip: Toy, params: Params, found: Inpainted, change: dict[str, object]) -> None:
     """Each gives another picture, again inside the mask only."""
-    other = run(clip, replace(params, **change))
+    other = run(clip, changed(params, **change))
     assert not np.array_equal(other.rgb, found.rgb)
     assert np.array_equal(other.rgb[~other.mask], clip.frames.rgb[~other.mask])
 
@@ -95,7 +96,7 @@ def test_one_frame_is_a_clip(params: Params) -> None:
 def test_what_cannot_be_run_is_said(clip: Toy, params: Params, change: dict[str, object], said: str) -> None:
     """In one sentence."""
     with pytest.raises(ValueError, match=said) as error:
-        run(clip, replace(params, **change))
+        run(clip, changed(params, **change))
     assert "\n" not in str(error.value)
 
 

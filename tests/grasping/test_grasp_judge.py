@@ -13,10 +13,12 @@ import pytest
 
 from afford.grasping.judge.question import COLUMNS, LINE_PX, question, read, sheet
 from afford.models import chat_model
+from afford.models.chat import Chat
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.episodes import GraspJudgement
 from stages.grasping import grasp_judge
+from tests.helpers.blocks import changed
 from tests.helpers.chat_server import KEY, VARIABLE, plant, says, serving
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_traces import episodes, hammer
@@ -25,14 +27,14 @@ from tests.helpers.tiny_models import save_chat, save_parrot
 SMALL: dict[str, Any] = {"frames": 5, "width": 64, "height": 48}
 
 
-def judged(**params: Any) -> GraspJudgement:
-    return grasp_judge.run(shadow(), ((hammer(),),), episodes(), grasp_judge.Params(**params))
+def judged(backend: str = "vlm", **params: Any) -> GraspJudgement:
+    return grasp_judge.run(shadow(), ((hammer(),),), episodes(), changed(grasp_judge.Params(backend), **params))
 
 
-@pytest.mark.parametrize("named", [{"model": "some-vlm"}, {"backend": "endpoint", "url": "http://127.0.0.1:8000/v1"}])
+@pytest.mark.parametrize("named", [{"model": "some-vlm"}, {"url": "http://127.0.0.1:8000/v1"}])
 def test_only_where_somebody_is_named_is_anybody_asked(named: dict[str, str]) -> None:
     """Otherwise the stage is in no graph, and the report is told of no judgement."""
-    asked = replace(Settings(), grasp_judge=replace(Settings.grasp_judge, **named))
+    asked = replace(Settings(), grasp_judge=changed(grasp_judge.Params("endpoint" if "url" in named else "vlm"), **named))
     for p, there in ((Settings(), False), (asked, True)):
         nodes = {node.name: node for node in build("grasp", Origin("x"), p).stages()}
         assert ("grasp_judge" in nodes) is there and "judged" in dict(nodes["grasp_report"].inputs)
@@ -87,8 +89,8 @@ def test_frames_stand_in_rows_under_their_times() -> None:
 def test_other_tasks_and_addresses_with_more_in_them_are_refused() -> None:
     """What may hold a key is not shown."""
     with pytest.raises(ValueError, match="got none named"):
-        grasp_judge.run(shadow(), (), episodes(), grasp_judge.Params(backend="vlm", model="x"))
+        grasp_judge.run(shadow(), (), episodes(), grasp_judge.Params(vlm=Chat("x")))
     for wrong in ({"url": "https://user:secret1@host/v1"}, {"key_variable": "sk-secret1"}, {"frames": 0}):
         with pytest.raises(ValueError, match="expected") as caught:
-            grasp_judge.Params(**wrong)  # type: ignore[arg-type]  # fields of Params
+            changed(grasp_judge.Params("endpoint"), **wrong)
         assert "secret1" not in str(caught.value)

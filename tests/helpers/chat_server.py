@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from stages.surface import part_describe
+from tests.helpers.blocks import changed
 
 KEY, VARIABLE = "sk-planted-6f1d09b7c2/e84a+5", "A_KEY_FOR_TESTS"
 SHAFT = {"part": "shaft", "role": "negative", "looks": "a long thin rod at the end", "reason": "A slip stabs like a narwhal.",
@@ -66,9 +67,9 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def params(server: ChatServer, **more: Any) -> part_describe.Params:
     """Ask this server about one task, without pauses."""
-    given: dict[str, Any] = {"backend": "endpoint", "url": server.url, "model": "some-vlm", "key_variable": VARIABLE,
+    given: dict[str, Any] = {"url": server.url, "model": "some-vlm", "key_variable": VARIABLE,
                              "pause_s": 0.0, "tasks": ("drive a screw",), "timeout_s": 20.0}  # fmt: skip
-    return part_describe.Params(**{**given, **more})
+    return changed(part_describe.Params(backend="endpoint"), **{**given, **more})
 
 
 @contextmanager

@@ -22,7 +22,7 @@ def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     """Mesh -> views -> masks -> descriptions -> scores -> surface -> files, on `--set` of these words."""
     use_kernel_cache(ROOT, store)
     runner, graph = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0), Graph()
-    p = weighed(settings(["mask_propose.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
+    p = weighed(settings(["mask_propose.regions.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
     x = looked()
     mesh, parts = graph.leaf("mesh", x.mesh), graph.leaf("parts", x.parts)
     views = graph.add(view_render.run, mesh=mesh, params=VIEWS)

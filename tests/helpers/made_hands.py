@@ -16,6 +16,7 @@ from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandModel
 from stages.grasping import hand_model
+from tests.helpers.blocks import changed
 from tests.helpers.read_only import read_only
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "hands" / "shadow_hand"
@@ -41,7 +42,7 @@ def shadow(**params: object) -> HandModel:
 
 def hand_of(files: FileTree, **params: object) -> HandModel:
     """A hand of a URDF."""
-    return hand_model.run(files, hand_model.Params(backend="urdf", **params))  # type: ignore[arg-type]  # fields of Params
+    return hand_model.run(files, changed(hand_model.Params(backend="urdf"), **params))
 
 
 def tree(folder: Path, urdf: str = "") -> FileTree:

@@ -14,12 +14,13 @@ from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
 from stages.surface import mask_propose, negative_affordance_projection, part_describe, part_lessons, view_render
 from stages.synthetic import object_build
+from tests.helpers.blocks import changed
 
 FEW = dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category", "unseen_per_category"), 1)
 SMALL = Settings(object_plan=replace(Settings.object_plan, categories=("screwdriver",), **FEW),
                  object_build=replace(Settings.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
                  view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
-                 mask_propose=replace(Settings.mask_propose, least_px=12),
+                 mask_propose=changed(Settings.mask_propose, least_px=12),
                  scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
 """the whole chain in some seconds"""
 GRID = mask_propose.Params(backend="grid")
@@ -49,7 +50,7 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
     spec = ObjectSpec(f"{category}_{seed}", category, seed, "mixed", split)
     built = object_build.run(spec, object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=128))
     views = view_render.run(built.mesh, VIEWS)
-    found = mask_propose.run(built.mesh, views, mask_propose.Params(least_px=12))
+    found = mask_propose.run(built.mesh, views, changed(mask_propose.Params(), least_px=12))
     return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, views, part_describe.Params()))
 
 

@@ -40,6 +40,7 @@ from stages.synthetic import object_build, object_plan
 from stages.twohands import ablation_report, model_train
 from tests.grasping.test_grasp_compare import made_up, subject
 from tests.helpers import made_sequences
+from tests.helpers.blocks import changed
 from tests.helpers.made_finder import FINDER
 from tests.helpers.made_hands import PINCER, shadow, written
 from tests.helpers.made_interactions import iit_aff, umd, utkinect
@@ -135,7 +136,7 @@ def read_meshes(store: Path, folder: Path) -> None:
     graph = Graph()
     read = graph.add(mesh_read.run, files=graph.leaf("files", tree(folder)), params=mesh_read.Params(max_faces=1500))
     mesh = graph.pick(read, lambda read: read.mesh)
-    graph.target("textured", graph.add(mesh_texture.run, mesh=mesh, params=mesh_texture.Params(side_px=128)))
+    graph.target("textured", graph.add(mesh_texture.run, mesh=mesh, params=changed(mesh_texture.Params(), side_px=128)))
     run(store, "textured", graph)
 
 
@@ -195,7 +196,7 @@ def grasps(store: Path, folder: Path) -> None:
 def judged(store: Path, folder: Path) -> None:
     """Two grasps were shown to a tiny model."""
     graph, model = Graph(), save_parrot(folder / "parrot", question(2), '{"score": 7}')
-    params = grasp_judge.Params(frames=2, width=64, height=48, model=str(model), new_tokens=16)
+    params = changed(grasp_judge.Params(frames=2, width=64, height=48), model=str(model), new_tokens=16)
     hand, tasks, found = graph.leaf("hand", shadow()), graph.leaf("tasks", (hammer(),)), graph.leaf("found", episodes())
     graph.target("judged", graph.add(grasp_judge.run, hand=hand, tasks=(tasks,), episodes=found, params=params))
     run(store, "judged", graph)

@@ -10,10 +10,11 @@ import pytest
 from afford.rgbd.scene_flow import colours, difference, regularised
 from afford.rgbd.scene_flow.search import search
 from afford.rgbd.scene_flow.smooth import affinity, smooth, solve
-from afford.rgbd.scene_flow.view import Settings, View, lift
+from afford.rgbd.scene_flow.view import View, lift
 from schemas.interaction import BACKGROUND, InteractionClip
 from stages.rgbd import scene_flow
 from tests.helpers import made_rgbd
+from tests.helpers.blocks import changed
 
 PARAMS = scene_flow.Params()
 
@@ -145,12 +146,12 @@ def test_same_bytes_again(made: tuple[InteractionClip, np.ndarray]) -> None:
 def test_bad_parameters(made: tuple[InteractionClip, np.ndarray], field: str, value: object) -> None:
     """One sentence that names the field."""
     with pytest.raises((ValueError, KeyError), match=field if field != "backend" else "unknown backend 'pd'"):
-        scene_flow.run(made[0], replace(PARAMS, **{field: value}))
+        scene_flow.run(made[0], changed(PARAMS, **{field: value}))
 
 
 def test_plain_differencing_is_plain(made: tuple[InteractionClip, np.ndarray]) -> None:
     """Its motion along the axis is the difference of two measured depths, or nothing."""
     clip = made[0]
     views = [View(clip.rgb[n], clip.depth_m[n], clip.K) for n in (0, 1)]
-    flow, _ = difference.between(*views, Settings())
+    flow, _ = difference.between(*views, None)
     assert (flow[views[0].depth_m == 0] == 0).all()

@@ -41,7 +41,7 @@ def test_three_reports_on_the_same_pictures() -> None:
     inputs = {name: dict(node.inputs) for name, node in stages.items()}
     assert len({inputs[name]["samples"] for name in REPORTS}) == 1
     assert inputs["static_boxes"]["model"] == inputs["static_true_boxes"]["model"] != inputs["static_sor3d"]["model"]
-    how = {name: (stages[name].params.backend, stages[name].params.true_boxes) for name in REPORTS}
+    how = {name: (stages[name].params.backend, stages[name].params.boxes.true_boxes) for name in REPORTS}
     assert how == {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
     assert stages["boxes_train"].params.backend == "boxes"
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from transformers import CLIPConfig, CLIPModel
 
+from afford.surface.score import Clip
 from schemas.files import FileTree
 from schemas.surface import PartScores
 from stages.surface import mask_score
@@ -29,16 +31,16 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_backbones(tmp_path_factory.mktemp("models"))
 
 
-def scored(model: Path, **more: object) -> PartScores:
+def scored(model: Path, **more: Any) -> PartScores:
     x = looked()
-    params = mask_score.Params("clip", str(model), **more)  # type: ignore[arg-type]  # fields of Params
+    params = mask_score.Params("clip", Clip(str(model), **more))
     return mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
 
 
 def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -> None:
     """From the mesh to files of its negative surface; a byte of the weights reruns the scorer, and nothing before it."""
     clip = Path(shutil.copytree(models / "clip", tmp_path / "clip"))
-    sets = ["mask_score.backend=clip", f"mask_score.model={clip}"]
+    sets = ["mask_score.backend=clip", f"mask_score.clip.model={clip}"]
     runner, report = run(tmp_path / "store", sets)
     assert report.ok, report.failures
     found = runner.store.load(content(report, "mask_score"))

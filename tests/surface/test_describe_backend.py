@@ -20,8 +20,8 @@ def test_one_object_goes_through_the_whole_chain(taught: Path, tmp_path: Path) -
     """A model that knows one answer is asked, CLIP finds its parts, a surface is written; a changed byte asks again."""
     chat = Path(shutil.copytree(taught, tmp_path / "chat"))
     clip = save_backbones(tmp_path / "models") / "clip"
-    sets = ["part_describe.backend=vlm", f"part_describe.model={chat}", f"part_describe.tasks={TASK}", "mask_score.backend=clip",
-            f"mask_score.model={clip}"]  # fmt: skip
+    sets = ["part_describe.backend=vlm", f"part_describe.vlm.model={chat}", f"part_describe.tasks={TASK}",
+            "mask_score.backend=clip", f"mask_score.clip.model={clip}"]  # fmt: skip
     runner, report = run(tmp_path / "store", sets)
     assert report.ok, report.failures
     told = runner.store.load(content(report, "negative_affordance_files"))
@@ -34,8 +34,8 @@ def test_a_random_model_fails_alone(tmp_path: Path) -> None:
     """Its babble is an answer to nothing; what does not need it is made; other weights babble otherwise."""
     found = []
     for seed in (0, 1):
-        sets = ["part_describe.backend=vlm", f"part_describe.model={save_chat(tmp_path / str(seed), seed=seed)}",
-                f"part_describe.tasks={TASK}", "part_describe.new_tokens=8"]  # fmt: skip
+        sets = ["part_describe.backend=vlm", f"part_describe.vlm.model={save_chat(tmp_path / str(seed), seed=seed)}",
+                f"part_describe.tasks={TASK}", "part_describe.vlm.new_tokens=8"]  # fmt: skip
         _, report = run(tmp_path / "store", sets)
         assert report.failures[0].stage == "part_describe" and "mask_propose" in {*report.ran, *report.cached}
         found.append(report.failures[0].message)
@@ -47,9 +47,10 @@ def test_a_server_through_the_whole_chain(monkeypatch: pytest.MonkeyPatch, tmp_p
     plant(monkeypatch)
     clip = save_backbones(tmp_path / "models") / "clip"
     with serving(lambda _: says(GOOD)) as server:
-        sets = ["part_describe.backend=endpoint", f"part_describe.url={server.url}", "part_describe.model=some-vlm",
-                f"part_describe.key_variable={VARIABLE}", f"part_describe.tasks={TASK}", "mask_score.backend=clip",
-                f"mask_score.model={clip}"]  # fmt: skip
+        sets = ["part_describe.backend=endpoint", f"part_describe.endpoint.url={server.url}",
+                "part_describe.endpoint.model=some-vlm",
+                f"part_describe.endpoint.key_variable={VARIABLE}", f"part_describe.tasks={TASK}", "mask_score.backend=clip",
+                f"mask_score.clip.model={clip}"]  # fmt: skip
         assert run(tmp_path / "store", sets)[1].ok and len(server.asked) == 1
     assert not run(tmp_path / "store", sets)[1].ran
 

@@ -15,6 +15,7 @@ from afford.models.chat_model import ChatModel, inputs, load_model, reply
 from afford.render.views.contact import contact_sheet, labels
 from afford.surface.describe.question import question
 from stages.surface import part_describe
+from tests.helpers.blocks import changed
 from tests.helpers.chat_server import GOOD
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones, save_chat
@@ -63,7 +64,7 @@ def teach(chat: ChatModel, asked: str, sheet: np.ndarray, answer: str) -> None:
 
 
 def described(model: Path | str, **more: int) -> part_describe.PartDescriptions:
-    params = part_describe.Params("vlm", (TASK,), str(model), **more)
+    params = changed(part_describe.Params("vlm", (TASK,)), model=str(model), **more)
     return part_describe.run(looked().mesh, looked().views, params)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from schemas.mesh import ObjectMesh
 from stages.surface import mesh_texture
+from tests.helpers.blocks import changed
 from tests.helpers.mesh_files import box, checks
 
 
@@ -31,10 +32,10 @@ def test_textured_meshes_pass_byte_for_byte(backend: str) -> None:
 def test_a_plain_mesh_gets_a_texture_and_keeps_its_surface() -> None:
     """Side as asked; vertices and faces untouched."""
     given = plain()
-    out = mesh_texture.run(given, mesh_texture.Params(side_px=128))
+    out = mesh_texture.run(given, changed(mesh_texture.Params(), side_px=128))
     assert out.texture.shape == (128, 128, 3) and out.texture.std() > 1 and out.uv.min() >= 0 and out.uv.max() <= 1
     assert out.vertices is given.vertices and out.faces is given.faces and given.texture.shape == (1, 1, 3)
-    again = mesh_texture.run(given, mesh_texture.Params(side_px=128))
+    again = mesh_texture.run(given, changed(mesh_texture.Params(), side_px=128))
     assert again.texture.tobytes() == out.texture.tobytes() and again.uv.tobytes() == out.uv.tobytes()
 
 
@@ -53,4 +54,4 @@ def test_it_cannot_see_labels() -> None:
 def test_parameters_out_of_range_are_refused(wrong: dict[str, object]) -> None:
     """The sentence says what can be chosen."""
     with pytest.raises((ValueError, KeyError), match=r"expected|choose one"):
-        mesh_texture.run(plain(), replace(mesh_texture.Params(), **wrong))
+        mesh_texture.run(plain(), changed(mesh_texture.Params(), **wrong))

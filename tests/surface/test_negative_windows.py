@@ -15,6 +15,7 @@ from afford.surface.negative.coarse import coarse_box, overlap, segmented
 from afford.surface.negative.fuse import by_task
 from afford.surface.negative.relevance import relevance
 from schemas.surface import PartCandidates, PartScores
+from tests.helpers.blocks import changed
 from tests.helpers.made_objects import GRID, looked, true_scores
 from tests.surface.test_negative_fuse import description
 
@@ -54,12 +55,12 @@ def test_the_stage_skips_windows_with_next_to_nothing_in_them() -> None:
     assert sorted(set(found.view.tolist())) == list(range(SIX)) and len(x.views.face) > SIX
     for view, mask in zip(found.view, found.masks, strict=True):
         on = x.views.face[view] >= 0
-        assert not mask[~on].any() and mask.sum() >= GRID.least_window * on.sum()
+        assert not mask[~on].any() and mask.sum() >= GRID.grid.least_window * on.sum()
     assert len({(view, mask.tobytes()) for view, mask in zip(found.view.tolist(), found.masks, strict=True)}) == len(found.view)
-    few, every = (x.windows(replace(GRID, least_window=share)) for share in (0.2, 0.0))
+    few, every = (x.windows(changed(GRID, least_window=share)) for share in (0.2, 0.0))
     assert len(few.view) < len(found.view) < len(every.view)
     with pytest.raises(ValueError, match=r"mask_propose.windows: expected 1 or more"):
-        x.windows(replace(GRID, windows=0))
+        x.windows(changed(GRID, windows=0))
 
 
 def test_what_fits_everywhere_alike_is_relevant_everywhere_alike() -> None:

@@ -10,6 +10,7 @@ import zstandard
 from mcap.reader import make_reader
 
 from afford.common.worker import use_kernel_cache
+from afford.surface.score import Clip
 from maps.settings import Settings
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
@@ -33,7 +34,7 @@ def whole(chosen: part_describe.Params, models: Path) -> Graph:
     told = g.add(part_describe.run, mesh=mesh, views=views, params=chosen)
     scorer = g.leaf("none", FileTree("none", ()))
     fit = g.add(mask_score.run, mesh=mesh, views=views, candidates=found, descriptions=told, scorer=scorer,
-                params=mask_score.Params("clip", str(models)))  # fmt: skip
+                params=mask_score.Params("clip", Clip(str(models))))  # fmt: skip
     where = g.add(negative_affordance_projection.run, mesh=mesh, views=views, candidates=found, descriptions=told, scores=fit,
                   params=p.negative_affordance_projection)
     files = g.add(negative_affordance_files.run, mesh=mesh, descriptions=told, found=where, ctx=g.ctx,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from afford.surface.candidates import Sam
 from stages.surface import mask_propose
 from tests.helpers.learned_chain import content, flip_a_weight, run
 from tests.helpers.made_objects import looked
@@ -20,17 +21,17 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_backbones(tmp_path_factory.mktemp("models"))
 
 
-def params(folder: Path, **more: object) -> mask_propose.Params:
+def params(folder: Path, **more: Any) -> mask_propose.Params:
     """Everything that the model says is a mask."""
-    return mask_propose.Params("sam", str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5, **more)  # type: ignore[arg-type]
+    return mask_propose.Params("sam", sam=Sam(str(folder), 6, least_iou=-9.0, least_stability=0.0, least_px=5, **more))
 
 
 def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -> None:
     """Masks by SAM, scores by CLIP, a surface on disk; a byte of SAM's weights reruns the proposer; views are not drawn again."""
     sam = Path(shutil.copytree(models / "sam", tmp_path / "sam"))
-    sets = ["mask_propose.backend=sam", f"mask_propose.model={sam}", "mask_propose.grid=6", "mask_propose.least_iou=-9",
-            "mask_propose.least_stability=0", "mask_propose.least_px=5", "mask_score.backend=clip",
-            f"mask_score.model={models / 'clip'}"]  # fmt: skip
+    sets = ["mask_propose.backend=sam", f"mask_propose.sam.model={sam}", "mask_propose.sam.grid=6", "mask_propose.sam.least_iou=-9",
+            "mask_propose.sam.least_stability=0", "mask_propose.sam.least_px=5", "mask_score.backend=clip",
+            f"mask_score.clip.model={models / 'clip'}"]  # fmt: skip
     runner, report = run(tmp_path / "store", sets)
     assert report.ok, report.failures
     masks = runner.store.load(content(report, "mask_propose"))
@@ -61,5 +62,5 @@ def test_what_is_no_sam_is_refused_in_a_sentence(models: Path, tmp_path: Path) -
     for folder, said in ((cut, "expected the weights of a SamModel"), (bare, "expected config.json of a SamModel"),
                          (save_sam2_video(tmp_path / "sam2"), "expected the weights of a SamModel")):  # fmt: skip
         with pytest.raises(ValueError, match=said) as caught:
-            mask_propose.run(x.mesh, x.views, replace(params(models / "sam"), model=str(folder)))
+            mask_propose.run(x.mesh, x.views, params(folder))
         assert "\n" not in str(caught.value)

@@ -11,6 +11,7 @@ import pytest
 from afford.surface.negative import baselines
 from afford.surface.negative.fuse import by_task, judged
 from afford.surface.negative.relevance import relevance
+from afford.surface.score import Clip
 from afford.surface.score.clip import highlighted
 from schemas.files import FileTree
 from stages.surface import mask_score
@@ -29,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
     """Shares of each task sum to 1; cosines lie in 0..1; the surface can be found with them."""
     x = looked()
-    params = mask_score.Params("clip", model=str(folder))
+    params = mask_score.Params("clip", Clip(str(folder)))
     found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
     sizes = [len(one.notes) for one in x.told.descriptions]
     for part in np.split(found.share, np.cumsum(sizes)[:-1], axis=1):
@@ -42,7 +43,8 @@ def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
 def test_what_fits_nothing_has_no_share(folder: Path) -> None:
     """Above the largest cosine nothing is left."""
     x = looked()
-    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip", str(folder), least_cosine=1.1))
+    params = mask_score.Params("clip", Clip(str(folder), least_cosine=1.1))
+    found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
     assert not found.share.any()
 
 
@@ -50,7 +52,8 @@ def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
     """No notes, no columns; and a model must be named."""
     x = looked()
     silent = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=()),))
-    assert mask_score.run(x.mesh, x.views, x.candidates, silent, NONE, mask_score.Params("clip", str(folder))).share.shape[1] == 0
+    params = mask_score.Params("clip", Clip(str(folder)))
+    assert mask_score.run(x.mesh, x.views, x.candidates, silent, NONE, params).share.shape[1] == 0
     with pytest.raises(ValueError, match="needs a model"):
         mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip"))
 
@@ -60,7 +63,7 @@ def test_words_that_nobody_taught_are_scored(folder: Path) -> None:
     x = looked()
     notes = tuple(replace(x.told.notes[0], part=f"p{n}", phrase=phrase) for n, phrase in enumerate(FOREIGN))
     told = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=notes),))
-    found = mask_score.run(x.mesh, x.views, x.candidates, told, NONE, mask_score.Params("clip", str(folder)))
+    found = mask_score.run(x.mesh, x.views, x.candidates, told, NONE, mask_score.Params("clip", Clip(str(folder))))
     assert found.share.sum(1) == pytest.approx(1, abs=1e-5) and np.isfinite(found.overlap).all()
 
 
@@ -77,7 +80,7 @@ def test_baselines_ask_the_same_model_about_windows(folder: Path) -> None:
     """Every mask that is taken is a candidate of its view or the silhouette; relevance is a mean of what was said."""
     x = looked()
     windows = x.windows()
-    said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", model=str(folder)))
+    said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", Clip(str(folder))))
     one, fits = next(by_task(x.told, said))
     for view, mask in enumerate(baselines.naive(x.views, x.candidates, windows, one, fits)):
         offered = [*x.candidates.masks[x.candidates.view == view], x.views.face[view] >= 0]

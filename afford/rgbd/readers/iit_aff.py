@@ -35,7 +35,7 @@ FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def listed(files: FileTree, crop_px: int, every: int, params: None) -> tuple[Listed, ...]:
-    """Every n-th picture that has a label, by name. `split_file` is UMD's matter."""
+    """Every n-th picture that has a label, by name."""
     at = {tuple(PurePosixPath(f.name).parts[-2:]): f for f in files.files}
     labels = sorted(stem for folder, stem in ((k[0], PurePosixPath(k[-1]).stem) for k in at) if folder == "affordances_labels")
     if not labels:
