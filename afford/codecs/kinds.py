@@ -9,41 +9,9 @@ from collections.abc import Iterable
 
 from blake3 import blake3
 
-from schemas import (
-    affordance,
-    benchmark,
-    candidates,
-    clip,
-    comparison,
-    episodes,
-    files,
-    grasp,
-    grasp_task,
-    hand,
-    hand_lessons,
-    interaction,
-    interaction_scores,
-    masks,
-    mesh,
-    motion,
-    negative,
-    object_list,
-    positive,
-    prediction,
-    report,
-    sample,
-    scene,
-    scene_flow,
-    still,
-    training,
-    truth,
-    video,
-)
+from schemas.catalogue import MODULES
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, candidates, clip, comparison, episodes, files, grasp, grasp_task, hand, hand_lessons,
-           interaction, interaction_scores, masks, mesh, motion, negative, object_list, positive, prediction, report, sample,
-           scene, scene_flow, still, training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
