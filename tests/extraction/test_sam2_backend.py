@@ -54,7 +54,8 @@ def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp
             tracks = Store(mine.store, CODEC).load(trace.output)
             assert tracks.masks.dtype == bool and tracks.masks.shape[1:] == (19, 96, 160)
             assert (tracks.masks.sum(0) <= 1).all() and np.isfinite(tracks.confidence).all()
-            assert trace.params["fields"]["sam2"]["fields"]["model"] == "tiny" and set(trace.inputs) == {"clip", "frames", "weights"}
+            assert trace.params["fields"]["sam2"]["fields"]["model"] == "tiny"
+            assert set(trace.inputs) == {"clip", "frames", "weights"}
     moved = shutil.move(first.parent, tmp_path / "elsewhere")
     assert dataset(mine, Path(moved) / "tiny", second).json["ran"] == {}
     flip_a_weight(second / "model.safetensors")
