@@ -1,0 +1,259 @@
+"""Content digests of what every target makes, pinned: `benchmarks/pinned_outputs.json`, the outputs before and after a change.
+
+    python benchmarks/pin_outputs.py --write            run the targets, write the digests of all outputs
+    python benchmarks/pin_outputs.py                    run them again and compare; exit code 1 where an output differs
+    python benchmarks/pin_outputs.py --only grasp,sor3d --store DIR
+
+`dataset`, `recordings` and `scenes` run with the usual settings, all others on little, for a few steps: `RUNS`. Each runs on one
+worker, in an order in which later ones find what earlier ones made. An output is known by the name of its stage on the map; one
+whose name is gone is looked for by its digests, and is reported as renamed. Digests are those of one kind of machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # to run without PYTHONPATH
+
+import numpy as np  # noqa: E402
+
+from commands.run import Request  # noqa: E402
+from commands.store import planned  # noqa: E402
+from runner.keys import machine_kind  # noqa: E402
+
+PINNED = Path(__file__).with_name("pinned_outputs.json")
+Outputs = dict[str, dict[str, str]]
+"""stage -> shard -> digest of its output"""
+Changes = Mapping[str, Any]
+""""stage.field" -> value"""
+
+STILLS: Changes = {
+    "train_plan.rooms": 2, "train_plan.val_rooms": 1, "train_plan.layouts": 1, "train_plan.views": 1, "train_plan.tasks": 3,
+    "still_render.width_px": 228, "still_render.height_px": 128, "still_render.supersample": 1}  # fmt: skip
+CASES: Changes = {"benchmark_plan.rooms": 1, "benchmark_plan.layouts": 2, "benchmark_plan.tasks": 3,
+                  "still_render.width_px": 228, "still_render.height_px": 128, "still_render.supersample": 1}  # fmt: skip
+TWOHANDS: Changes = {
+    "model_train.steps": 20, "model_train.batch": 2, "model_train.warmup": 2, "model_train.validate_every": 10,
+    "model_train.val_samples": 4, "model_train.height_px": 64, "model_train.width_px": 96}  # fmt: skip
+SEQUENCES: Changes = {"interaction_plan.train": 4, "interaction_plan.val": 2, "interaction_render.height_px": 64,
+                      "interaction_render.frames": 5, "interaction_render.supersample": 1}  # fmt: skip
+SOR3D: Changes = {
+    f"{stage}.{name}": value for stage in ("sor3d_train", "sor3d_pretrain")
+    for name, value in {"steps": 20, "warmup": 2, "validate_every": 10, "batch": 2, "accumulate": 1, "height_px": 64,
+                        "val_samples": 2}.items()}  # fmt: skip
+BOXES: Changes = {"boxes_train.steps": 20, "boxes_train.warmup": 2, "boxes_train.validate_every": 10, "boxes_train.batch": 2,
+                  "boxes_train.height_px": 64, "boxes_train.val_samples": 2}  # fmt: skip
+OBJECTS: Changes = {
+    "object_plan.categories": "screwdriver,soldering_iron", "object_plan.train_per_category": 1,
+    "object_plan.val_per_category": 1, "object_plan.seen_per_category": 1, "object_plan.unseen_per_category": 1}  # fmt: skip
+SURFACE: Changes = {
+    "view_render.size_px": 96, "view_render.directions": 64, "view_render.most": 8,
+    "scorer_train.steps": 20, "scorer_train.objects": 1, "scorer_train.candidates": 4, "scorer_train.warmup": 2,
+    "scorer_train.validate_every": 10}  # fmt: skip
+FINDER: Changes = {
+    "hand_plan.rooms": 1, "hand_plan.val_rooms": 1, "hand_lessons.pictures": 24, "hand_lessons.width_px": 144,
+    "hand_lessons.height_px": 80, "hand_lessons.supersample": 1, "hands_train.steps": 20, "hands_train.batch": 2,
+    "hands_train.width_px": 64, "hands_train.height_px": 32, "hands_train.warmup": 2, "hands_train.judged": 8,
+    "hands_train.validate_every": 10}  # fmt: skip
+SCHOOL: Changes = {
+    **OBJECTS, "object_solids.points": 256, "object_solids.hulls": 8, "grasp_tasks.within_m": 1.0, "grasp_targets.places": 2,
+    "hand_imitation.cloning": 3, "hand_imitation.alone": 1, "hand_imitation.worlds": 2, "hand_imitation.hidden": "16",
+    "hand_imitation.proofs": 0, "rl_grasp_refinement.updates": 2, "rl_grasp_refinement.worlds": 2,
+    "rl_grasp_refinement.iterations": 20, "grasp_evaluate.episodes": 1, "grasp_evaluate.iterations": 20, "grasp_evaluate.traces": 1,
+    "grasp_two_tasks.rounds": 1, "grasp_two_tasks.iterations": 20, "grasp_two_tasks.width": 64, "grasp_two_tasks.height": 48,
+    "grasp_two_tasks.supersample": 1, "grasp_record.width": 64, "grasp_record.height": 48,
+    "grasp_record.supersample": 1}  # fmt: skip
+FULL: Changes = {
+    "grasp_student.rounds": 2, "grasp_student.worlds": 1, "grasp_student.updates": 10, "grasp_student.batch": 8,
+    "grasp_student.views": 1, "grasp_student.size_px": 24, "grasp_student.points": 64, "imitation_evaluate.places": 1,
+    "imitation_evaluate.iterations": 20, "positive_affordance_projection.points": 16,
+    "grasp_report.rows": "teacher,no_negative,student,positive", "grasp_report.seeds": 1}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a target."""
+
+    target: str
+    sets: Changes = field(default_factory=dict)
+    source: str = ""
+    """name of the entry of `SOURCES` that writes its source"""
+    options: tuple[str, ...] = ()
+
+
+RUNS: dict[str, Run] = {
+    "dataset": Run("dataset"),
+    "recordings": Run("recordings"),
+    "scenes": Run("scenes"),
+    "extraction-report": Run("extraction-report", {"extraction_report.standard_clips": 1, "extraction_report.hard_clips": 1,
+                                                   "scene_render.supersample": 1}),
+    "train-set": Run("train-set", STILLS),
+    "benchmark-set": Run("benchmark-set", CASES),
+    "train": Run("train", {**STILLS, **TWOHANDS}),
+    "benchmark": Run("benchmark", {**STILLS, **CASES, **TWOHANDS, "benchmark.resamples": 50}),
+    "ablation": Run("ablation", {**STILLS, **CASES, **TWOHANDS, "ablation_report.rows": "full,k1", "ablation_report.seeds": 1,
+                                 "ablation_report.steps": 20}),
+    "hands": Run("hands", FINDER),
+    "negative-affordance": Run("negative-affordance", {**OBJECTS, **SURFACE}),
+    "motions": Run("motions", {"motion_retarget.min_s": 0.0, "motion_retarget.max_error_m": 1.0}, source="motion"),
+    "grasp": Run("grasp", SCHOOL),
+    "grasp-full": Run("grasp-full", {**SCHOOL, **FULL, **SURFACE, **STILLS, **TWOHANDS}, options=("--minutes", "inf")),
+    "interactions": Run("interactions", SEQUENCES),
+    "sor3d": Run("sor3d", {**SEQUENCES, **SOR3D, "sor3d_report.pretrained": "true", "sor3d_report.resamples": 20,
+                           "sor3d_evaluate.shown": 1, "interaction_record.shown": 1}),
+    "sor3d-ablation": Run("sor3d-ablation", {
+        **SEQUENCES, **SOR3D, "sor3d_report.rows": "rgb,rgbd_attention_flow3d,pretrained", "sor3d_report.seeds": 1,
+        "sor3d_report.resamples": 20, "sor3d_evaluate.shown": 1}, options=("--minutes", "inf")),
+    "static-sets": Run("static-sets", {**SEQUENCES, **{name: value for name, value in SOR3D.items() if "sor3d_train" in name},
+                                       **BOXES, "static_evaluate.shown": 2}),
+}  # fmt: skip
+"""name -> the run; the settings of every stage stand here and nowhere else"""
+
+
+def open_hand(folder: Path) -> Path:
+    """A right hand of sticks that comes down, closes and rises: 21 points of 45 frames, written as `motion_read` reads keypoints."""
+    closing = np.clip(np.linspace(-1.0, 2.0, 45), 0.0, 1.0)
+    points = np.zeros((45, 21, 3))
+    for finger, (x, knuckle, bone) in enumerate(((0.05, 0.04, 0.03), (0.03, 0.09, 0.03), (0.01, 0.095, 0.032), (-0.01, 0.09, 0.03),
+                                                 (-0.03, 0.08, 0.025))):  # fmt: skip
+        at = np.tile([x, knuckle, 0.0], (45, 1))
+        for joint in range(4):
+            points[:, 1 + 4 * finger + joint] = at
+            angle = 0.9 * (joint + 1) * closing / 2
+            at = at + bone * np.stack([np.zeros(45), np.cos(angle), np.sin(angle)], 1)
+    points[:, :, 2] += 0.3 - 0.1 * np.sin(np.linspace(0, np.pi, 45))[:, None]
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez(folder / "sticks.npz", keypoints=points.astype(np.float32), fps=60.0, hand="right", unit="m")
+    return folder
+
+
+SOURCES = {"motion": open_hand}
+"""name -> what writes the source into a folder and says where it is"""
+
+
+def words(run: Run, store: Path) -> list[str]:
+    """The command line of a run."""
+    source = [f"--source={SOURCES[run.source](store / 'pinned-sources' / run.source)}"] if run.source else []
+    return [run.target, *source, *(f"--set={name}={value}" for name, value in run.sets.items()), *run.options]
+
+
+def make(run: Run, store: Path) -> float:
+    """Make the target of a run, in a process of its own; seconds that it took. SystemExit where it fails."""
+    began = time.monotonic()
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONHASHSEED"}
+    command = [sys.executable, "pipeline.py", "run", *words(run, store), "--store", str(store), "--jobs", "1"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{run.target}: the run failed:\n{done.stderr}")
+    return time.monotonic() - began
+
+
+def outputs(run: Run, store: Path) -> Outputs:
+    """The digest of everything that a run has made, stage by stage in the order of the graph. SystemExit where something is not
+    there."""
+    source = store / "pinned-sources" / run.source if run.source else None
+    found: Outputs = {}
+    for plan in planned(Request(run.target, source, sets=tuple(f"{name}={value}" for name, value in run.sets.items()), store=store)):
+        if plan.status != "cached":
+            raise SystemExit(f"{run.target}: {plan.stage} {plan.shard} is {plan.status} after the run: {plan.reason}")
+        found.setdefault(plan.stage, {})[plan.shard] = plan.output
+    return {stage: dict(sorted(shards.items())) for stage, shards in found.items()}
+
+
+@dataclass
+class Difference:
+    """What differs between two runs of a target."""
+
+    equal: int = 0
+    different: list[str] = field(default_factory=list)
+    renamed: list[str] = field(default_factory=list)
+
+    def text(self) -> str:
+        """Counts, and a line for every stage that differs."""
+        lines = [f"{self.equal} equal, {len(self.different)} stages different, {len(self.renamed)} renamed"]
+        return "\n".join([*lines, *(f"    renamed    {one}" for one in self.renamed),
+                          *(f"    different  {one}" for one in self.different)])  # fmt: skip
+
+
+def compare(before: Outputs, now: Outputs) -> Difference:
+    """Stages by their names; those whose names are gone by the digests of what they made."""
+    found = Difference()
+    for stage in before.keys() & now.keys():
+        found.equal += sum(now[stage].get(shard) == digest for shard, digest in before[stage].items())
+    found.different = [f"{stage}: {changed(before[stage], now[stage])}" for stage in before
+                       if stage in now and before[stage] != now[stage]]  # fmt: skip
+    gone, new = [stage for stage in before if stage not in now], [stage for stage in now if stage not in before]
+    for stage in gone:
+        same = next((name for name in new if sorted(now[name].values()) == sorted(before[stage].values())), None)
+        if same is None:
+            found.different.append(f"{stage}: gone")
+            continue
+        new.remove(same)
+        found.equal += len(before[stage])
+        found.renamed.append(f"{stage} -> {same}")
+    found.different += [f"{stage}: new" for stage in new]
+    return found
+
+
+def changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """In which shards a stage differs."""
+    if sorted(before.values()) == sorted(now.values()):
+        return "the same outputs under other names of shards"
+    differ = [shard or "its one output" for shard in {**before, **now} if before.get(shard) != now.get(shard)]
+    return f"{len(differ)} of {len(before | now)}: {', '.join(differ[:4])}{' ...' if differ[4:] else ''}"
+
+
+def pinned() -> dict[str, Any]:
+    """What is pinned; nothing where nothing was."""
+    return json.loads(PINNED.read_text()) if PINNED.exists() else {"targets": {}}
+
+
+def write(found: Mapping[str, Outputs]) -> None:
+    """Pin what was found, beside what is pinned of other runs."""
+    before = pinned()["targets"]
+    rows = {name: {"target": run.target, "settings": dict(run.sets), "outputs": found[name]} if name in found else before[name]
+            for name, run in RUNS.items() if name in found or name in before}
+    tree = {"machine": machine_kind(), "names_code": NAMES_CODE, "targets": rows}
+    PINNED.write_text(json.dumps(tree, indent=1) + "\n")
+
+
+NAMES_CODE: dict[str, str] = {}
+
+
+def main(argv: Iterable[str] | None = None) -> int:
+    """Run the targets; pin what they made, or compare it with what is pinned."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="pin what is made; default: compare it with what is pinned")
+    parser.add_argument("--store", type=Path, default=ROOT / "artifacts" / "pinned", help="where the runs keep what they make")
+    parser.add_argument("--only", default=",".join(RUNS), help="names of runs, with commas")
+    asked = parser.parse_args(argv)
+    names = asked.only.split(",")
+    if unknown := [name for name in names if name not in RUNS]:
+        parser.error(f"--only {','.join(unknown)}: expected some of {', '.join(RUNS)}")
+    store, before, found, differ = asked.store.absolute(), pinned()["targets"], {}, False
+    for name in names:
+        seconds = make(RUNS[name], store)
+        found[name] = outputs(RUNS[name], store)
+        count = sum(len(shards) for shards in found[name].values())
+        if asked.write:
+            print(f"{name:<22} {seconds:7.1f} s  {count} outputs of {len(found[name])} stages", flush=True)
+            write(found)
+            continue
+        result = compare(before[name]["outputs"] if name in before else {}, found[name])
+        differ = differ or bool(result.different)
+        print(f"{name:<22} {seconds:7.1f} s  {result.text()}", flush=True)
+    return int(differ)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
