@@ -2,7 +2,9 @@
 
     python benchmarks/pin_outputs.py --write            run the targets, write the digests of all outputs
     python benchmarks/pin_outputs.py                    run them again and compare; exit code 1 where an output differs
-    python benchmarks/pin_outputs.py --only grasp,sor3d --store DIR
+    python benchmarks/pin_outputs.py --only grasp,sor3d --store DIR --old DIR_OF_PINNED
+
+What a stage of `NAMES_CODE` makes says something about code, and may change with it; `--old` shows in which of its files.
 
 `dataset`, `recordings` and `scenes` run with the usual settings, all others on little, for a few steps: `RUNS`. Each runs on one
 worker, in an order in which later ones find what earlier ones made. An output is known by the name of its stage on the map; one
@@ -17,7 +19,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,10 +27,11 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # to run without PYTHONPATH
 
-import numpy as np  # noqa: E402
-
+from benchmarks.pin_sources import written  # noqa: E402
 from commands.run import Request  # noqa: E402
+from commands.session import seen_runner  # noqa: E402
 from commands.store import planned  # noqa: E402
+from runner import Runner  # noqa: E402
 from runner.keys import machine_kind  # noqa: E402
 
 PINNED = Path(__file__).with_name("pinned_outputs.json")
@@ -86,8 +89,9 @@ class Run:
 
     target: str
     sets: Changes = field(default_factory=dict)
+    """a value `source:NAME` is the folder of that source of `pin_sources.py`"""
     source: str = ""
-    """name of the entry of `SOURCES` that writes its source"""
+    """name of the source that it reads"""
     options: tuple[str, ...] = ()
 
 
@@ -116,42 +120,37 @@ RUNS: dict[str, Run] = {
         "sor3d_report.resamples": 20, "sor3d_evaluate.shown": 1}, options=("--minutes", "inf")),
     "static-sets": Run("static-sets", {**SEQUENCES, **{name: value for name, value in SOR3D.items() if "sor3d_train" in name},
                                        **BOXES, "static_evaluate.shown": 2}),
+    "recordings of a bare video": Run("recordings", FINDER, source="video"),
+    "negative-affordance of a mesh": Run("negative-affordance", {**OBJECTS, **SURFACE, "mesh_texture.side_px": 128}, source="mesh"),
+    "sor3d after actions": Run("sor3d", {
+        **SEQUENCES, **SOR3D, "sor3d_report.pretrained": "true", "sor3d_report.actions": "source:actions",
+        "action_read.size_px": 32, "action_pack.val_share": 0.5, "sor3d_report.resamples": 20, "sor3d_evaluate.shown": 1, "interaction_record.shown": 1}),
+    "static-sets of pictures": Run("static-sets", {
+        **SEQUENCES, **{name: value for name, value in SOR3D.items() if "sor3d_train" in name}, **BOXES, "static_evaluate.shown": 2,
+        "static_read.backend": "iit-aff", "static_read.crop_px": 32}, source="pictures"),
 }  # fmt: skip
 """name -> the run; the settings of every stage stand here and nowhere else"""
 
 
-def open_hand(folder: Path) -> Path:
-    """A right hand of sticks that comes down, closes and rises: 21 points of 45 frames, written as `motion_read` reads keypoints."""
-    closing = np.clip(np.linspace(-1.0, 2.0, 45), 0.0, 1.0)
-    points = np.zeros((45, 21, 3))
-    for finger, (x, knuckle, bone) in enumerate(((0.05, 0.04, 0.03), (0.03, 0.09, 0.03), (0.01, 0.095, 0.032), (-0.01, 0.09, 0.03),
-                                                 (-0.03, 0.08, 0.025))):  # fmt: skip
-        at = np.tile([x, knuckle, 0.0], (45, 1))
-        for joint in range(4):
-            points[:, 1 + 4 * finger + joint] = at
-            angle = 0.9 * (joint + 1) * closing / 2
-            at = at + bone * np.stack([np.zeros(45), np.cos(angle), np.sin(angle)], 1)
-    points[:, :, 2] += 0.3 - 0.1 * np.sin(np.linspace(0, np.pi, 45))[:, None]
-    folder.mkdir(parents=True, exist_ok=True)
-    np.savez(folder / "sticks.npz", keypoints=points.astype(np.float32), fps=60.0, hand="right", unit="m")
-    return folder
+def request(run: Run, store: Path) -> Request:
+    """What a run asks of the command line, with its sources written below the store."""
+    below = store / "pinned-sources"
 
+    def text(value: Any) -> str:
+        kind, colon, name = str(value).partition(":")
+        return str(written(name, below)) if colon and kind == "source" else str(value)
 
-SOURCES = {"motion": open_hand}
-"""name -> what writes the source into a folder and says where it is"""
-
-
-def words(run: Run, store: Path) -> list[str]:
-    """The command line of a run."""
-    source = [f"--source={SOURCES[run.source](store / 'pinned-sources' / run.source)}"] if run.source else []
-    return [run.target, *source, *(f"--set={name}={value}" for name, value in run.sets.items()), *run.options]
+    sets = tuple(f"{name}={text(value)}" for name, value in run.sets.items())
+    return Request(run.target, written(run.source, below) if run.source else None, sets=sets, store=store)
 
 
 def make(run: Run, store: Path) -> float:
     """Make the target of a run, in a process of its own; seconds that it took. SystemExit where it fails."""
-    began = time.monotonic()
+    asked, began = request(run, store), time.monotonic()
+    source = [f"--source={asked.source}"] if asked.source else []
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONHASHSEED"}
-    command = [sys.executable, "pipeline.py", "run", *words(run, store), "--store", str(store), "--jobs", "1"]
+    command = [sys.executable, "pipeline.py", "run", run.target, *source, *(f"--set={word}" for word in asked.sets), *run.options,
+               f"--store={store}", "--jobs=1"]  # fmt: skip
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"{run.target}: the run failed:\n{done.stderr}")
@@ -161,13 +160,34 @@ def make(run: Run, store: Path) -> float:
 def outputs(run: Run, store: Path) -> Outputs:
     """The digest of everything that a run has made, stage by stage in the order of the graph. SystemExit where something is not
     there."""
-    source = store / "pinned-sources" / run.source if run.source else None
     found: Outputs = {}
-    for plan in planned(Request(run.target, source, sets=tuple(f"{name}={value}" for name, value in run.sets.items()), store=store)):
+    for plan in planned(request(run, store)):
         if plan.status != "cached":
             raise SystemExit(f"{run.target}: {plan.stage} {plan.shard} is {plan.status} after the run: {plan.reason}")
         found.setdefault(plan.stage, {})[plan.shard] = plan.output
     return {stage: dict(sorted(shards.items())) for stage, shards in found.items()}
+
+
+SCHEMAS = ("its metadata `provenance` holds the name of the stage, the name of the schema and its version, which is a digest of "
+           "the names and types of its fields, and the digest of what it shows")  # fmt: skip
+JOB = "card.md shows the fields of the training's job, which are named in code"
+PAGES = "its report names the page docs/benchmark.md"
+VERB = "README.md and croissant.json say `pipeline.py lineage DIGEST`"
+NAMES_CODE: dict[str, str] = {
+    **dict.fromkeys((f"record_{stage}" for stage in (
+        "source_read", "hand_detect", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
+        "narration_labelling", "sample_assemble", "model_train", "extraction_report", "negative_affordance_report", "motion_files",
+        "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes")), SCHEMAS),
+    **dict.fromkeys(("clip_record", "object_record", "grasp_record", "interaction_record"), SCHEMAS),
+    "dataset_pack": VERB, "train_pack": VERB, "record_dataset_pack": f"{SCHEMAS}; {VERB}",
+    "benchmark": PAGES, "ablation_report": PAGES, "record_benchmark": f"{SCHEMAS}; {PAGES}",
+    "record_ablation_report": f"{SCHEMAS}; {PAGES}",
+    "model_train": f"{JOB}; that of the two-hand model also says `from afford.models.twohands.predictor import Predictor`",
+    "pretrained_model_train": JOB, "encoder_train": JOB, "boxes_train": JOB,
+    **dict.fromkeys(("static_sor3d", "static_boxes", "static_true_boxes", "static_report"),
+                    "its report is called as the stage is on the map"),
+}  # fmt: skip
+"""stage -> what its output says about code; where this changes, its digest does, and nothing else of it may"""
 
 
 @dataclass
@@ -185,12 +205,12 @@ class Difference:
                           *(f"    different  {one}" for one in self.different)])  # fmt: skip
 
 
-def compare(before: Outputs, now: Outputs) -> Difference:
-    """Stages by their names; those whose names are gone by the digests of what they made."""
+def compare(before: Outputs, now: Outputs, told: Callable[[str, str], str] = lambda before, now: "") -> Difference:
+    """Stages by their names; those whose names are gone by the digests of what they made. `told` says how two outputs differ."""
     found = Difference()
     for stage in before.keys() & now.keys():
         found.equal += sum(now[stage].get(shard) == digest for shard, digest in before[stage].items())
-    found.different = [f"{stage}: {changed(before[stage], now[stage])}" for stage in before
+    found.different = [f"{stage}: {changed(before[stage], now[stage], told)}" for stage in before
                        if stage in now and before[stage] != now[stage]]  # fmt: skip
     gone, new = [stage for stage in before if stage not in now], [stage for stage in now if stage not in before]
     for stage in gone:
@@ -205,12 +225,36 @@ def compare(before: Outputs, now: Outputs) -> Difference:
     return found
 
 
-def changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """In which shards a stage differs."""
+def changed(before: Mapping[str, str], now: Mapping[str, str], told: Callable[[str, str], str]) -> str:
+    """In which shards a stage differs, and how the first of them does."""
     if sorted(before.values()) == sorted(now.values()):
         return "the same outputs under other names of shards"
-    differ = [shard or "its one output" for shard in {**before, **now} if before.get(shard) != now.get(shard)]
-    return f"{len(differ)} of {len(before | now)}: {', '.join(differ[:4])}{' ...' if differ[4:] else ''}"
+    differ = [shard for shard in {**before, **now} if before.get(shard) != now.get(shard)]
+    first = next((told(before[shard], now[shard]) for shard in differ if shard in before and shard in now), "")
+    shown = ", ".join(shard or "its one output" for shard in differ[:4])
+    return f"{len(differ)} of {len({**before, **now})}: {shown}{' ...' if differ[4:] else ''}{first and f' ({first})'}"
+
+
+def by_file(store: Path, old: Path | None) -> Callable[[str, str], str]:
+    """What tells two outputs apart by their files, where the store that holds what is pinned is there."""
+    if old is None:
+        return lambda before, now: ""
+    here, there = seen_runner(store), seen_runner(old)
+
+    def told(before: str, now: str) -> str:
+        was, is_now = blobs(there, before), blobs(here, now)
+        differ = [name for name in {**was, **is_now} if was.get(name) != is_now.get(name)]
+        return f"{len(differ)} of {len(is_now)} files: {', '.join(differ[:4])}{' ...' if differ[4:] else ''}"
+
+    return told
+
+
+def blobs(runner: Runner, digest: str) -> dict[str, str]:
+    """name -> digest of every file of an artifact and of its parts."""
+    parts = runner.children(digest)
+    if parts is None:
+        return {entry.name: entry.blob for entry in runner.store.manifest(digest).files}
+    return {f"{part}/{name}": blob for part, inner in parts for name, blob in blobs(runner, inner).items()}
 
 
 def pinned() -> dict[str, Any]:
@@ -221,38 +265,41 @@ def pinned() -> dict[str, Any]:
 def write(found: Mapping[str, Outputs]) -> None:
     """Pin what was found, beside what is pinned of other runs."""
     before = pinned()["targets"]
-    rows = {name: {"target": run.target, "settings": dict(run.sets), "outputs": found[name]} if name in found else before[name]
-            for name, run in RUNS.items() if name in found or name in before}
+    rows = {name: {"target": run.target, "source": run.source, "settings": dict(run.sets), "outputs": found[name]}
+            if name in found else before[name] for name, run in RUNS.items() if name in found or name in before}  # fmt: skip
     tree = {"machine": machine_kind(), "names_code": NAMES_CODE, "targets": rows}
     PINNED.write_text(json.dumps(tree, indent=1) + "\n")
 
 
-NAMES_CODE: dict[str, str] = {}
-
-
-def main(argv: Iterable[str] | None = None) -> int:
-    """Run the targets; pin what they made, or compare it with what is pinned."""
+def asked(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="pin what is made; default: compare it with what is pinned")
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts" / "pinned", help="where the runs keep what they make")
+    parser.add_argument("--old", type=Path, help="store of the pinned outputs: files that differ are named")
     parser.add_argument("--only", default=",".join(RUNS), help="names of runs, with commas")
-    asked = parser.parse_args(argv)
-    names = asked.only.split(",")
-    if unknown := [name for name in names if name not in RUNS]:
+    found = parser.parse_args(argv)
+    found.names = found.only.split(",")
+    if unknown := [name for name in found.names if name not in RUNS]:
         parser.error(f"--only {','.join(unknown)}: expected some of {', '.join(RUNS)}")
-    store, before, found, differ = asked.store.absolute(), pinned()["targets"], {}, False
-    for name in names:
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the targets; pin what they made, or compare it with what is pinned."""
+    options = asked(argv)
+    store, before, good = options.store.absolute(), pinned()["targets"], True
+    for name in options.names:
         seconds = make(RUNS[name], store)
-        found[name] = outputs(RUNS[name], store)
-        count = sum(len(shards) for shards in found[name].values())
-        if asked.write:
-            print(f"{name:<22} {seconds:7.1f} s  {count} outputs of {len(found[name])} stages", flush=True)
-            write(found)
-            continue
-        result = compare(before[name]["outputs"] if name in before else {}, found[name])
-        differ = differ or bool(result.different)
-        print(f"{name:<22} {seconds:7.1f} s  {result.text()}", flush=True)
-    return int(differ)
+        found = outputs(RUNS[name], store)
+        if options.write:
+            write({name: found})
+            text = f"{sum(len(shards) for shards in found.values())} outputs of {len(found)} stages"
+        else:
+            result = compare(before[name]["outputs"] if name in before else {}, found, by_file(store, options.old))
+            text, good = result.text(), good and not result.different
+        print(f"{name:<30} {seconds:7.1f} s  {text}", flush=True)
+    return 0 if good else 1
 
 
 if __name__ == "__main__":
