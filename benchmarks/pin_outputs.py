@@ -172,7 +172,7 @@ def outputs(run: Run, store: Path) -> Outputs:
 SCHEMAS = ("its metadata `provenance` holds the name of the stage, the name of the schema and its version, which is a digest of "
            "the names and types of its fields, and the digest of what it shows")  # fmt: skip
 JOB = "card.md shows the fields of the training's job, which are named in code"
-PAGES = "its report names the page docs/benchmark.md"
+PAGES = "its report names the page docs/twohands/benchmark.md"
 VERB = "README.md and croissant.json say `pipeline.py lineage DIGEST`"
 NAMES_CODE: dict[str, str] = {
     **dict.fromkeys((f"record_{stage}" for stage in (
@@ -183,7 +183,7 @@ NAMES_CODE: dict[str, str] = {
     "dataset_pack": VERB, "train_pack": VERB, "record_dataset_pack": f"{SCHEMAS}; {VERB}",
     "benchmark": PAGES, "ablation_report": PAGES, "record_benchmark": f"{SCHEMAS}; {PAGES}",
     "record_ablation_report": f"{SCHEMAS}; {PAGES}",
-    "model_train": f"{JOB}; that of the two-hand model also says `from afford.models.twohands.predictor import Predictor`",
+    "model_train": f"{JOB}; that of the two-hand model also says `from afford.twohands.model.predictor import Predictor`",
     "pretrained_model_train": JOB, "encoder_train": JOB, "boxes_train": JOB,
     **dict.fromkeys(("static_sor3d", "static_boxes", "static_true_boxes", "static_report"),
                     "its report is called as the stage is on the map"),
