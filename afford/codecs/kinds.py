@@ -9,24 +9,9 @@ from collections.abc import Iterable
 
 from blake3 import blake3
 
-from schemas import (
-    affordance,
-    benchmark,
-    episodes,
-    files,
-    grasp,
-    hand,
-    interaction,
-    masks,
-    mesh,
-    scene,
-    surface,
-    training,
-    video,
-)
+from schemas.catalogue import MODULES
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, episodes, files, grasp, hand, interaction, masks, mesh, scene, surface, training, video)
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 

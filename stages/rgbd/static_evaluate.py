@@ -61,8 +61,8 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     if not pictures or params.shown < 1:
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
                          f"{len(pictures)} of {len(given.samples)} and {params.shown}")
-    tell = load(BACKENDS, params.backend)(materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
-                                          params.true_boxes)  # fmt: skip
+    folder = materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model"))
+    tell = load(BACKENDS, params.backend)(folder, params.device, params.true_boxes)
     tally, shown = Tally.of(pictures), []
     chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())
     for n, picture in enumerate(pictures):
