@@ -1,6 +1,6 @@
 """`afford/HandImitation-v0`: a hand follows references, which are what people did (AffordDex, stage 1: HTI).
 
-    import gymnasium, afford.grasp.imitate_env
+    import gymnasium
     env = gymnasium.make("afford/HandImitation-v0", hand=hand, body=body, references=references, reward="paper")
 
 Action (24,) in -1..1 as in afford/AffordanceGrasp-v0, along the world's axes. Observation: see imitate.Imitating.observe. Reward:
@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium
-
+from afford.environments import register
 from afford.grasp.clips import ImitationConfig
 from afford.grasp.imitate import Imitating
 from afford.grasp.single import Single
@@ -45,5 +44,4 @@ class HandImitationVector(Many):
         super().__init__(self.core, num_envs)
 
 
-gymnasium.register(id=ID, entry_point="afford.grasp.imitate_env:HandImitation",
-                   vector_entry_point="afford.grasp.imitate_env:HandImitationVector")  # fmt: skip
+register()
