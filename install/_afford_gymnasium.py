@@ -28,7 +28,7 @@ def _append(loader):
         load(module)
         try:
             from afford.environments import register
-        except ImportError as error:  # the checkout is gone, or something of the user's has its name: gymnasium must work all the same
+        except ImportError as error:  # the checkout is gone, or a folder of the user's hides it; gymnasium works all the same
             sys.stderr.write(f"afford's environments are not registered with gymnasium: {error}\n")
         else:
             register(module)

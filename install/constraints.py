@@ -4,8 +4,8 @@
     make constraints ARGS="--upgrade"                     # moves every pin to the newest release that fits
     make constraints ARGS="--check"                       # writes nothing: asks for wheels on each Python and machine
 
-uv resolves for all Pythons and machines at once, and reads the index that `UV_INDEX_URL` names, else its own default. torch, and what
-its CUDA builds bring, has no hash: each index has its own build of the same version.
+uv resolves for all Pythons and machines at once, and reads the index that `UV_INDEX_URL` names, else its own default. torch, and
+what its CUDA builds bring, has no hash: each index has its own build of the same version.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ("3.11", "3.12", "3.13")
 MACHINES = ("x86_64-manylinux_2_28", "aarch64-manylinux_2_34")
-GROUPS = ("", "gpu", "dev")
+GROUPS = ("", "gpu", "film", "dev")
 """the dependencies of users, and what each extra of pyproject.toml adds to them"""
 TORCH = re.compile(r"^(torch|triton|nvidia-[\w-]+|cuda-[\w-]+)==")
 EVERYWHERE = " ; python_full_version < '3.14' and (sys_platform == 'darwin' or sys_platform == 'linux')"
@@ -28,6 +28,7 @@ EVERYWHERE = " ; python_full_version < '3.14' and (sys_platform == 'darwin' or s
 BUILT = {"pybullet": lambda python, machine: python != "3.11" or machine.startswith("aarch64")}
 """packages without a wheel -> where; install/preflight.py says so before pip starts"""
 HEAD = "# Written by `make constraints`: {what}. Installed by `make setup` with --require-hashes.\n"
+UNHASHED = "# Written by `make constraints`. Without a hash: each index has its own build.\n"
 Pins = dict[str, str]
 """name -> its pin and hashes, as lines of a requirements file"""
 
@@ -53,8 +54,7 @@ def write(upgrade: bool) -> None:
         chosen = [every[name] for name in sorted(names - seen) if not TORCH.match(every[name])]
         place(extra).write_text(HEAD.format(what=what) + "".join(chosen), encoding="utf-8")
         seen |= names
-    place("torch").write_text(f"# Written by `make constraints`. Without a hash: each index has its own build.\n{pin(every['torch'])}\n",
-                              encoding="utf-8")  # fmt: skip
+    place("torch").write_text(UNHASHED + pin(every["torch"]) + "\n", encoding="utf-8")
 
 
 def check() -> int:
@@ -63,8 +63,8 @@ def check() -> int:
     for python in PYTHONS:
         for machine in MACHINES:
             built = [name for name, where in BUILT.items() if where(python, machine)]
-            trouble = refused(python, machine, leave_out=built) or next(
-                (f"{name} has a wheel by now; take it out of BUILT" for name in built if not refused(python, machine, only=name)), "")
+            wheeled = [name for name in built if not refused(python, machine, only=name)]
+            trouble = refused(python, machine, leave_out=built) or (wheeled and f"take {', '.join(wheeled)} out of BUILT")
             said = trouble or (f"wheels for all but {', '.join(built)}" if built else "wheels for all")
             sys.stdout.write(f"Python {python} on {machine}: {said}\n")
             wrong += bool(trouble)
@@ -77,8 +77,9 @@ def refused(python: str, machine: str, leave_out: list[str] | None = None, only:
     chosen = [lines for name, lines in pins.items() if name not in (leave_out or []) and only in ("", name)]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "pins.txt").write_text("".join(chosen), encoding="utf-8")
-        done = uv("pip", "install", "--dry-run", "--no-deps", "--require-hashes", "--only-binary", ":all:", "--target", f"{folder}/none",
-                  "--python-version", python, "--python-platform", machine, "-r", f"{folder}/pins.txt")  # fmt: skip
+        done = uv("pip", "install", "--dry-run", "--no-deps", "--require-hashes", "--only-binary", ":all:",
+                  "--target", f"{folder}/none", "--python-version", python, "--python-platform", machine,
+                  "--requirement", f"{folder}/pins.txt")  # fmt: skip
     return "" if done.returncode == 0 else " ".join(done.stderr.partition("cause: ")[2].split()) or done.stderr.strip()
 
 

@@ -30,12 +30,14 @@ def notes(python: tuple[int, int], system: str, machine: str, compiler: bool, cu
     linux, found = system == "Linux", []
     if linux and (python > OLDEST or machine != "x86_64"):
         need = "minutes" if compiler else "minutes and a C++ compiler, of which none is found: install g++ first"
-        found.append(f"pybullet has no wheel for Python {python[0]}.{python[1]} on {machine}: it is compiled here, which takes {need}")
+        found.append(f"pybullet has no wheel for Python {python[0]}.{python[1]} on {machine}: "
+                     f"it is compiled here, which takes {need}")  # fmt: skip
     if linux and machine != "x86_64":
         found.append(f"embreex has no build for {machine}: it is left out, and what casts rays (mesh_read, the surface stages, "
                      "object_solids) fails")
     if linux and cuda:
-        found.append("torch may come with CUDA's packages, several GB to download; a place of CPU builds in pip's settings avoids that")
+        found.append("torch may come with CUDA's packages, several GB to download; a place of CPU builds in pip's settings "
+                     "avoids that")  # fmt: skip
     return found
 
 
@@ -48,5 +50,5 @@ def cuda_offered() -> bool:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.version_info[:2], platform.system(), platform.machine(), bool(shutil.which("g++") or shutil.which("c++")),
-                          cuda_offered()))
+    compiler = shutil.which("g++") or shutil.which("c++")
+    raise SystemExit(main(sys.version_info[:2], platform.system(), platform.machine(), bool(compiler), cuda_offered()))

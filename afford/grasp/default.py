@@ -21,13 +21,15 @@ HOLD = "handle"
 
 @cache
 def hand() -> HandModel:
-    """The installed Shadow Hand on its gantry, as stages/hand_model.py builds it by default. SourceError where it is not installed."""
-    return model(coupled(read(shadow_files()), ()), Wishes("", Gantry(reach_m=2.0, force_n=200.0, torque_nm=30.0, mass_kg=0.05)))
+    """The installed Shadow Hand on its gantry, as stages/hand_model.py builds it by default. SourceError where there is none."""
+    gantry = Gantry(reach_m=2.0, force_n=200.0, torque_nm=30.0, mass_kg=0.05)
+    return model(coupled(read(shadow_files()), ()), Wishes("", gantry))
 
 
 @cache
 def tool() -> Task:
     """A procedural hammer as stages/object_solids.py makes it by default; all of it but the handle must not be touched."""
     made = build(TOOL, edge_m=0.006, max_faces=16_000, atlas_px=64)
-    body = grasp_object(made.mesh, made.parts, density_kg_m3=700.0, tolerance_m=0.002, hulls=24, hull_corners=64, points=1024, seed=0)
+    body = grasp_object(made.mesh, made.parts, density_kg_m3=700.0, tolerance_m=0.002, hulls=24, hull_corners=64, points=1024,
+                        seed=0)  # fmt: skip
     return task(body, [part for part in body.parts if part != HOLD], HOLD)
