@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import site
+import subprocess
+import sys
 from pathlib import Path
 
 import gymnasium
@@ -122,6 +125,17 @@ def test_names_are_registered_once() -> None:
     for spec in before.values():
         assert callable(gymnasium.envs.registration.load_env_creator(spec.entry_point))
         assert callable(gymnasium.envs.registration.load_env_creator(spec.vector_entry_point))
+
+
+def test_an_import_registers_the_same() -> None:
+    """Where afford is on the path and not installed: -S leaves out what the install put into site-packages."""
+    code = ("import sys; sys.path[:0] = sys.argv[1:]; import gymnasium; from afford.environments import ENVIRONMENTS as known\n"
+            "assert not known.keys() & gymnasium.registry.keys()\nimport afford.grasp.env, afford.grasp.imitate_env\n"
+            "found = {name: gymnasium.registry[name] for name in known}\n"
+            "assert {name: (one.entry_point, one.vector_entry_point) for name, one in found.items()} == known")
+    path = [str(Path(__file__).resolve().parent.parent), *site.getsitepackages()]
+    done = subprocess.run([sys.executable, "-S", "-c", code, *path], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_reprs_are_short() -> None:

@@ -28,9 +28,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 
-from afford.environments import register
 from afford.grasp import default
 from afford.grasp.config import Config
 from afford.grasp.core import Grasping
@@ -93,4 +93,6 @@ class AffordanceGraspVector(Many):
         super().__init__(self.core, num_envs)
 
 
-register()
+if ID not in gymnasium.registry:  # it is there where afford is installed: afford/environments.py
+    gymnasium.register(id=ID, entry_point="afford.grasp.env:AffordanceGrasp",
+                       vector_entry_point="afford.grasp.env:AffordanceGraspVector")  # fmt: skip

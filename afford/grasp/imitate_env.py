@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from afford.environments import register
+import gymnasium
+
 from afford.grasp.clips import ImitationConfig
 from afford.grasp.imitate import Imitating
 from afford.grasp.single import Single
@@ -44,4 +45,6 @@ class HandImitationVector(Many):
         super().__init__(self.core, num_envs)
 
 
-register()
+if ID not in gymnasium.registry:  # it is there where afford is installed: afford/environments.py
+    gymnasium.register(id=ID, entry_point="afford.grasp.imitate_env:HandImitation",
+                       vector_entry_point="afford.grasp.imitate_env:HandImitationVector")  # fmt: skip
