@@ -58,7 +58,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     import numpy as np
 
     from afford.common.registry import block, load
-    from afford.grasping.evaluate.studio import Studio
+    from afford.grasping.env.studio import Studio
     from afford.models.weights import placed
 
     own = block(params, params.backend)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from afford.codecs import CODEC
-from afford.grasping.hand import mjcf, read_urdf
+from afford.grasping.hand import Urdf, mjcf, read_urdf
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.hand.folder import save
 from afford.grasping.hand.kinematics import forward, limits, moving, points
@@ -134,7 +134,7 @@ def test_the_urdf_reads_back_to_the_same_hand(tmp_path: Path) -> None:
     hand = shadow(wrist="none")
     save(hand, tmp_path)
     tips = tuple(f"{name}={hand.links[link]}" for name, link in zip(hand.fingers.name, hand.fingers.tip_link, strict=True))
-    again = hand_model.run(tree(tmp_path), hand_model.Params(backend="urdf", wrist="none", fingers=tips))
+    again = hand_model.run(tree(tmp_path), hand_model.Params(backend="urdf", wrist="none", urdf=Urdf(fingers=tips)))
     assert (again.joints.name, again.joints.role, again.links) == (hand.joints.name, hand.joints.role, hand.links)
     np.testing.assert_allclose(again.joints.T_parent_joint, hand.joints.T_parent_joint, atol=1e-15)
     for field in ("axis", "lower", "upper", "effort", "velocity", "ratio", "offset", "driver"):

@@ -1,4 +1,4 @@
-"""Code that moves, and names that lead elsewhere: kinds of edit for `tests/edited_code.py`.
+"""Code that moves, and names that lead elsewhere: kinds of edit for `tests/helpers/edited_code.py`.
 
 What moves with the imports of it adapted changes no fingerprint; a name that stands for something else does.
 """
