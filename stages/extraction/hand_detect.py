@@ -19,9 +19,11 @@ from afford.extraction.hands import Detection, Sam3
 from schemas.files import FileTree
 from schemas.video import Clip, Frames
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors", "tokenizers")
+LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "safetensors")
+BACKEND_LIBRARIES = {"sam3": ("transformers", "tokenizers")}
 THREADS = 1
 MEMORY_GIB = 2.5
+BACKEND_MEMORY_GIB = {"sam3": 6.0}
 
 BACKENDS = {
     "network": "afford.extraction.hands.network:find",

@@ -18,9 +18,12 @@ from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted, PixelSource
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "diffusers", "safetensors")
+LIBRARIES = ("numpy", "opencv-python-headless")
+BACKEND_LIBRARIES = {"layered": ("numba",), "median": ("numba",), "vidm": ("torch", "diffusers", "safetensors"),
+                     "lama": ("torch", "safetensors")}  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 1.0
+BACKEND_MEMORY_GIB = {"vidm": 4.0, "lama": 3.0}
 
 BACKENDS = {
     "layered": "afford.extraction.inpaint.layered:inpaint",

@@ -21,9 +21,11 @@ from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Clip, Frames
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "transformers", "safetensors")
+LIBRARIES = ("numpy", "opencv-python-headless", "scipy")
+BACKEND_LIBRARIES = {"flow": ("numba",), "sam2": ("torch", "transformers", "safetensors")}
 THREADS = 1
 MEMORY_GIB = 2.0
+BACKEND_MEMORY_GIB = {"sam2": 6.0}
 
 BACKENDS = {
     "flow": "afford.extraction.tracks.propagate.flow:propagate",

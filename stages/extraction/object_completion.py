@@ -23,9 +23,11 @@ from schemas.video import Frames, Inpainted
 if TYPE_CHECKING:
     import numpy as np
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba", "torch", "transformers", "safetensors")
+LIBRARIES = ("numpy", "opencv-python-headless")
+BACKEND_LIBRARIES = {"template": ("numba",), "sam2": ("torch", "transformers", "safetensors")}
 THREADS = 1
 MEMORY_GIB = 1.0
+BACKEND_MEMORY_GIB = {"sam2": 4.0}
 
 BACKENDS = {
     "template": "afford.extraction.complete.template:complete",

@@ -18,10 +18,11 @@ from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
 
-LIBRARIES = ("numpy", "numba", "scipy", "torch", "transformers", "safetensors", "pillow",
-             "opencv-python-headless", "trimesh", "matplotlib")
+LIBRARIES = ("numpy", "numba", "scipy", "pillow", "opencv-python-headless", "trimesh", "matplotlib")
+BACKEND_LIBRARIES = {"vlm": ("torch", "transformers", "safetensors")}
 THREADS = 1
 MEMORY_GIB = 1.5
+BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
 BACKENDS = {"vlm": "afford.grasping.judge.vlm:judge", "endpoint": "afford.grasping.judge.endpoint:judge"}
 

@@ -16,7 +16,8 @@ from afford.grasping.hand import Urdf
 from schemas.files import FileTree
 from schemas.hand import HandModel
 
-LIBRARIES = ("numpy", "scipy", "mujoco", "trimesh", "pillow", "opencv-python-headless")
+LIBRARIES = ("numpy", "scipy", "trimesh", "opencv-python-headless")
+BACKEND_LIBRARIES = {"shadow": ("mujoco",), "urdf": ("pillow",)}
 THREADS = 1
 MEMORY_GIB = 0.5
 

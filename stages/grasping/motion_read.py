@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from schemas.files import FileTree
 from schemas.hand import HandMotion
 
-LIBRARIES = ("numpy", "scipy")
+LIBRARIES = ("numpy",)
+BACKEND_LIBRARIES = {"oakink2": ("scipy",)}
 THREADS = 1
 MEMORY_GIB = 1.0
 

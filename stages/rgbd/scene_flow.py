@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from afford.rgbd.scene_flow import Regularised
 from schemas.interaction import InteractionClip, SceneFlow
 
-LIBRARIES = ("numpy", "opencv-python-headless", "numba")
+LIBRARIES = ("numpy", "opencv-python-headless")
+BACKEND_LIBRARIES = {"regularised": ("numba",)}
 THREADS = 1
 MEMORY_GIB = 0.5
 SMALLEST_PX = 32

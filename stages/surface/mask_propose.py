@@ -18,9 +18,11 @@ from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
-LIBRARIES = ("numpy", "numba", "opencv-python-headless", "embreex", "torch", "transformers", "safetensors")
+LIBRARIES = ("numpy", "opencv-python-headless")
+BACKEND_LIBRARIES = {"regions": ("numba", "embreex"), "sam": ("torch", "transformers", "safetensors")}
 THREADS = 1
 MEMORY_GIB = 1.0
+BACKEND_MEMORY_GIB = {"sam": 6.0}
 
 BACKENDS = {"regions": "afford.surface.candidates.regions:propose", "sam": "afford.surface.candidates.sam:propose",
             "grid": "afford.surface.candidates.grid:propose"}  # fmt: skip

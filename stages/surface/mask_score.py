@@ -17,9 +17,11 @@ from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
 
-LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "embreex", "transformers", "tokenizers")
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless")
+BACKEND_LIBRARIES = {"parts": ("embreex",), "clip": ("transformers", "tokenizers")}
 THREADS = 1
 MEMORY_GIB = 1.0
+BACKEND_MEMORY_GIB = {"clip": 3.0}
 
 BACKENDS = {"parts": "afford.surface.score.parts:score", "clip": "afford.surface.score.clip:score"}
 

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from afford.surface.texture import Procedural
 from schemas.mesh import ObjectMesh
 
-LIBRARIES = ("numpy", "scipy", "trimesh", "embreex", "opencv-python-headless", "numba")
+LIBRARIES = ("numpy",)
+BACKEND_LIBRARIES = {"procedural": ("scipy", "trimesh", "embreex", "opencv-python-headless", "numba")}
 THREADS = 1
 MEMORY_GIB = 1.0
 

@@ -19,9 +19,12 @@ from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescriptions
 
-LIBRARIES = ("numpy", "torch", "transformers", "safetensors", "pillow", "opencv-python-headless")
+LIBRARIES: tuple[str, ...] = ()
+BACKEND_LIBRARIES = {"vlm": ("numpy", "torch", "transformers", "safetensors", "pillow", "opencv-python-headless"),
+                     "endpoint": ("numpy", "opencv-python-headless")}  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 1.0
+BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
 BACKENDS = {"rules": "afford.surface.describe.rules:describe", "vlm": "afford.surface.describe.vlm:describe",
             "endpoint": "afford.surface.describe.endpoint:describe"}  # fmt: skip

@@ -20,7 +20,8 @@ from schemas.spec import Context
 if TYPE_CHECKING:
     from schemas.benchmark import Prediction
 
-LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "pycocotools", "blake3")
+LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "blake3")
+BACKEND_LIBRARIES = {"class_mean": ("pycocotools",), "extraction": ("pycocotools",)}
 THREADS = 1
 MEMORY_GIB = 1.0
 
