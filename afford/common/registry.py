@@ -23,7 +23,7 @@ def load(registry: Mapping[str, str], name: str) -> Any:
 
 def block(params: object, name: str) -> Any:
     """The parameters of the entry `name` alone: the field of Params that is named so; None for an entry without any."""
-    return getattr(params, name, None)
+    return getattr(params, name.replace("-", "_"), None)
 
 
 def extra(package: str, name: str) -> Any:
