@@ -20,20 +20,21 @@ TARGETS = {"dataset": "maps.extraction:dataset",
            "train": "maps.twohands:train",
            "benchmark": "maps.twohands:measure",
            "ablation": "maps.twohands:ablate",
-           "hands": "maps.finder:hands",
-           "negative-affordance": "maps.negatives:negative_affordance",
-           "motions": "maps.motions:motions",
-           "grasp": "maps.grasps:grasp",
-           "grasp-full": "maps.grasps:grasp_full",
-           "interactions": "maps.interactions:interactions",
-           "sor3d": "maps.sor3d:sor3d",
-           "sor3d-ablation": "maps.sor3d:sor3d_ablation",
-           "static-sets": "maps.static_sets:static_sets",
+           "hands": "maps.extraction:hands",
+           "negative-affordance": "maps.surface:negative_affordance",
+           "motions": "maps.grasping:motions",
+           "grasp": "maps.grasping:grasp",
+           "grasp-full": "maps.grasping:grasp_full",
+           "interactions": "maps.rgbd:interactions",
+           "sor3d": "maps.rgbd:sor3d",
+           "sor3d-ablation": "maps.rgbd:sor3d_ablation",
+           "static-sets": "maps.rgbd:static_sets",
            "extraction-report": "maps.extraction:extraction_quality",
            "recordings": "maps.extraction:recordings",
-           "scenes": "maps.extraction:scenes",
-           "train-set": "maps.twohands:train_set",
-           "benchmark-set": "maps.twohands:benchmark_stills"}  # fmt: skip
+           "scenes": "maps.synthetic:scenes",
+           "train-set": "maps.synthetic:train_set",
+           "benchmark-set": "maps.synthetic:benchmark_stills",
+           "all": "maps.everything:everything"}  # fmt: skip
 """target -> the lines of its graph, in the order of the help; a map, and with it its stages, is loaded when it is built"""
 
 
@@ -46,10 +47,15 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
     return g
 
 
-if __name__ == "__main__":
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; its exit code: see `commands.cli`."""
     if find_spec("typer") is None:
         raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
                          "or .venv/bin/python")  # fmt: skip
-    from commands.cli import main
+    from commands.cli import main as command
 
+    return command(TARGETS, build, arguments)
+
+
+if __name__ == "__main__":
     raise SystemExit(main())

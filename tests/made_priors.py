@@ -7,7 +7,7 @@ from typing import Any
 
 from afford.grasp.rehearse import Rehearsal, Rehearsing
 from afford.grasp.task import task
-from maps.from_above import FITTED, MOTION
+from maps.settings.grasping import FITTED, MOTION
 from schemas.motion import GraspTarget, ReferenceSet
 from stages import grasp_targets, hand_retarget, motion_report, motion_synthesise
 from tests.made_hands import shadow

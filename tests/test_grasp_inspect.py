@@ -16,7 +16,7 @@ from afford.recording.layout import IN_PANELS
 from afford.recording.own_types import MESSAGES
 from afford.recording.summary import summarise
 from afford.recording.tiles import GAP, HEAD
-from commands.cli import main
+from pipeline import main
 from stages import grasp_record
 from tests.made_hands import shadow
 from tests.made_samples import Scratch

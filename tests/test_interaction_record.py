@@ -19,7 +19,7 @@ from afford.recording.moments import moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, TRUTH, WORDS
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
-from commands.cli import main
+from pipeline import main
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages import interaction_pack, interaction_record

@@ -277,7 +277,7 @@ def test_the_ablation_learns_from_what_its_rows_ask_for() -> None:
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     stages = {}
     for rows in (("full", "k1"), ("extracted",), ("full", "extracted")):
-        settings = Settings(ablation_report=replace(Settings.ablation_report, rows=rows))
+        settings = Settings.of(ablation_report=replace(Settings.twohands.ablation_report, rows=rows))
         graph = build("ablation", Origin("ablation", specs=(spec,)), settings)
         stages[rows] = {node.name: dict(node.inputs) for node in graph.stages()}
     of_stills = {"train_pack", "model_train", "score_cases"}
