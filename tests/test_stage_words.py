@@ -62,7 +62,6 @@ def test_names_on_a_map_come_before_those_of_files() -> None:
         "grasp", "motions", "grasp", "train"]
     assert named("mask_densify", usual("extraction-report")) == ["mask_densify"]
     assert named("rl-grasp-refinement", usual("grasp")) == ["teacher_0", "no_negative_0"]
-    assert (target_named(None), target_named("negative_affordance"), target_named(None, "sor3d_train")) if False else True
     assert target_named(None) == "dataset" and target_named("negative_affordance") == "negative-affordance"
 
 
