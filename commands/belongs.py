@@ -12,8 +12,7 @@ from afford.readers.discover import Source
 from commands.compare import Names, built
 from commands.errors import UsageError
 from commands.origin import origin
-from commands.stages import ALL
-from commands.targets import TARGETS, build
+from commands.targets import ALL, TARGETS, build
 from maps import settings as settings_of_systems
 from maps.settings import SYSTEMS, Origin, Settings
 from runner import Graph
@@ -57,14 +56,14 @@ def check_sets(sets: Iterable[str], target: str, read: set[str]) -> None:
     for word in sets:
         stage = word.partition(".")[0].replace("-", "_")
         if stage not in read:
-            homes = [name for name, _, used in every_target() if stage in used]
+            homes = [name for name, _, used in _every_target() if stage in used]
             other = [name for name in homes if name not in (target, ALL)]
             said = f"; it belongs to {', '.join(other)}" if other else ""
             with_source = " with this source" if target in homes else ""
             raise UsageError(f"--set {word}: {target} has no use for {stage}{with_source}{said}")
 
 
-def every_target() -> Iterator[tuple[str, Graph, set[str]]]:
+def _every_target() -> Iterator[tuple[str, Graph, set[str]]]:
     """Every target as it is without a source: name, graph, the stages whose parameters it reads."""
     for target in TARGETS:
         chosen, read = watched(Settings())

@@ -9,6 +9,7 @@ from pathlib import Path
 from afford.readers.discover import Refused, Source, discover
 from afford.readers.folder import media_of
 from commands.errors import UsageError, unknown
+from commands.targets import ALL
 from maps.settings import Origin, Settings
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
@@ -32,7 +33,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
     only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError."""
-    if target == "all":
+    if target == ALL:
         return _everything(source, clips, settings, digest), None
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
@@ -75,7 +76,7 @@ def _everything(source: Path | None, clips: tuple[str, ...], settings: Settings,
     for word, given in (("--source", source), ("--clip", ", ".join(clips))):
         if given:
             raise UsageError(f"{word} {given}: `all` makes every target of what it renders itself; name one target to use {word}")
-    return Origin("all", parts=tuple((name, origin(name, None, settings, digest)[0]) for name in CHAIN))
+    return Origin(ALL, parts=tuple((name, origin(name, None, settings, digest)[0]) for name in CHAIN))
 
 
 def _refusal(source: Path, error: Exception) -> UsageError:

@@ -8,6 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -180,7 +181,7 @@ def _last_of(runner: Runner, word: str) -> str:
         return ""
     traces = sorted(runner.traces.all(), key=lambda trace: trace.finished)
     made = [one.output for one in traces if one.stage == stage] or [
-        one.output for one in traces if stage in one.function.replace(":", ".").split(".")]
+        one.output for one in traces if one.function.partition(":")[0].rpartition(".")[2] == stage]
     if not made:
         raise UsageError(f"{home(stage)} has a stage {stage!r}, which never ran in this store; `run --only {stage}` runs it")
     return made[-1]
@@ -190,8 +191,8 @@ def _known(word: str) -> str:
     """A word that is no target, but a stage of one. UsageError when it is neither."""
     try:
         home(word)
-    except UsageError:
-        raise unknown("target", word, TARGETS) from None
+    except UsageError as error:
+        raise (unknown("target", word, TARGETS) if get_close_matches(word, TARGETS) else error) from None
     return word
 
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 TARGETS: dict[str, str] = {}
 """target -> where the lines of its graph stand, in the order of the help; empty until `use`"""
+USUAL, ALL = "dataset", "all"
+"""the target where none is named; the one that chains others, and has no stage of its own"""
 _BUILD: list[Callable[..., Any]] = []
 
 

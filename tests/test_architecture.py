@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import resource
 import subprocess
 import sys
 from functools import cache
@@ -150,6 +151,26 @@ def test_importing_the_map_loads_nothing_heavy() -> None:
     every = ", ".join(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources("maps") if path.stem != "__init__")
     found = loaded_by(f"import {every}")
     assert not found & set(HEAVY) and "stages.model_train" in found
+
+
+def test_the_targets_are_given_to_the_command_line() -> None:
+    """`pipeline` loads no command before it is called, and no command loads `pipeline`, so that neither stands above the other."""
+    assert not [name for name in loaded_by("import pipeline") if name.split(".")[0] == "commands"]
+    every = ", ".join(f"commands.{path.stem}" for path in sources("commands") if path.stem != "__init__")
+    assert "pipeline" not in loaded_by(f"import {every}")
+
+
+def test_help_is_quick() -> None:
+    """No more than a quarter of a second of one core, the best of three."""
+    command = [sys.executable, "pipeline.py", "--help"]
+    assert min(_cpu_s(command) for _ in range(3)) <= 0.25
+
+
+def _cpu_s(command: list[str]) -> float:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:
