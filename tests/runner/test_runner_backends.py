@@ -13,7 +13,7 @@ from runner.canonical import canonical
 from runner.keys import seed_of
 from runner.modules import Modules
 from runner.selection import Unselected, declarations, selected, unselected, without
-from tests.house import House
+from tests.helpers.house import House
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """

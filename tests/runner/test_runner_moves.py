@@ -8,7 +8,7 @@ import pytest
 
 from runner import Graph, Runner, StoreError
 from runner.fingerprint import changed
-from tests.house import House
+from tests.helpers.house import House
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """
