@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from afford.surface.describe.looks import PARTS
-from maps.recording import record_run
+from maps.common import record_run, recorded, reported, weights
 from maps.settings import Origin, Settings
-from maps.weights import weights
 from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
@@ -38,6 +37,8 @@ class Looked(NamedTuple):
     parts: MeshParts
     views: ObjectViews
     candidates: PartCandidates
+    made: tuple[Any, ...] = ()
+    """what it cost an object of one's own: handles of the stages, from its file on"""
 
 
 def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
@@ -48,32 +49,32 @@ def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, 
 
 def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> Looked:
     """Each of some procedural objects -> its views and candidates."""
-    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                                params=p.object_build)
+    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                               params=p.synthetic.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
     views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
-    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.mask_propose,
+    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.surface.mask_propose,
                                             **weights(g, p, "mask_propose"))
-    return Looked(mesh, parts, views, masks)
+    return Looked(mesh, parts, views, masks, (views, masks))
 
 
 def given(g: Graph, origin: Origin, p: Settings) -> Looked:
     """The user's meshes -> their views and candidates; their parts where label files name them."""
     files   = g.each(g.leaf("meshes", origin.meshes))
-    read    = g.add(mesh_read.run,          files=files,                   params=replace(p.mesh_read, categories=tuple(PARTS)))
-    mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.mesh_texture)
-    views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.view_render)
-    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.mask_propose,
+    read    = g.add(mesh_read.run,          files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
+    mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.surface.mesh_texture)
+    views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.surface.view_render)
+    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.surface.mask_propose,
                                             **weights(g, p, "mask_propose"))
-    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks)
+    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks, (read, mesh, views, masks))
 
 
 def teach(g: Graph, p: Settings) -> FileTree:
     """Objects of the trained categories -> a scorer of parts."""
-    spec, x = look(g, "lesson", replace(p.object_plan, splits=("train", "val")),
-                   replace(p.view_render, size_px=256, most=10, directions=128), p)
+    spec, x = look(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
+                   replace(p.surface.view_render, size_px=256, most=10, directions=128), p)
     lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
-                    params=p.part_lessons)
-    trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.scorer_train, ctx=g.ctx)
+                    params=p.surface.part_lessons)
+    trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.surface.scorer_train, ctx=g.ctx)
     return g.pick(trained, lambda t: t.files)
 
 
@@ -87,12 +88,12 @@ class Judged(NamedTuple):
 
 def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
     """An object that was looked at -> where a hand must not go on it; `of` begins the names of the stages."""
-    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.part_describe,
+    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.surface.part_describe,
                     **weights(g, p, "part_describe"))
     fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
-                    descriptions=told, scorer=scorer, params=p.mask_score, **weights(g, p, "mask_score"))
+                    descriptions=told, scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
     found   = g.named(f"{of}negative_affordance_projection").add(negative_affordance_projection.run, mesh=x.mesh, views=x.views,
-                    candidates=x.candidates, descriptions=told, scores=fit, params=p.negative_affordance_projection)
+                    candidates=x.candidates, descriptions=told, scores=fit, params=p.surface.negative_affordance_projection)
     return Judged(told, fit, found)
 
 
@@ -103,18 +104,22 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     if origin.meshes:
         x = given(g, origin, p)
     else:
-        known["spec"], x = look(g, "object", replace(p.object_plan, splits=("seen", "unseen")), p.view_render, p)
+        known["spec"], x = look(g, "object", replace(p.synthetic.object_plan, splits=("seen", "unseen")), p.surface.view_render, p)
     told, fit, found = judge(g, x, scorer, p)
     windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
-                                            params=replace(p.mask_propose, backend="grid"))
+                                            params=replace(p.surface.mask_propose, backend="grid"))
     fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
-                                          scorer=scorer, params=p.mask_score, **weights(g, p, "mask_score"))
+                                          scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
-                    params=replace(p.negative_affordance_score, threshold=p.negative_affordance_projection.threshold))
+                    params=replace(p.surface.negative_affordance_score,
+                                   threshold=p.surface.negative_affordance_projection.threshold))
     files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())
+    g.publish(files, "negative/{source}/{clip}", as_="negative")
     record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
                     params=object_record.Params(), ctx=g.ctx)
-    report  = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.negative_affordance_report, ctx=g.ctx)
-    g.target("negative-affordance", files, record, report, record_run(g, "negative_affordance_report", report))
+    report = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.surface.negative_affordance_report, ctx=g.ctx)
+    g.cost("cpu_s_per_object", (*x.made, told, fit, found), (reported(g, report), "objects"), shards=scores)
+    g.target("negative-affordance", files, recorded(g, record, "{clip}"), report,
+             record_run(g, "negative_affordance_report", report))
