@@ -23,7 +23,7 @@ from afford.rgbd.model.config import VARIANTS
 from afford.rgbd.model.model import build
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
-from commands.settings import described
+from commands.blocks import described
 from stages.rgbd import sor3d_report
 from stages.twohands.model_train import SOR3D, SOR3D_PAPER
 
@@ -83,7 +83,7 @@ def told(asked: argparse.Namespace) -> str:
 
 def schedule() -> str:
     """Every parameter of the training in which small and paper differ."""
-    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc in described(SOR3D)]
+    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc, _ in described(SOR3D)]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.padding import Padding
 
+from afford.common.registry import block
 from commands.errors import UsageError, unknown
 from commands.registries import Backend, everywhere, third_party
 from commands.settings import settings
@@ -93,9 +94,10 @@ def _weights(backend: Backend, owner: str, params: Any) -> str:
     """Whether the files of the model that the settings name are here, by their names alone."""
     if not backend.weights:
         return ""
-    model = getattr(params, "model", "") if getattr(params, "backend", "") == backend.name else ""
+    own = block(params, backend.name)
+    model = getattr(own, "model", "") if getattr(params, "backend", "") == backend.name else ""
     if not model:
-        return f"no weights named; --set {owner}.backend={backend.name} --set {owner}.model=FOLDER"
+        return f"no weights named; --set {owner}.backend={backend.name} --set {owner}.{backend.name}.model=FOLDER"
     place = Path(model).expanduser()
     if place.is_file() or (place.is_dir() and any(place.rglob("*.safetensors")) and any(place.rglob("*.json"))):
         return ""
@@ -122,9 +124,10 @@ def _server(backend: Backend, owner: str, params: Any) -> str:
     """Whether an address and a key are given; the key is not looked at, and nobody is asked."""
     if not backend.server:
         return ""
-    if not getattr(params, "url", ""):
-        return f"no server named; --set {owner}.backend={backend.name} --set {owner}.url=http://HOST:PORT/v1"
-    variable = getattr(params, "key_variable", "")
+    own = block(params, backend.name)
+    if not getattr(own, "url", ""):
+        return f"no server named; --set {owner}.backend={backend.name} --set {owner}.{backend.name}.url=http://HOST:PORT/v1"
+    variable = getattr(own, "key_variable", "")
     return f"environment variable {variable} is not set" if variable and variable not in os.environ else ""
 
 

@@ -9,13 +9,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.padding import Padding
 
+from commands.blocks import Described, described
 from commands.errors import unknown
-from commands.settings import described
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 
 PIPED_WIDTH = 100
 """columns where no terminal says how many"""
-COLUMNS = ("system", "stage", "name", "type", "default", "doc")
+COLUMNS = ("system", "stage", "name", "type", "default", "doc", "selected")
 
 
 def show(word: str | None, json: bool) -> int:
@@ -31,14 +31,22 @@ def show(word: str | None, json: bool) -> int:
         sys.stdout.write(encoder.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows]) + "\n")
         return 0
     for system in dict.fromkeys(row[0] for row in rows):
-        _print(system, [(f"{row[1]}.{row[2]}", row[3], repr(row[4]), row[5]) for row in rows if row[0] == system])
+        _print(system, [(stage, Described(*row)) for home, stage, *row in rows if home == system])
     return 0
 
 
-def _print(system: str, rows: list[tuple[str, str, str, str]]) -> None:
-    """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe."""
+def _print(system: str, rows: list[tuple[str, Described]]) -> None:
+    """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe. Each block of a backend has a
+    line that says whether this backend is selected."""
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
     console.print(f"[bold underline]{system}[/]", highlight=False)
-    for name, kind, default, doc in rows:
-        console.print(f"[bold]{name}[/]  {escape(default)}  [dim]{escape(kind)}[/]", highlight=False, overflow="fold")
-        console.print(Padding(escape(doc), (0, 0, 0, 4)), highlight=False, overflow="fold")
+    before = ""
+    for stage, one in rows:
+        block, dot, _ = one.name.rpartition(".")
+        if dot and f"{stage}.{block}" != before:
+            used = "selected" if one.selected else f"used with {stage}.backend={block}"
+            console.print(f"[bold]{stage}.{block}[/]  [dim]{used}[/]", highlight=False, overflow="fold")
+        before = f"{stage}.{block}" if dot else ""
+        console.print(f"[bold]{stage}.{one.name}[/]  {escape(repr(one.value))}  [dim]{escape(one.type)}[/]", highlight=False,
+                      overflow="fold")
+        console.print(Padding(escape(one.doc), (0, 0, 0, 4)), highlight=False, overflow="fold")

@@ -1,10 +1,9 @@
-"""Parameters from the command line and from files: `--set STAGE.PARAM=VALUE` and `--params FILE` (TOML or JSON)."""
+"""Parameters from the command line and from files: `--set STAGE.PARAM=VALUE`, `--set STAGE.BACKEND.PARAM=VALUE` and
+`--params FILE` (TOML or JSON)."""
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
 import itertools
 import json
 import tomllib
@@ -13,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from commands.blocks import blocks, not_one_value, refusal, types
 from commands.bounds import check
 from commands.errors import UsageError, unknown
 from maps.settings import PRESETS, SYSTEM_OF, Settings
@@ -64,7 +64,16 @@ def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
     for stage, table in tables.items():
         if not isinstance(table, dict):
             raise UsageError(f"--params {path}: {stage}: expected a table of parameters, got {type(table).__name__}")
-        yield from ((stage, name, value) for name, value in table.items())
+        yield from ((stage, name, value) for name, value in _flat(table))
+
+
+def _flat(table: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by name, those of a table of a backend as BACKEND.NAME."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{above}{name}.")
+        else:
+            yield above + name, value
 
 
 def _split(word: str) -> tuple[str, str, str]:
@@ -78,16 +87,28 @@ def _split(word: str) -> tuple[str, str, str]:
 def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if stage not in SYSTEM_OF:
         raise unknown("stage", stage, SYSTEM_OF)
-    params = chosen.params(stage)
-    types = typing.get_type_hints(type(params))
-    if name not in types:
-        raise unknown(f"parameter of {stage}", name, types)
-    fitted = _fit(f"{stage}.{name}", value, types[name])
-    check(stage, name, fitted, params)
+    return chosen.with_stages(**{stage: _changed(chosen.params(stage), stage, name, value)})
+
+
+def _changed(params: Any, where: str, name: str, value: Any) -> Any:
+    """`params` with one field changed, of a block where the name is BLOCK.FIELD."""
+    name, _, inner = name.partition(".")
+    kinds = types(params)
+    if name not in kinds:
+        raise refusal(where, name, params)
+    if name in blocks(params):
+        if not inner:
+            raise not_one_value(where, name, params)
+        fitted = _changed(getattr(params, name), f"{where}.{name}", inner, value)
+    elif inner:
+        raise UsageError(f"{where}.{name}.{inner}: {where}.{name} is one value and has no parameters; write {where}.{name}")
+    else:
+        fitted = _fit(f"{where}.{name}", value, kinds[name])
+        check(where, name, fitted, params)
     try:
-        return chosen.with_stages(**{stage: dataclasses.replace(params, **{name: fitted})})
+        return dataclasses.replace(params, **{name: fitted})
     except ValueError as error:
-        raise UsageError(f"{stage}.{name}: {error}") from error
+        raise UsageError(f"{where}.{name}: {error}") from error
 
 
 def _fit(where: str, value: Any, kind: Any) -> Any:
@@ -127,16 +148,3 @@ def _convert(value: Any, kind: Any) -> Any:
 def _items(text: str) -> list[Any]:
     """`a,b`, or a list as JSON has it: `["a", "b"]`."""
     return json.loads(text) if text.strip().startswith("[") else [word.strip() for word in text.split(",") if word.strip()]
-
-
-def described(params: Any) -> Iterator[tuple[str, str, Any, str]]:
-    """(name, type, value, doc line) of every field of a stage's Params; the doc line is the string literal under the field."""
-    body = ast.parse(inspect.getsource(type(params))).body[0]
-    assert isinstance(body, ast.ClassDef)
-    docs: dict[str, str] = {}
-    for field, after in zip(body.body, [*body.body[1:], None], strict=True):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-            literal = after.value if isinstance(after, ast.Expr) else None
-            docs[field.target.id] = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
-    for item in dataclasses.fields(params):
-        yield item.name, str(item.type), getattr(params, item.name), docs.get(item.name, "")

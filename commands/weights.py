@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from afford.common.registry import block
 from commands.errors import UsageError
 from commands.registries import of_stage
 from maps.settings import SYSTEM_OF, Settings
@@ -27,11 +28,12 @@ def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
             named[stage] = dataclasses.replace(params, backbones=_label(params.backbones))
         if not (_asked(params) and reads_weights(params)):
             continue
-        if not params.model:
-            raise UsageError(f"{stage}.backend={params.backend} reads weights, and none are named: add "
-                             f"--set {stage}.model=MODEL, {_needs(stage, params.backend)}")
-        found[stage] = _files(f"{stage}.model", params.model, digest)
-        named[stage] = dataclasses.replace(params, model=_label(params.model))
+        name, own = params.backend, block(params, params.backend)
+        if not own.model:
+            raise UsageError(f"{stage}.backend={name} reads weights, and none are named: add "
+                             f"--set {stage}.{name}.model=MODEL, {_needs(stage, name)}")
+        found[stage] = _files(f"{stage}.{name}.model", own.model, digest)
+        named[stage] = dataclasses.replace(params, **{name: dataclasses.replace(own, model=_label(own.model))})
     return dataclasses.replace(chosen.with_stages(**named), weights=tuple(found.items()))
 
 
@@ -45,7 +47,8 @@ def reads_weights(params: Any) -> bool:
 def _asked(params: Any) -> bool:
     """Whether a model is named, or a backend that is not the usual one; a usual one without a model is not used at all."""
     usual = next((field.default for field in dataclasses.fields(params) if field.name == "backend"), "")
-    return bool(getattr(params, "model", "")) or getattr(params, "backend", "") != usual
+    backend = getattr(params, "backend", "")
+    return bool(getattr(block(params, backend), "model", "")) or backend != usual
 
 
 def _needs(stage: str, backend: str) -> str:

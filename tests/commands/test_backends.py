@@ -35,12 +35,12 @@ def test_every_entry_of_every_registry_is_listed_with_a_sentence() -> None:
 
 
 def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
-    """Those that read weights say so, and Params of their stages have a model, a device and a type of numbers."""
+    """Those that read weights say so, and their parameters have a model, a device and a type of numbers."""
     rows = found()
     assert {key for key, row in rows.items() if "weights" in str(row["needs"])} >= LEARNED
     for stage, name in LEARNED:
-        params = importlib.import_module(MODULES[stage]).Params(backend=name)
-        assert (params.model, params.device, params.dtype) == ("", "cpu", "float32")
+        own = getattr(importlib.import_module(MODULES[stage]).Params(), name)
+        assert (own.model, own.device, own.dtype) == ("", "cpu", "float32")
 
 
 def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,13 +51,13 @@ def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (full / "config.json").write_text("{}")
     (full / "model.safetensors").write_bytes(b"")
     key = ("mask_score", "clip")
-    assert "--set mask_score.model=FOLDER" in str(found("mask_score")[key]["why_not"])
+    assert "--set mask_score.clip.model=FOLDER" in str(found("mask_score")[key]["why_not"])
     sets = ("mask_score", "--set", "mask_score.backend=clip", "--set")
-    assert "got none" in str(found(*sets, f"mask_score.model={empty}")[key]["why_not"])
-    assert "no such folder" in str(found(*sets, "mask_score.model=/nowhere/at/all")[key]["why_not"])
-    assert found(*sets, f"mask_score.model={full}")[key]["usable"] is True
-    asked = ("part_describe", "--set", "part_describe.url=http://127.0.0.1:1/v1",
-             "--set", "part_describe.key_variable=SOME_KEY_HERE")  # fmt: skip
+    assert "got none" in str(found(*sets, f"mask_score.clip.model={empty}")[key]["why_not"])
+    assert "no such folder" in str(found(*sets, "mask_score.clip.model=/nowhere/at/all")[key]["why_not"])
+    assert found(*sets, f"mask_score.clip.model={full}")[key]["usable"] is True
+    asked = ("part_describe", "--set", "part_describe.endpoint.url=http://127.0.0.1:1/v1",
+             "--set", "part_describe.endpoint.key_variable=SOME_KEY_HERE")  # fmt: skip
     monkeypatch.delenv("SOME_KEY_HERE", raising=False)
     assert found(*asked)["part_describe", "endpoint"]["why_not"] == "environment variable SOME_KEY_HERE is not set"
     monkeypatch.setenv("SOME_KEY_HERE", "sk-secret-123")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from afford.dataset.card import MADE
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import build
+from commands.blocks import blocks, types
 from commands.bounds import EVERYWHERE, WORDS, check, registry
 from commands.errors import UsageError
 from commands.settings import settings
@@ -20,15 +19,16 @@ def test_what_the_project_chooses_is_never_refused() -> None:
     """Defaults of every stage, and presets."""
     chosen = [(stage, Settings().params(stage)) for stage in SYSTEM_OF]
     for stage, params in [*chosen, *((stage, params) for (stage, _, _), params in PRESETS.items())]:
-        for field in dataclasses.fields(params):
-            check(stage, field.name, getattr(params, field.name), params)
+        for one in (params, *blocks(params).values()):
+            for name in types(one).keys() - blocks(one).keys():
+                check(stage, name, getattr(one, name), one)
 
 
 @pytest.mark.parametrize(
     ("word", "hint"),
     [
         ("mask_densify.radius=-1", r"mask_densify\.radius: expected 0 or more, got -1"),
-        ("mask_densify.search_px=-1", "expected 0 or more"),
+        ("mask_densify.flow.search_px=-1", "expected 0 or more"),
         ("mask_densify.max_step_frames=-3", "expected 0 or more"),
         ("frame_decode.width_px=0", r"frame_decode\.width_px: expected 1 or more, got 0"),
         ("frame_decode.height_px=-5", "expected 1 or more"),
@@ -37,7 +37,7 @@ def test_what_the_project_chooses_is_never_refused() -> None:
         ("score_cases.levels=0.1,nan", "expected a finite number, got nan"),
         ("motion_synthesise.reach_s=-1,2", "expected 0 or more, got -1"),
         ("motion_synthesise.rate_hz=0", "expected more than 0, got 0"),
-        ("mask_densify.device=gpu", "expected cpu, cuda or cuda:N, got 'gpu'"),
+        ("mask_densify.sam2.device=gpu", "expected cpu, cuda or cuda:N, got 'gpu'"),
         ("narration_labelling.policy=lst", "did you mean 'last'"),
         ("dataset_pack.split_by=vidoe", "did you mean 'video'"),
         ("dataset_pack.val_fraction=1.5", "expected a share below 1"),
@@ -56,8 +56,8 @@ def test_what_cannot_be_is_refused(word: str, hint: str) -> None:
         settings([word], None)
 
 
-@pytest.mark.parametrize("word", ["mask_densify.radius=0", "mask_densify.max_step_frames=0", "hand_inpaint.window_px=0",
-                                  "mask_densify.device=cuda:1", "sor3d_report.steps=0", "hand_inpaint.ddim_eta=0",
+@pytest.mark.parametrize("word", ["mask_densify.radius=0", "mask_densify.max_step_frames=0", "hand_inpaint.lama.window_px=0",
+                                  "mask_densify.sam2.device=cuda:1", "sor3d_report.steps=0", "hand_inpaint.vidm.ddim_eta=0",
                                   "grasp_report.engines=mujoco", "dataset_pack.val_fraction=0"])  # fmt: skip
 def test_what_can_be_is_taken(word: str) -> None:
     """0 where it means none, or any."""

@@ -16,9 +16,9 @@ import pytest
 
 from commands.backends import rows
 from commands.backends import show as show_backends
+from commands.blocks import described
 from commands.params import show as show_params
 from commands.publish import LISTED
-from commands.settings import described
 from maps.settings import SYSTEM_OF, SYSTEMS, Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
@@ -289,7 +289,7 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
     for stage in SYSTEM_OF:
         for field in dataclasses.fields(Settings().params(stage)):
             assert re.search(rf"^{stage}\.{field.name} ", text, re.MULTILINE), f"{stage}.{field.name}"
-    docs = [doc for _, _, _, doc in described(mask_densify.Params())]
+    docs = [one.doc for one in described(mask_densify.Params())]
     assert all(doc in " ".join(text.split()) for doc in docs) and not all(doc in text for doc in docs) and "…" not in text
     assert max(map(len, text.splitlines())) <= (80 if terminal else 100)
 

@@ -76,11 +76,11 @@ def test_a_column_that_fails_leaves_the_other(made: Made, tmp_path: Path) -> Non
     foreign.mkdir()
     (foreign / "config.json").write_text('{"model_type": "clip"}')
     both = ("--set", "object_completion.backend=template,sam2")
-    said = mine.run("extraction-report", *both, "--set", f"object_completion.model={foreign}")
+    said = mine.run("extraction-report", *both, "--set", f"object_completion.sam2.model={foreign}")
     assert said.code == 1 and "object_completion_sam2" in said.words
     assert "| measure | template |" in Path(said.json["outputs"]["page"]).read_text()
     refused = mine.run("extraction-report", *both)
-    assert refused.code == 2 and "object_completion.model=MODEL" in refused.words
+    assert refused.code == 2 and "object_completion.sam2.model=MODEL" in refused.words
 
 
 def test_a_comparison_is_planned_like_any_run(tmp_path: Path) -> None:

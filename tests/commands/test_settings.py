@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from commands.blocks import described
 from commands.errors import UsageError
-from commands.settings import described, settings
+from commands.settings import settings
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 from stages.extraction import extraction_report
 from stages.twohands.model_train import SOR3D_PAPER
@@ -86,8 +87,8 @@ def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
     for stage in SYSTEM_OF:
-        for name, kind, _, doc in described(Settings().params(stage)):
-            assert doc, f"{stage}.{name} ({kind}) has no doc line"
+        for one in described(Settings().params(stage)):
+            assert one.doc, f"{stage}.{one.name} ({one.type}) has no doc line"
 
 
 def test_a_stage_belongs_to_one_system() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from afford.extraction.tracks.propagate import Sam2
 from afford.models.hub import files, find
 from afford.models.weights import placed, root, stamp
 from commands import backends
@@ -21,7 +22,6 @@ from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Graph
 from schemas.files import FileRef, FileTree
-from stages.extraction import mask_densify
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,7 +51,7 @@ def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
 
 
 def test_params_say_where_the_files_lie(model: Path) -> None:
-    params = mask_densify.Params("sam2", "label")
+    params = Sam2("label")
     assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
 
 
@@ -74,11 +74,11 @@ def test_a_stamp_tells_changed_files(model: Path) -> None:
 
 def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
-    chosen = settings(["mask_densify.backend=sam2", f"mask_densify.model={model}", f"object_completion.model={model}",
-                       "part_describe.backend=endpoint", "part_describe.model=gpt"], None)  # fmt: skip
+    chosen = settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={model}", f"object_completion.sam2.model={model}",
+                       "part_describe.backend=endpoint", "part_describe.endpoint.model=gpt"], None)  # fmt: skip
     found = weighed(chosen, digest)
     assert [stage for stage, _ in found.weights] == ["mask_densify"]
-    assert (found.extraction.mask_densify.model, found.surface.part_describe.model) == ("model", "gpt")
+    assert (found.extraction.mask_densify.sam2.model, found.surface.part_describe.endpoint.model) == ("model", "gpt")
     assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
     assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
 
@@ -101,13 +101,13 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
 def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: Path) -> None:
     """The parameter is named."""
     name = str(tmp_path) if name == "EMPTY" else name
-    with pytest.raises(UsageError, match=f"mask_densify.model: .*{said}"):
-        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
+    with pytest.raises(UsageError, match=f"mask_densify.sam2.model: .*{said}"):
+        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
 
 
 def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
     """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
-    with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.model=MODEL, a Sam2VideoModel"):
+    with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.sam2.model=MODEL, a Sam2VideoModel"):
         weighed(settings(["mask_densify.backend=sam2"], None), digest)
     assert reads_weights(Settings.grasping.grasp_judge) and weighed(Settings(), digest) == Settings()
 
@@ -144,8 +144,8 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
         return str(model)
 
     monkeypatch.setattr("huggingface_hub.snapshot_download", download)
-    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
-    assert called == [(repository, revision)] and chosen.extraction.mask_densify.model == name
+    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
+    assert called == [(repository, revision)] and chosen.extraction.mask_densify.sam2.model == name
 
 
 @pytest.mark.parametrize("name", ["owner/model@", "owner/model@-x", "owner/model@a b", "owner/model@a@b", "@main"])

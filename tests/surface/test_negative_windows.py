@@ -59,7 +59,7 @@ def test_the_stage_skips_windows_with_next_to_nothing_in_them() -> None:
     assert len({(view, mask.tobytes()) for view, mask in zip(found.view.tolist(), found.masks, strict=True)}) == len(found.view)
     few, every = (x.windows(changed(GRID, least_window=share)) for share in (0.2, 0.0))
     assert len(few.view) < len(found.view) < len(every.view)
-    with pytest.raises(ValueError, match=r"mask_propose.windows: expected 1 or more"):
+    with pytest.raises(ValueError, match=r"mask_propose.grid.windows: expected 1 or more"):
         x.windows(changed(GRID, windows=0))
 
 

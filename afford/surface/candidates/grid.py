@@ -36,7 +36,7 @@ def windows(on: np.ndarray, count: int) -> np.ndarray:
     """(count ** 2, h, w) bool: squares that overlap by half and together cover the square around a silhouette (h, w) bool, cut with
     it. ValueError when there is not one along a side."""
     if count < 1:
-        raise ValueError(f"mask_propose.windows: expected 1 or more along a side, got {count}")
+        raise ValueError(f"mask_propose.grid.windows: expected 1 or more along a side, got {count}")
     rows, columns = (_bands(side, max(s.stop - s.start for s in box(on)), length, count)
                      for side, length in zip(box(on), on.shape, strict=True))  # fmt: skip
     return (rows[:, None, :, None] & columns[None, :, None, :]).reshape(-1, *on.shape) & on

@@ -23,7 +23,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype) -> Generator:
     path = Path(name)
     if not name or not path.is_file():
         got = f"got {name!r}, which is no file" if name else "got ''"
-        raise ValueError(f"backend 'lama' needs a model: expected {NEEDED}, {got}; set hand_inpaint.model")
+        raise ValueError(f"backend 'lama' needs a model: expected {NEEDED}, {got}; set hand_inpaint.lama.model")
     given = generator_tensors(read_tensors(path))
     with torch.device("meta"):
         model = Generator(config_of(given, str(path)))

@@ -46,7 +46,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype, published: VidmCon
     path = Path(name)
     if not name or not path.exists():
         got = f"got {name!r}, which is not there" if name else "got ''"
-        raise ValueError(f"backend 'vidm' needs a model: expected {NEEDED}, {got}; set hand_inpaint.model")
+        raise ValueError(f"backend 'vidm' needs a model: expected {NEEDED}, {got}; set hand_inpaint.vidm.model")
     config = read_config(path / CONFIG) if path.is_dir() else published
     with torch.device("meta"):
         model = Vidm(config)
