@@ -121,7 +121,8 @@ RUNS: dict[str, Run] = {
     "static-sets": Run("static-sets", {**SEQUENCES, **{name: value for name, value in SOR3D.items() if "sor3d_train" in name},
                                        **BOXES, "static_evaluate.shown": 2}),
     "recordings of a bare video": Run("recordings", FINDER, source="video"),
-    "negative-affordance of a mesh": Run("negative-affordance", {**OBJECTS, **SURFACE, "mesh_texture.procedural.side_px": 128}, source="mesh"),
+    "negative-affordance of a mesh": Run("negative-affordance", {
+        **OBJECTS, **SURFACE, "mesh_texture.procedural.side_px": 128}, source="mesh"),
     "sor3d after actions": Run("sor3d", {
         **SEQUENCES, **SOR3D, "sor3d_report.pretrained": "true", "sor3d_report.actions": "source:actions",
         "action_read.size_px": 32, "action_pack.val_share": 0.5, "sor3d_report.resamples": 20, "sor3d_evaluate.shown": 1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from commands.settings import settings
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 from stages.extraction import extraction_report
 from stages.twohands.model_train import SOR3D_PAPER
+from tests.helpers.command import call
 
 
 def test_nothing_said_gives_the_defaults() -> None:
@@ -65,6 +67,58 @@ def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
     """Each refusal names the field and what to do."""
     with pytest.raises(UsageError, match=hint):
         settings([word], None)
+
+
+def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
+    """By its dotted name, and by a table of a file; the rest of the block and the other blocks stay."""
+    file = tmp_path / "p.toml"
+    file.write_text("[mask_densify]\nradius = 3\n[mask_densify.sam2]\nmemory_keys = 4\ncache_frames = 2\n")
+    chosen = settings(["mask_densify.sam2.memory-keys=5"], file).extraction.mask_densify
+    usual = Settings.extraction.mask_densify
+    sam2 = dataclasses.replace(usual.sam2, memory_keys=5, cache_frames=2)
+    assert chosen == dataclasses.replace(usual, radius=3, sam2=sam2)
+
+
+@pytest.mark.parametrize(("word", "said"), [
+    ("mask_densify.model=DIR", "mask_densify.model is a parameter of the backend sam2; write mask_densify.sam2.model"),
+    ("mask_densify.search_px=2", "mask_densify.search_px is a parameter of the backend flow; write mask_densify.flow.search_px"),
+    ("hand_inpaint.batch=2", "hand_inpaint.batch is a parameter of the backends vidm and lama; write hand_inpaint.vidm.batch or "
+     "hand_inpaint.lama.batch"),
+    ("mask_propose.grid=32", "mask_propose.grid holds the parameters of the backend grid; write mask_propose.grid.windows or "
+     "mask_propose.grid.least_window; what was mask_propose.grid is mask_propose.sam.grid"),
+    ("part_describe.url=http://me:secret@host", "part_describe.url is a parameter of the backend endpoint; write "
+     "part_describe.endpoint.url"),
+    ("mask_densify.sam2.modle=x", "unknown parameter of mask_densify.sam2 'modle'; did you mean 'model'? Valid: cache_frames, "
+     "device, dtype, memory_keys, model"),
+    ("mask_densify.radius.px=3", "mask_densify.radius.px: mask_densify.radius is one value and has no parameters; write "
+     "mask_densify.radius"),
+])  # fmt: skip
+def test_a_name_that_a_parameter_had_is_refused_with_the_one_that_it_has(word: str, said: str, tmp_path: Path) -> None:
+    """The same from a file; no value is shown."""
+    with pytest.raises(UsageError) as caught:
+        settings([word], None)
+    assert str(caught.value) == said
+    stage, _, rest = word.partition(".")
+    name, _, value = rest.partition("=")
+    (tmp_path / "p.json").write_text(json.dumps({stage: {name: value}}))
+    with pytest.raises(UsageError) as caught:
+        settings([], tmp_path / "p.json")
+    assert str(caught.value) == said
+
+
+def test_old_names_end_with_exit_code_2() -> None:
+    """One sentence on the command line."""
+    refused = call("run", "dataset", "--dry-run", "--set", "mask_densify.model=DIR")
+    assert refused.code == 2 and refused.err.count("\n") == 1 and "write mask_densify.sam2.model" in refused.err
+
+
+def test_blocks_are_described_and_the_selected_one_is_marked() -> None:
+    """Name by name, after what every backend reads, with the defaults of the stage: fewer words of a judge than of a describer."""
+    rows = {one.name: one for one in described(Settings().params("grasp_judge"))}
+    assert list(rows)[:2] == ["backend", "frames"] and rows["vlm.new_tokens"].value == rows["endpoint.new_tokens"].value == 256
+    assert {name for name, one in rows.items() if not one.selected} == {name for name in rows if name.startswith("endpoint.")}
+    told = {row["name"]: row for row in call("params", "mask_densify", "--json").json}
+    assert told["flow.search_px"]["selected"] and not told["sam2.model"]["selected"] and told["radius"]["selected"]
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
