@@ -31,6 +31,8 @@ from benchmarks.pin_sources import written  # noqa: E402
 from commands.run import Request  # noqa: E402
 from commands.session import seen_runner  # noqa: E402
 from commands.store import planned  # noqa: E402
+from commands.targets import use  # noqa: E402
+from pipeline import TARGETS, build  # noqa: E402
 from runner import Runner  # noqa: E402
 from runner.keys import machine_kind  # noqa: E402
 
@@ -293,6 +295,7 @@ def asked(argv: Sequence[str] | None) -> argparse.Namespace:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the targets; pin what they made, or compare it with what is pinned."""
     options = asked(argv)
+    use(TARGETS, build)
     store, before, good = options.store.absolute(), pinned()["targets"], True
     for name in options.names:
         seconds = make(RUNS[name], store)
