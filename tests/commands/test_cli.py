@@ -9,7 +9,10 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
+from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import h5py
 import pytest
@@ -263,15 +266,22 @@ def test_verify_finds_a_whole_store_whole(made: Made) -> None:
     assert found["ok"] and found["blobs"] > 50 and found["damaged"] == found["missing"] == found["changed"] == []
 
 
+def _leaves(params: Any) -> Iterator[str]:
+    """Names of all parameters, those of a block as BLOCK.NAME."""
+    for field in dataclasses.fields(params):
+        inner = getattr(params, field.name)
+        is_block = dataclasses.is_dataclass(inner)
+        yield from (f"{field.name}.{name}" for name in _leaves(inner)) if is_block else (field.name,)
+
+
 def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     """Of every stage, or of one. A default is what holds when nothing is said, also where a target changes that of the stage."""
     rows = call("params", "--json").json
-    wanted = {(system, stage, field.name) for stage, system in SYSTEM_OF.items()
-              for field in dataclasses.fields(Settings().params(stage))}  # fmt: skip
+    wanted = {(system, stage, name) for stage, system in SYSTEM_OF.items() for name in _leaves(Settings().params(stage))}
     assert {(row["system"], row["stage"], row["name"]) for row in rows} == wanted
     assert all(row["type"] and row["doc"] for row in rows)
     for row in rows:
-        in_force = getattr(Settings().params(row["stage"]), row["name"])
+        in_force = reduce(getattr, row["name"].split("."), Settings().params(row["stage"]))
         assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
     assert Settings.rgbd.sor3d_train != type(Settings.rgbd.sor3d_train)()
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
