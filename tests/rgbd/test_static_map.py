@@ -21,7 +21,7 @@ from schemas.files import FileTree
 from tests.helpers.made_interactions import iit_aff, umd
 from tests.helpers.made_sor3d import FEW, STEPS
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SMALL = FEW.with_stages(boxes_train=replace(Settings.rgbd.boxes_train, **STEPS),
                         static_read=replace(Settings.rgbd.static_read, crop_px=16),
                         static_evaluate=replace(Settings.rgbd.static_evaluate, shown=1))
