@@ -1,8 +1,12 @@
-# Every target sets up the virtual environment first, when it is missing or older than what it is made from.
+# Every target sets up the virtual environment first, when it is missing or older than what it is made from: what users need, and
+# for `test`, `lint` and the like what developers need beside it.
 PYTHON ?= python3
 VENV   := .venv
 PY     := $(VENV)/bin/python
 READY  := $(VENV)/.ready
+DEV    := $(VENV)/.ready-dev
+PIP    := $(PY) -m pip install --quiet --disable-pip-version-check
+PINNED := $(PIP) --no-deps --require-hashes --requirement
 RUN    := $(PY) pipeline.py
 ARGS   ?=
 
@@ -11,22 +15,36 @@ SOURCE    ?=
 STAGE     ?=
 RECORDING ?= artifacts/recordings
 STORE     ?= artifacts
+EXTRA     ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup constraints dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \
 	awk -F ':.*## ' -v bold="$$bold" -v plain="$$plain" '/^[a-z0-9-]+:.*## / {printf "  %s%-20s%s %s\n", bold, $$1, plain, $$2}' $(MAKEFILE_LIST)
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt constraints-torch.txt install/backend.py install/_afford_gymnasium.py
+	@$(PYTHON) install/preflight.py
 	@echo "setting up $(VENV) (first time: a few minutes)"
 	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
-	@$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	@$(PINNED) constraints.txt
+	@$(PIP) --requirement constraints-torch.txt
+	@$(PIP) --no-deps --no-build-isolation --editable .
 	@rm -rf afford.egg-info build
 	@touch $@
 
-setup: $(READY) ## make .venv with everything but the extras `ray` and `gpu`
+$(DEV): $(VENV)/.ready-film
+
+$(VENV)/.ready-%: constraints-%.txt $(READY)
+	@$(PINNED) $<
+	@touch $@
+
+setup: $(READY) $(if $(EXTRA),$(VENV)/.ready-$(EXTRA)) ## make .venv, with `afford` in it (EXTRA=gpu: mujoco-warp, film: RecordVideo, dev: tests and lint)
+
+constraints: $(READY) ## pin and hash what is installed, show that it resolves on each Python (ARGS=--check, --upgrade)
+	@$(PY) -m uv --version > /dev/null 2>&1 || $(PIP) uv
+	@$(PY) install/constraints.py $(ARGS)
 
 dataset: $(READY) ## build the data set (SOURCE=DIR: from your own or an EPIC-format root)
 	@$(RUN) run dataset --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
@@ -59,28 +77,28 @@ sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOUR
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
-test: $(READY) ## run the tests (not those marked slow or npm)
+test: $(DEV) ## run the tests (not those marked slow or npm)
 	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
 
-test-all: $(READY) ## run every test
+test-all: $(DEV) ## run every test
 	@$(PY) -m pytest $(ARGS)
 
 check: lint types test ## what CI runs
 
-lint: $(READY) ## ruff and import-linter: style, and which room may import which
+lint: $(DEV) ## ruff and import-linter: style, and which room may import which
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/lint-imports
 
-format: $(READY) ## ruff: sort imports and mend what can be mended
+format: $(DEV) ## ruff: sort imports and mend what can be mended
 	@$(VENV)/bin/ruff check --fix .
 
-types: $(READY) ## mypy
+types: $(DEV) ## mypy
 	@$(VENV)/bin/mypy
 
 inspect: $(READY) ## summarise the recordings (RECORDING=PATH)
 	@$(RUN) inspect "$(RECORDING)" $(ARGS)
 
-bench: $(READY) ## run every benchmark; each writes its own Markdown table
+bench: $(DEV) ## run every benchmark; each writes its own Markdown table
 	@for script in benchmarks/bench_*.py; do echo "$$script"; PYTHONPATH=. $(PY) $$script || exit 1; done
 
 clean: ## delete everything that can be made again (artifacts), keep .venv

@@ -10,8 +10,6 @@ import sys
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from afford.common.registry import load
-
 if TYPE_CHECKING:
     from maps.settings import Origin, Settings
     from runner import Graph
@@ -37,8 +35,13 @@ TARGETS = {"dataset": "maps.extraction:dataset",
 """target -> the lines of its graph, in the order of the help; a map, and with it its stages, is loaded when it is built"""
 
 
+ROOMS = ("commands", "maps", "runner", "schemas", "stages")
+"""top-level names of ours beside afford; a module of the user's with one of them hides ours"""
+
+
 def build(target: str, origin: Origin, p: Settings) -> Graph:
     """The graph of one target of `TARGETS`."""
+    from afford.common.registry import load
     from runner import Graph
 
     g = Graph()
@@ -46,10 +49,21 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
     return g
 
 
-if __name__ == "__main__":
+def main() -> int:
+    """The command line: `python pipeline.py`, or the console script `afford`. SystemExit where it cannot begin."""
     if find_spec("typer") is None:
         raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
                          "or .venv/bin/python")  # fmt: skip
-    from commands.cli import main
+    try:
+        from afford.shadows import refuse
 
+        refuse(ROOMS)
+    except ImportError as error:
+        raise SystemExit(f"error: {error}") from None
+    from commands.cli import main as command
+
+    return command()
+
+
+if __name__ == "__main__":
     raise SystemExit(main())

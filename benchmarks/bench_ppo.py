@@ -1,6 +1,6 @@
 """Our PPO beside that of stable-baselines3 on Pendulum-v1, with equal settings; writes benchmarks/ppo.md.
 
-    pip install -c constraints.txt stable-baselines3 && PYTHONPATH=. python benchmarks/bench_ppo.py
+    pip install stable-baselines3 && PYTHONPATH=. python benchmarks/bench_ppo.py
 
 Both see normalised observations and rewards times 0.01, start with a spread of 1, and have equal networks, batches and rates;
 in turn, one thread, CPU seconds of the process. Pendulum ends by its time limit alone, which both bootstrap.

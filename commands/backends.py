@@ -80,7 +80,7 @@ def _row(backend: Backend, params: Any) -> Row:
 def _packages(backend: Backend) -> str:
     """Which packages are missing, '' for none."""
     missing = [name for name in sorted(third_party(backend)) if importlib.util.find_spec(name) is None]
-    hint = f'; pip install --constraint constraints.txt --editable ".[{backend.extra}]"' if backend.extra else "; make setup"
+    hint = f"; make setup EXTRA={backend.extra}" if backend.extra else "; make setup"
     return f"not installed: {', '.join(missing)}{hint}" if missing else ""
 
 

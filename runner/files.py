@@ -26,7 +26,7 @@ RACY_NS = 50_000_000  # a file younger than this when it is hashed may change ag
 GLANCE_BYTES = 1 << 26
 """files up to this size are hashed even where a glance is enough"""
 Stamp = tuple[int, int, int, int]
-FORMAT = "afford-store-2"
+FORMAT, FORMER = "afford-store-3", ("afford-store-2",)
 """part of every checksum, so that files of another version of the store do not fit"""
 HEAD = b'{"check":"'
 HEX = 64
@@ -57,20 +57,27 @@ def seal(tree: dict[str, Any], tag: str) -> bytes:
     """Encode a JSON object with its checksum; `tag` says what the object is, so that no other file fits in its place."""
     body = json.dumps(tree, separators=(",", ":")).encode()[1:]
     rest = b'",' + body if tree else b'"' + body
-    return HEAD + _checksum(rest, tag) + rest
+    return HEAD + _checksum(rest, tag, FORMAT) + rest
 
 
 def unseal(data: bytes, tag: str) -> Any:
     """Decode what `seal` encoded; DamagedError when a byte, or the tag, is another."""
     start = len(HEAD) + HEX
     rest = data[start:]
-    if data[:start] != HEAD + _checksum(rest, tag):
+    if data[:start] != HEAD + _checksum(rest, tag, FORMAT):
         raise DamagedError(f"expected a sealed {tag}, got {len(data)} bytes that do not fit their checksum")
     return json.loads(b"{" + rest.removeprefix(b'"').removeprefix(b","))
 
 
-def _checksum(rest: bytes, tag: str) -> bytes:
-    return blake3(f"{FORMAT} {tag}\0".encode() + rest).hexdigest().encode()
+def format_of(data: bytes, tag: str) -> str | None:
+    """The format, present or former, that sealed bytes are of; None when they fit none."""
+    start = len(HEAD) + HEX
+    fits = (form for form in (FORMAT, *FORMER) if data[:start] == HEAD + _checksum(data[start:], tag, form))
+    return next(fits, None)
+
+
+def _checksum(rest: bytes, tag: str, form: str) -> bytes:
+    return blake3(f"{form} {tag}\0".encode() + rest).hexdigest().encode()
 
 
 class FileMemo:

@@ -1,4 +1,4 @@
-"""The code that can run behind a stage, as one digest: static, transitive, importing nothing.
+"""The code that can run behind a stage, as one digest: static, transitive, importing nothing, free of locations.
 
 From the stage function every name is followed through our own modules: helpers, constants, classes with their methods and
 bases, default arguments, nested functions and lambdas, every import of a name, names that are passed on by another module.
@@ -7,20 +7,36 @@ field `backend`, `REFINES` by `refine`, a name or a tuple of names; at every ent
 a module does to other modules counts (`runner.effects`), and so do files listed in its `DATA_FILES`. A module that imports by
 computed name must say what, in `DYNAMIC = ("module", ...)`. Code that cannot be followed is refused with file and line
 (`runner.foreign`). What is not code is not seen: the environment, the working directory, the time.
+
+A closure is a graph: definitions, and from each the links that its text names. Walked from the stage along these links, in the
+order of their labels, every definition gets a number; the digest is taken over the definitions and the numbers that they link to.
+Where a definition lies and what its module is called is no part of it: two closures have the same digest when one can be laid over
+the other. What runs only because a module is loaded follows, in an order of its own. Where the code uses names of modules, as
+`__name__` and `__module__` do, these count.
 """
 
 from __future__ import annotations
 
+import re
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest, file_digest
-from runner.links import Linker, Links, linker_of
+from runner.links import LOADABLE, PROGRAM, WHOLE, Linker, Target, linker_of
 from runner.modules import Modules
-from runner.resolve import places
+from runner.resolve import Place, places
 from runner.source import MAIN, Module, SourceError, untyped, where
+
+DYNAMIC, LOADED = "<dynamic>", "<loaded>"
+"""names of what a module may load, and, with the number of a statement, of what it runs when it is loaded"""
+Known = tuple[str, tuple[Target, ...]]
+"""what a definition is, and where it leads"""
+Row = list[Any]
+"""[what a definition is, numbers of the definitions that it leads to]"""
 
 
 @dataclass
@@ -32,6 +48,8 @@ class Fingerprint:
     third_party: set[str]
     """top-level names of imported packages that are neither ours nor Python's"""
     files: set[str]
+    numbers: dict[Target, int] = field(default_factory=dict)
+    """(module, name) -> where the definition comes in the digest"""
 
 
 def fingerprint(modules: Modules, function: str, select: Mapping[str, object], apart: tuple[str, ...] = ()) -> Fingerprint:
@@ -41,13 +59,15 @@ def fingerprint(modules: Modules, function: str, select: Mapping[str, object], a
     module, _, name = function.partition(":")
     walk.start(module, name.partition(".")[0])
     walk.finish()
-    return Fingerprint(digest("afford-closure", walk.definitions), walk.definitions, walk.third_party, walk.files)
+    return Fingerprint(walk.digest(), walk.definitions, walk.third_party, walk.files, walk.numbers)
 
 
 def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
-    """One fingerprint of several functions that work on the same task."""
+    """One fingerprint of several functions that work on the same task: of each, and of what they have in common."""
     definitions = {name: code for part in parts for name, code in part.definitions.items()}
-    return Fingerprint(digest("afford-closure", definitions), definitions,
+    common = [sorted([part.numbers[key], other.numbers[key]] for key in part.numbers.keys() & other.numbers.keys())
+              for part, other in combinations(parts, 2)]
+    return Fingerprint(digest("afford-closures", [[part.digest for part in parts], common]), definitions,
                        set().union(*(part.third_party for part in parts)), set().union(*(part.files for part in parts)))
 
 
@@ -71,10 +91,32 @@ def declarations(modules: Modules, module: str) -> dict[str, Any]:
 
 
 def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
-    """Which definitions differ: '~m:f' changed, '+m:f' came, '-m:f' went."""
-    edited = [f"~{name}" for name in sorted(old.keys() & new.keys()) if old[name] != new[name]]
-    came, went = sorted(new.keys() - old.keys()), sorted(old.keys() - new.keys())
-    return [*edited, *(f"+{name}" for name in came), *(f"-{name}" for name in went)]
+    """Which definitions differ: '~m:f' changed, '+m:f' came, '-m:f' went. One that only moved to another module does not."""
+    went, came = _without_moved(old, new), _without_moved(new, old)
+    homes = {name: [full for full in came if _bare(full) == name] for name in map(_bare, came)}
+    edited = {full: full for full in went.keys() & came.keys()}
+    for full in sorted(went.keys() - edited.keys()):  # moved and edited at once
+        rest = [other for other in homes.get(_bare(full), ()) if other not in edited.values()]
+        edited |= {full: rest[0]} if len(rest) == 1 else {}
+    return [*(f"~{name}" for name in sorted(edited.values())), *(f"+{name}" for name in sorted(came.keys() - {*edited.values()})),
+            *(f"-{name}" for name in sorted(went.keys() - edited.keys()))]
+
+
+def _without_moved(some: Mapping[str, str], others: Mapping[str, str]) -> dict[str, str]:
+    """What the others do not have, wherever they have it."""
+    left = {full: code for full, code in some.items() if others.get(full) != code}
+    there = Counter((_bare(full), code) for full, code in others.items() if some.get(full) != code)
+    found = {}
+    for full, code in left.items():
+        if there[_bare(full), code]:
+            there[_bare(full), code] -= 1
+        else:
+            found[full] = code
+    return found
+
+
+def _bare(full: str) -> str:
+    return full.partition(":")[2]
 
 
 @dataclass
@@ -86,8 +128,15 @@ class _Closure:
     definitions: dict[str, str] = field(default_factory=dict)
     third_party: set[str] = field(default_factory=set)
     files: set[str] = field(default_factory=set)
-    _todo: list[tuple[str, str]] = field(default_factory=list)
-    _seen: set[tuple[str, str]] = field(default_factory=set)
+    numbers: dict[Target, int] = field(default_factory=dict)
+    everywhere: bool = False
+    """whether the names of modules may be part of what is made"""
+    _roots: list[int | None] = field(default_factory=list)
+    _rows: list[Row] = field(default_factory=list)
+    _todo: deque[Target] = field(default_factory=deque)
+    _known: dict[Target, Known] = field(default_factory=dict)
+    _loose: list[Target] = field(default_factory=list)
+    """what runs, or may, because a module is loaded, and has no number yet"""
     _loaded: set[str] = field(default_factory=set)
 
     def start(self, module: str, name: str) -> None:
@@ -96,94 +145,118 @@ class _Closure:
         if found is not None and (loose := untyped(found, name)):
             raise SourceError(f"{where(found, name)}: the parameter {loose[0]!r} of {name}() may be anything; annotate it with its "
                               "class, so that the code of its methods counts")
-        self._enter(module, name, f"{module}:{name}")
+        self._roots += map(self._number, self._entry(module, name, f"{module}:{name}"))
 
-    def _enter(self, module: str, name: str, place: str) -> None:
-        """Reach what 'module:name' is, wherever the module has it from."""
+    def finish(self) -> None:
+        """Number everything that can run."""
+        self._drain()
+        while self._loose:
+            found, self._loose = self._loose, []
+            for key in sorted(found, key=self._form) if len(found) > 1 else found:
+                self._roots.append(self._number(key))
+                self._drain()
+
+    def digest(self) -> str:
+        """Digest of the graph."""
+        homes = [module for module, _ in self.numbers] if self.everywhere else []
+        return digest("afford-closure", [self._roots, self._rows, homes])
+
+    def _number(self, key: Target) -> int | None:
+        """The number of a definition; None for one that does not count."""
+        if self.apart and key[0].partition(".")[0] in self.apart:
+            return None
+        if key not in self.numbers:
+            self.numbers[key] = len(self.numbers)
+            self._todo.append(key)
+        return self.numbers[key]
+
+    def _drain(self) -> None:
+        while self._todo:
+            code, targets = self._know(self._todo.popleft())
+            self._rows.append([code, [self._number(key) for key in targets]])
+
+    def _form(self, root: Target) -> str:
+        """Digest of what is reached from here, apart from where what is numbered already lies: by this loose ends are ordered."""
+        own, rows, todo = {root: 0}, list[Row](), deque([root])
+        while todo:
+            code, targets = self._know(todo.popleft())
+            fresh = [key for key in dict.fromkeys(targets) if key not in self.numbers and key not in own
+                     and key[0].partition(".")[0] not in self.apart]
+            own |= {key: len(own) + count for count, key in enumerate(fresh)}
+            todo += fresh
+            rows.append([code, [self.numbers.get(key, -own.get(key, 0) - 1) for key in targets]])
+        return digest("afford-form", rows)
+
+    def _know(self, key: Target) -> Known:
+        if key not in self._known:
+            self._known[key] = self._look(*key)
+        return self._known[key]
+
+    def _look(self, module_name: str, name: str) -> Known:
+        """What a definition is, and where it leads; what its module runs when it is loaded counts from now on."""
+        module = self.modules.get(module_name)
+        assert module is not None, f"{module_name} was found before"
+        if module_name not in self._loaded:
+            self._load(module)
+        if name[0] not in "</":
+            return self._item(module, name)
+        if name in (WHOLE, PROGRAM, LOADABLE):
+            return self._whole(module, name)
+        if name.startswith("/"):
+            return self._data(module, name[1:]), ()
+        if name == DYNAMIC:
+            return self._dynamic(module)
+        return self._define(module, "", (int(name.removeprefix(LOADED)),))
+
+    def _item(self, module: Module, name: str) -> Known:
+        if name in module.registries and self._is_registry(module, name):
+            return self._registry(module, name)
+        return self._define(module, name, (*module.items[name], *self.linker.effects(module).owned.get(name, ())))
+
+    def _define(self, module: Module, name: str, statements: tuple[int, ...]) -> Known:
+        found = self.linker.definition(module, name, statements)
+        label = name or f"<statement {module.statements[statements[0]]['digest'][:8]}>"
+        self.definitions[f"{module.name}:{label}"] = found.digest
+        self.third_party |= found.packages
+        self.everywhere |= found.everywhere
+        for loaded in found.loads:
+            if loaded.name not in self._loaded:
+                self._load(loaded)
+        return found.digest, found.targets
+
+    def _entry(self, module: str, name: str, place: str) -> list[Target]:
+        """What 'module:name' is, wherever the module has it from."""
         if self.modules.get(module) is None:
             raise SourceError(f"{place}: expected a module of this project, got {module!r}; correct the name")
         found = list(places(self.modules, self.modules.get(module), f"@{module}:{name}"))  # type: ignore[arg-type]  # not None, see above
         if not found:
             raise SourceError(f"{place}: expected a name of the module {module!r}, got {name!r}; correct the name")
-        for at in found:
-            if at.item is not None:
-                self.reach(at.name, at.item)
-            elif at.module is not None:
-                self._everything(at.name)
+        return list(filter(None, map(_target, found)))
 
-    def reach(self, module: str, name: str) -> None:
-        if (module, name) not in self._seen and module.partition(".")[0] not in self.apart:
-            self._seen.add((module, name))
-            self._todo.append((module, name))
-
-    def finish(self) -> None:
-        while self._todo:
-            self._visit(*self._todo.pop())
-
-    def _visit(self, module_name: str, name: str) -> None:
-        module = self.modules.get(module_name)
-        assert module is not None, f"{module_name} was found before"
-        self._load(module)
-        if self._is_registry(module, name):
-            self._registry(module, name)
-        elif name in module.items:
-            self._define(module, name, (*module.items[name], *self.linker.effects(module).owned.get(name, ())))
-
-    def _define(self, module: Module, name: str, statements: tuple[int, ...]) -> None:
-        self.definitions[f"{module.name}:{name}"] = self.linker.definition(module, statements)
-        for index in statements:
-            for imported in self.linker.imported(module.statements[index].get("loads", ())):
-                self._load(imported)
-            self._follow(self.linker.links(module, index), by_string=index not in self.linker.effects(module).outside)
-
-    def _follow(self, links: Links, *, by_string: bool) -> None:
-        """Reach what a statement leads to. What a string names is left out where only another package gets to see the string."""
-        self.third_party |= links.packages
-        for module, name in links.items | links.named if by_string else links.items:
-            self.reach(module, name)
-        for module in links.whole | links.programs:
-            self._everything(module)
-        for module in links.programs:
-            self.reach(module, MAIN)
-
-    def _everything(self, name: str) -> None:
-        """A module used as a value: whatever it has may be used, its own names and those that it imports."""
-        module = self.modules.get(name)
-        if module is None or (name, "*") in self._seen:
-            return
-        self._seen.add((name, "*"))
-        for item in module.items:
-            if item != MAIN:
-                self.reach(name, item)
-        for imported in module.imports.keys() - set(module.typing):
-            for place in places(self.modules, module, imported):
-                if place.item is not None:
-                    self.reach(place.name, place.item)
-                elif place.module is not None:
-                    self._everything(place.name)
+    def _whole(self, module: Module, use: str) -> Known:
+        """A module used as a value: whatever it has may be used, its own names, those that it imports, and what it is called. One
+        that is started runs its program."""
+        names = {name: [(module.name, name)] for name in module.items if name != MAIN or use == PROGRAM}
+        for name in module.imports.keys() - set(module.typing):
+            names.setdefault(name, []).extend(filter(None, map(_target, places(self.modules, module, name))))
+        stands = sorted((name, list(dict.fromkeys(targets))) for name, targets in names.items())
+        called = module.name if use == WHOLE else ""
+        return (digest("afford-module", [called, [[name, len(targets)] for name, targets in stands]]),
+                tuple(target for _, targets in stands for target in targets))
 
     def _is_registry(self, module: Module, name: str) -> bool:
         """A literal dict of "module:attribute" strings that all name packages of ours, and that no other statement touches."""
-        entries = module.registries.get(name, {}).values()
-        return bool(entries) and len(module.items[name]) == 1 and name not in self.linker.effects(module).owned and all(
+        entries = module.registries[name].values()
+        return len(module.items[name]) == 1 and name not in self.linker.effects(module).owned and all(
             self.modules.get(entry.partition(":")[0].partition(".")[0]) is not None for entry in entries)
 
-    def _registry(self, module: Module, name: str) -> None:
+    def _registry(self, module: Module, name: str) -> Known:
         entries = module.registries[name]
-        keys = self._chosen(name.lower().removesuffix("s"), entries)
-        self.definitions[f"{module.name}:{name}"] = digest("afford-registry", [[key, entries[key]] for key in keys])
-        for key in keys:
-            target, _, attribute = entries[key].partition(":")
-            self._enter(target, attribute, f"{where(module, name)}: {name}[{key!r}]")
-
-    def _chosen(self, field_name: str, entries: Mapping[str, str]) -> list[str]:
-        """The entry that a parameter names, or the entries that a tuple of names does; all of them without such a parameter. A
-        frozenset, which is no parameter but what a codec selects, is taken as it is."""
-        value = self.select.get(field_name)
-        if isinstance(value, frozenset):
-            return sorted(value & entries.keys())
-        names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
-        return [name for name in names if isinstance(name, str)] if names and all(n in entries for n in names) else sorted(entries)
+        keys = chosen(self.select.get(name.lower().removesuffix("s")), entries)
+        targets = [self._entry(*_parted(entries[key]), f"{where(module, name)}: {name}[{key!r}]") for key in keys]
+        code = digest("afford-registry", [name, [[key, len(found)] for key, found in zip(keys, targets, strict=True)]])
+        self.definitions[f"{module.name}:{name}"] = code
+        return code, tuple(target for found in targets for target in found)
 
     def _load(self, module: Module) -> None:
         """Everything that importing the module runs and that touches other modules, and the data it declares."""
@@ -193,20 +266,19 @@ class _Closure:
         self.files.add(module.path)
         registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
         for index in dict.fromkeys((*self.linker.effects(module).wide, *registering)):
-            self._define(module, f"<statement {module.statements[index]['digest'][:8]}>", (index,))
-        for name in module.literals.get("DATA_FILES", []):
-            self._data(module, name)
-        for name in module.literals.get("DYNAMIC", []):
-            self._declared(module, name)
+            self._loose.append((module.name, f"{LOADED}{index}"))
+        self._loose += [(module.name, f"/{name}") for name in module.literals.get("DATA_FILES", [])]
+        self._loose += [(module.name, DYNAMIC)] if module.literals.get("DYNAMIC") else []
         for imported in self.linker.loads(module):
-            self._load(imported)
+            if imported.name not in self._loaded:
+                self._load(imported)
 
     def _ours(self, module: Module, name: str) -> bool:
         """Whether a decorator is code of this project: it may register what it decorates somewhere else."""
         targets = [target.partition(":")[0] for target in module.imports.get(name, ())]
         return name in module.items or any(self.modules.get(target) is not None for target in targets)
 
-    def _data(self, module: Module, name: str) -> None:
+    def _data(self, module: Module, name: str) -> str:
         path = Path(module.path).with_name(name) if module.path.endswith(".py") else Path(module.path) / name
         if not path.is_file():
             raise SourceError(f"{where(module, 'DATA_FILES')}: DATA_FILES names {name!r}, which is not beside it; put it there, or "
@@ -214,12 +286,41 @@ class _Closure:
         self.files.add(str(path))
         self.modules.stamp(str(path))
         self.definitions[f"{module.name}:{name}"] = file_digest(path)
+        return digest("afford-data", [name, self.definitions[f"{module.name}:{name}"]])
 
-    def _declared(self, module: Module, name: str) -> None:
+    def _dynamic(self, module: Module) -> Known:
+        """What a module may load by a computed name, labelled by the last part of that name where no other ends so."""
+        names = module.literals["DYNAMIC"]
+        last = [re.split("[.:]", name)[-1] for name in names]
+        labels = sorted((short if last.count(short) == 1 else name, name) for short, name in zip(last, names, strict=True))
+        return (digest("afford-dynamic", [label for label, _ in labels]),
+                tuple(target for _, name in labels for target in self._declared(module, name)))
+
+    def _declared(self, module: Module, name: str) -> list[Target]:
         target, colon, attribute = name.partition(":")
         if colon:
-            self._enter(target, attribute, f"{where(module, 'DYNAMIC')}: DYNAMIC")
-        elif self.modules.get(target) is None:
+            return self._entry(target, attribute, f"{where(module, 'DYNAMIC')}: DYNAMIC")
+        if self.modules.get(target) is None:
             raise SourceError(f"{where(module, 'DYNAMIC')}: DYNAMIC: expected a module of this project, got {target!r}; correct it")
-        else:
-            self._everything(target)
+        return [(target, LOADABLE)]
+
+
+def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
+    """The entry of a registry that a parameter names, or the entries that a tuple of names does; all of them without such a
+    parameter. A frozenset, which is no parameter but what a codec selects, is taken as it is."""
+    if isinstance(value, frozenset):
+        return sorted(value & entries.keys())
+    names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
+    return [name for name in names if isinstance(name, str)] if names and all(n in entries for n in names) else sorted(entries)
+
+
+def _target(place: Place) -> Target | None:
+    """The item or the module of ours at a place."""
+    if place.module is None:
+        return None
+    return (place.name, place.item) if place.item is not None else (place.name, WHOLE)
+
+
+def _parted(entry: str) -> tuple[str, str]:
+    module, _, attribute = entry.partition(":")
+    return module, attribute

@@ -30,7 +30,7 @@ class StageSpec:
 
     name: str
     function: str
-    """'module:function', the identity of the stage: two names for one function share what they made"""
+    """'module:function', where a worker finds it; in no key"""
     params: Any
     """canonical JSON tree"""
     code: Fingerprint
@@ -109,7 +109,7 @@ def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, s
     """The key of one shard: `inputs` argument -> artifact digest, `schemas` kind -> version of the kinds in them."""
     machine = {"machine": spec.machine} if spec.machine else {}
     return digest("afford-task", {
-        "stage": spec.function, "code": spec.code.digest, "params": spec.params, "inputs": dict(inputs),
+        "code": spec.code.digest, "params": spec.params, "inputs": dict(inputs),
         "schemas": dict(schemas), "libraries": spec.libraries, "threads": spec.threads, **machine})
 
 

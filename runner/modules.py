@@ -12,14 +12,15 @@ import time
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from runner.canonical import digest
 from runner.files import RACY_NS, Stamp, read_cache, stamp, write_cache
 from runner.source import Module, SourceError, parse_module
 
-FIRST: dict[str, list[str]] = {}
-LAST: dict[str, list[str]] = {}
-"""path -> digests of its statements, when this process read the file for the first and the last time"""
+FIRST: dict[str, list[Any]] = {}
+LAST: dict[str, list[Any]] = {}
+"""path -> its statements and imports, when this process read the file for the first and the last time"""
 
 
 def outdated(paths: Iterable[str]) -> str | None:
@@ -28,6 +29,10 @@ def outdated(paths: Iterable[str]) -> str | None:
     edited = [path for path in paths if FIRST.get(path) != LAST.get(path)]
     loaded = {getattr(module, "__file__", None) for module in list(sys.modules.values())} if edited else set()
     return next((path for path in edited if path in loaded), None)
+
+
+DEPTH = 4
+"""how many folders deep the first module of a folder may lie"""
 
 
 class Snapshot:
@@ -99,12 +104,13 @@ class Modules:
         return Module(name, str(base)) if base.is_dir() and self._holds_code(name, base) else None
 
     def _holds_code(self, name: str, folder: Path) -> bool:
-        """A folder without __init__.py is a package when it has modules, and is not an installed one's name."""
-        return next(folder.glob("*.py"), None) is not None and name.partition(".")[0] not in sys.stdlib_module_names
+        """A folder without __init__.py is a package when modules lie in it or below, and is not an installed one's name."""
+        below = any(next(folder.glob(f"{'*/' * depth}*.py"), None) for depth in range(DEPTH))
+        return below and name.partition(".")[0] not in sys.stdlib_module_names
 
     def _read(self, name: str, path: Path, package: bool) -> Module:
         module = self._parsed(name, path, package)
-        LAST[str(path)] = [statement["digest"] for statement in module.statements]
+        LAST[str(path)] = _code(module)
         FIRST.setdefault(str(path), LAST[str(path)])
         return module
 
@@ -123,8 +129,14 @@ class Modules:
         return module
 
 
+def _code(module: Module) -> list[Any]:
+    """What a module is, the places included that it imports from."""
+    named = [[found.get("imports"), found.get("strings")] for found in module.statements if {"imports", "strings"} & found.keys()]
+    return [[found["digest"] for found in module.statements], named, module.imports]
+
+
 def _version(schemas: tuple[str, ...]) -> str:
     """What the remembered form depends on: our own parser, and Python's."""
     own = [stamp(Path(__file__).with_name(name)) for name in (
-        "source.py", "names.py", "scopes.py", "touches.py", "foreign.py", "modules.py", "canonical.py")]
+        "source.py", "spelling.py", "names.py", "scopes.py", "touches.py", "foreign.py", "modules.py", "canonical.py")]
     return digest("afford-parser", [own, list(sys.version_info[:3]), list(schemas)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 
 from runner.scopes import FUNCTIONS, Scope, arguments_of, defaults_of, scope_of
@@ -35,6 +36,14 @@ class Uses:
     does: set[str] = field(default_factory=set)
     now: set[str] = field(default_factory=set)
     gives: set[str] = field(default_factory=set)
+    names: Counter[str] = field(default_factory=Counter)
+    """'module.__name__' -> how often it is used"""
+    starts: Counter[str] = field(default_factory=Counter)
+    """'module.__name__' -> how often it follows `-m` in a command line"""
+
+    def started(self) -> set[str]:
+        """'module.__name__' that is used for nothing but to start the module."""
+        return {ref for ref, count in self.starts.items() if self.names[ref] == count}
 
 
 def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
@@ -106,6 +115,8 @@ class _Visitor(ast.NodeVisitor):
         for start in [name, *local] if outer else local:
             ref = ".".join([start, *chain])
             self.target.setdefault(ref, line)
+            if chain[-1:] == ["__name__"]:
+                self.uses.names[ref] += 1
             if not self.inside:
                 self.uses.now.add(ref)
 
@@ -223,7 +234,16 @@ class _Visitor(ast.NodeVisitor):
         for option, name in zip(node.elts, node.elts[1:], strict=False):
             if isinstance(option, ast.Constant) and option.value == "-m" and isinstance(name, ast.Constant):
                 self.uses.refs.setdefault(f"={name.value!s}:__main__", name.lineno)
+            elif isinstance(option, ast.Constant) and option.value == "-m":
+                self._start(name)
         self.generic_visit(node)
+
+    def _start(self, name: ast.expr) -> None:
+        """`-m module.__name__`: the name only says which module is started."""
+        before = self.uses.names.copy()
+        self.visit(name)
+        self.uses.starts += self.uses.names - before
+        self.uses.names = before
 
     visit_Tuple = visit_List  # noqa: N815
 

@@ -22,7 +22,7 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
         return Reason("first run")
     if last.params != spec.params:
         return Reason("parameter changed", _params(last.params, spec.params))
-    if last.code != spec.code.digest or last.function != spec.function:
+    if last.code != spec.code.digest:
         return Reason("code changed", _code(last, spec, store))
     if last.libraries != spec.libraries:
         return Reason("library version changed", _pairs(last.libraries, spec.libraries))
@@ -56,6 +56,8 @@ def _code(last: Trace, spec: StageSpec, store: Path) -> str:
     if old is None:
         return "its former definitions were not kept"
     names = changed(old, spec.code.definitions)
+    if not names:
+        return "the same definitions, reached by other names"
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return ", ".join(names[:SHOWN]) + more
 

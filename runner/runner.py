@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from runner.codec import resolve
 from runner.desk import Desk, Task
 from runner.engines import Engine, Inline, Pool
 from runner.execute import Place
+from runner.files import FORMAT
 from runner.graph import Graph, Handle, Node
 from runner.keys import Codes
 from runner.lease import Lease
@@ -23,7 +25,7 @@ from runner.report import Failure, Observer, Reason, RunReport, Silent, TaskPlan
 from runner.schedule import Budget, Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
-from runner.traces import Traces, failures
+from runner.traces import Traces, failures, store_format
 from runner.walk import FAILED, NOTHING, Walk
 
 
@@ -33,13 +35,14 @@ class Runner:
     codec, worker: "module:attribute" of the Codec and of the function called as (seed, threads) before every task.
     jobs: worker processes (0: everything in this process); memory_gib: what tasks that run at once may declare together.
     schemas: packages whose doc lines do not count as code; glance: for plans, large files that were never hashed are not read.
-    StoreError when `store` cannot be written to.
+    StoreError when `store` cannot be written to, or is of a former version.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
                  rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), glance: bool = False) -> None:
         self.root, self.place = root.absolute(), Place(store.absolute(), codec, worker, root.absolute(), schemas)
         prepare_store(self.place.store)
+        _check_format(self.place.store)
         self._budget = Budget(jobs, memory_gib)
         self.store = Store(self.place.store, resolve(codec), rehash, glance)
         self.traces = Traces(self.place.store)
@@ -255,6 +258,14 @@ class Runner:
         for name in names:
             if name not in valid:
                 raise UnknownNameError(f"there is no stage {name!r}; the nearest are {_nearest(name, valid)}")
+
+
+def _check_format(root: Path) -> None:
+    """StoreError for a store of a former version: no key of it would fit, and all of it would be made again unseen."""
+    found = store_format(root)
+    if found not in (None, FORMAT):
+        raise StoreError(errno.EINVAL, f"the store {root} is of a former version (expected {FORMAT}, got {found}), whose keys "
+                                       "say where code lies; delete it, or choose another folder for the store")
 
 
 def _unmade(walk: Walk, wanted: Iterable[Node]) -> list[Failure]:

@@ -3,7 +3,8 @@
 A statement belongs to the names it binds. One that does more than bind (a loop, `TABLE["x"] = 1`, a call) belongs to every
 name it mentions, and, when it mentions an imported one, to the module as a whole (`effects`). Names are resolved with
 Python's scopes, so that a local variable is not taken for a constant of the module. The digest of a statement is taken over
-our own spelling of its syntax tree: comments, docstrings and formatting do not count, nor does the version of Python.
+our own spelling of its syntax tree (`runner.spelling`): comments, docstrings and formatting do not count, nor does the version of
+Python, nor the place that an import names.
 """
 
 from __future__ import annotations
@@ -11,19 +12,19 @@ from __future__ import annotations
 import ast
 import builtins
 import re
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest
 from runner.foreign import COMPUTED, harmless
-from runner.names import SourceError, Uses, imports_of, loads_of, uses_of
+from runner.names import SourceError, Uses, bindings_of, imports_of, loads_of, uses_of
 from runner.scopes import DEFINITIONS, arguments_of, scope_of
+from runner.spelling import Slots, is_text, spell
 from runner.touches import ARGUMENT, roots
 
-__all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "spell", "untyped", "where"]
+__all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "untyped", "where"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "MACHINE", "DATA_FILES", "DYNAMIC")
@@ -43,7 +44,9 @@ class Module:
     path: str
     statements: list[dict[str, Any]] = field(default_factory=list)
     """each has digest, line and refs, and where there are any:
-    hints (names used in annotations only), getattrs (objects of a computed getattr), loads (modules imported inside functions);
+    imports and strings (what its spelling has slots for), home (it uses the name of its own module), everywhere (it may use that
+    of any), started (modules that it starts as programs and whose name it uses for nothing else); hints (names used in
+    annotations only), getattrs (objects of a computed getattr), loads (modules imported inside functions);
     kind ('class' or 'function'), bases, hook (a class that acts when a subclass is made), builds (one that acts when an object is
     made), untyped (parameters of `run` whose type nobody states); sets and does (what is changed at import, and inside
     functions), gives (what functions return), alias (objects that a name may stand for), now (references used at import where
@@ -72,7 +75,7 @@ def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -
     """Read a module. In a `schema` module the doc line (last positional argument) and the encoding of a field do not count."""
     module = Module(name, path)
     for statement in _parsed(path, text).body:
-        if not _is_text(statement):
+        if not is_text(statement):
             _add(module, statement, _home(name, package), schema)
     for found in module.statements:
         found["refs"] = [ref for ref in found["refs"] if not _is_plain(module, ref)]
@@ -135,12 +138,14 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
         raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out")
     uses = uses_of(statement, home, at)
     index = len(module.statements)
-    module.statements.append({
-        "digest": digest("afford-code", spell(statement, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
-        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs), "loads": sorted(uses.loads), **_class(statement),
-        **_function(statement), "sets": uses.sets, "does": uses.does, "gives": uses.gives, "alias": _alias(statement),
-        "now": uses.now})
     main = _is_guard(statement, "__name__ == '__main__'")
+    slots = Slots(lambda node: bindings_of(node, home, at))
+    module.statements.append({
+        "digest": digest("afford-code", spell(statement, slots, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
+        "imports": slots.imports, "strings": slots.strings, "home": slots.home and not main, "everywhere": slots.everywhere,
+        "started": sorted(uses.started()), "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs),
+        "loads": sorted(uses.loads), **_class(statement), **_function(statement), "sets": uses.sets, "does": uses.does,
+        "gives": uses.gives, "alias": _alias(statement), "now": uses.now})
     for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
     if bound is None and not main:
@@ -279,46 +284,6 @@ def _mentioned(statement: ast.stmt) -> set[str]:
     return names | {node.name for node in ast.walk(statement) if isinstance(node, DEFINITIONS)}
 
 
-def _is_text(statement: ast.AST) -> bool:
-    """A docstring, or a string literal that documents a field."""
-    value = statement.value if isinstance(statement, ast.Expr) else None
-    return isinstance(value, ast.Constant) and isinstance(value.value, str)
-
-
 def _is_guard(statement: ast.stmt, *tests: str) -> bool:
     """`if TYPE_CHECKING:` runs nowhere, `if __name__ == "__main__":` only where the module is run as a program."""
     return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in tests
-
-
-def spell(node: Any, schema: bool = False) -> Any:
-    """A syntax tree as a JSON tree: [kind, field, value, ...], fields sorted, empty ones left out."""
-    if isinstance(node, ast.AST):
-        if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
-            node = _without_doc(node, node.value)
-        out: list[Any] = [type(node).__name__]
-        for name in _fields(node.__class__):
-            value = getattr(node, name, None)
-            if value is not None and value != []:
-                out += [name, _constant(value) if isinstance(node, ast.Constant) else spell(value, schema)]
-        return out
-    if isinstance(node, list):
-        return [spell(item, schema) for item in node if not _is_text(item)]
-    return node
-
-
-@cache
-def _fields(kind: Hashable) -> list[str]:
-    """Fields of a kind of node that say what the code does."""
-    assert isinstance(kind, type) and issubclass(kind, ast.AST)
-    return sorted(set(kind._fields) - {"ctx", "kind", "type_comment", "type_ignores"})
-
-
-def _constant(value: Any) -> list[str]:
-    """Tagged, so that 1, 1.0, True and '1' differ."""
-    return [type(value).__name__, value.hex() if isinstance(value, (float, bytes)) else repr(value)]
-
-
-def _without_doc(node: ast.AnnAssign, call: ast.Call) -> ast.AnnAssign:
-    keywords = [keyword for keyword in call.keywords if keyword.arg not in ("doc", "encoding")]
-    bare = ast.Call(func=call.func, args=call.args[:-1], keywords=keywords)
-    return ast.AnnAssign(target=node.target, annotation=node.annotation, value=bare, simple=node.simple)

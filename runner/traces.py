@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from runner.files import DamagedError, read_cache, seal, unseal, write_atomic, write_cache
+from runner.files import DamagedError, format_of, read_cache, seal, unseal, write_atomic, write_cache
 from runner.lease import Lease
 
 
@@ -31,6 +31,7 @@ class Trace:
     stage: str
     shard: str
     function: str
+    """'module:function', where it was when it ran"""
     output: str
     inputs: dict[str, str]
     params: Any
@@ -230,6 +231,12 @@ def write_trace(root: Path, trace: Trace) -> None:
 
 def _write_row(root: Path, row: dict[str, Any]) -> None:
     write_atomic(trace_path(root, row["key"]), seal(row, f"trace {row['key']}"))
+
+
+def store_format(root: Path) -> str | None:
+    """The format of a store, told by its first trace that is whole; None when it has none."""
+    formats = (format_of(trace_path(root, key).read_bytes(), f"trace {key}") for key in _names(root / "traces"))
+    return next(filter(None, formats), None)
 
 
 def _read_row(root: Path, key: str) -> dict[str, Any] | None:

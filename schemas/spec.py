@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Encoding = Literal["raw", "video", "rle", "zstd"]
 MISSING = dataclasses.MISSING
+SHOWN, WORDS = 4, 60
+"""items of a tuple, characters of anything else, that a repr shows"""
 
 
 class SchemaError(ValueError):
@@ -36,13 +38,36 @@ def value(doc: str, *, unit: str = "", frame: str = "", default: Any = MISSING) 
 
 
 class Schema:
-    """Base of every noun: checks its arrays against their declared shapes and dtypes when it is built."""
+    """Base of every noun: checks its arrays against their declared shapes and dtypes when it is built, and prints them as those."""
+
+    def __init_subclass__(cls) -> None:
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Schema.__repr__  # type: ignore[method-assign]  # a dataclass would write one that prints whole arrays
+
+    def __repr__(self) -> str:
+        fields = dataclasses.fields(self)  # type: ignore[arg-type]  # every subclass is a dataclass
+        return f"{type(self).__name__}({', '.join(f'{one.name}={_short(getattr(self, one.name))}' for one in fields)})"
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             if "shape" in field.metadata:
                 _check_array(type(self).__name__, field.name, getattr(self, field.name), field.metadata, sizes)
+
+
+def _short(found: Any) -> str:
+    """A value as one reads it: the shape of an array, the length of a long tuple, the name of a noun within a noun."""
+    if hasattr(found, "dtype") and hasattr(found, "shape"):
+        return f"{found.dtype} {tuple(found.shape)}"
+    if isinstance(found, Schema):
+        name = getattr(found, "name", "")
+        return f"{type(found).__name__}({repr(name) if isinstance(name, str) and name else '...'})"
+    if isinstance(found, tuple | bytes) and len(found) > SHOWN:
+        return f"{len(found)} {'bytes' if isinstance(found, bytes) else 'items'}"
+    if isinstance(found, tuple):
+        return f"({', '.join(map(_short, found))}{',' if len(found) == 1 else ''})"
+    words = repr(found)
+    return words if len(words) <= WORDS else f"{words[: WORDS - 4]}...{words[-1]}"
 
 
 def _check_array(owner: str, name: str, found: np.ndarray, meta: Any, sizes: dict[str, int]) -> None:

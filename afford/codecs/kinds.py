@@ -9,73 +9,9 @@ from collections.abc import Iterable
 
 from blake3 import blake3
 
-from schemas import (
-    affordance,
-    benchmark,
-    episodes,
-    files,
-    grasp,
-    hand,
-    interaction,
-    masks,
-    mesh,
-    scene,
-    training,
-    video,
-)
-from schemas import (
-    affordance as sample,
-)
-from schemas import (
-    benchmark as prediction,
-)
-from schemas import (
-    benchmark as report,
-)
-from schemas import (
-    grasp as candidates,
-)
-from schemas import (
-    grasp as comparison,
-)
-from schemas import (
-    grasp as grasp_task,
-)
-from schemas import (
-    grasp as object_list,
-)
-from schemas import (
-    hand as motion,
-)
-from schemas import (
-    interaction as interaction_scores,
-)
-from schemas import (
-    interaction as scene_flow,
-)
-from schemas import (
-    scene as hand_lessons,
-)
-from schemas import (
-    scene as still,
-)
-from schemas import (
-    scene as truth,
-)
-from schemas import (
-    surface as negative,
-)
-from schemas import (
-    surface as positive,
-)
-from schemas import (
-    video as clip,
-)
+from schemas.catalogue import MODULES
 from schemas.spec import Schema
 
-MODULES = (affordance, benchmark, candidates, clip, comparison, episodes, files, grasp, grasp_task, hand, hand_lessons,
-           interaction, interaction_scores, masks, mesh, motion, negative, object_list, positive, prediction, report, sample,
-           scene, scene_flow, still, training, truth, video)  # fmt: skip
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 

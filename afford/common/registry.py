@@ -25,4 +25,4 @@ def extra(package: str, name: str) -> Any:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
         raise ValueError(f"{package}: expected this package of the extra `{name}`, got none; "
-                         f'pip install --constraint constraints.txt --editable ".[{name}]"') from error
+                         f"make setup EXTRA={name}") from error

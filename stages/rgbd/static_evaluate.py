@@ -50,7 +50,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     """Ask the model about every picture of the split."""
     import numpy as np
 
-    from afford.common import materialise as folder
+    from afford.common import materialise
     from afford.common.files import empty_folder, tree
     from afford.common.registry import load
     from afford.rgbd.evaluate.static_sets import Scored, Tally, write
@@ -61,8 +61,8 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     if not pictures or params.shown < 1:
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
                          f"{len(pictures)} of {len(given.samples)} and {params.shown}")
-    tell = load(BACKENDS, params.backend)(folder.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
-                                          params.true_boxes)  # fmt: skip
+    folder = materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model"))
+    tell = load(BACKENDS, params.backend)(folder, params.device, params.true_boxes)
     tally, shown = Tally.of(pictures), []
     chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())
     for n, picture in enumerate(pictures):

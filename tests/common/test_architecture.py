@@ -134,8 +134,8 @@ def test_torchvision_is_nowhere() -> None:
         for path in sources(room):
             found = {name.split(".")[0] for name in imported(path, runtime_only=False)} & banned
             assert not found, f"{path.relative_to(ROOT)} imports {sorted(found)}"
-    pinned = (ROOT / "constraints.txt").read_text().lower()
-    assert not any(line.split("==")[0] in banned for line in pinned.splitlines())
+    pinned = "".join(path.read_text().lower() for path in sorted(ROOT.glob("constraints*.txt")))
+    assert not any(line.split("==")[0].replace("-", "_") in banned for line in pinned.splitlines())
     assert "torch==2.13.0\n" in pinned
 
 
@@ -159,7 +159,7 @@ SYSTEMS = ("extraction", "twohands", "surface", "grasping", "rgbd", "synthetic")
 GROUNDS = ("common", "codecs", "render", "dataset", "models", "training", "recording")
 FIXED = {"afford": {*GROUNDS, *SYSTEMS}, "stages": {*SYSTEMS, "recording"},
          "tests": {*SYSTEMS, "recording", "runner", "commands", "common", "helpers", "toy_domain"}}  # fmt: skip
-LOOSE = {"afford": {"__init__.py"}, "stages": {"__init__.py"}, "tests": {"conftest.py"}}
+LOOSE = {"afford": {"__init__.py", "environments.py", "shadows.py"}, "stages": {"__init__.py"}, "tests": {"conftest.py"}}
 """files that may lie outside of a system"""
 
 

@@ -1,8 +1,9 @@
 """Kinds of edit, each judged by running the code: does the output of a stage change, and does its fingerprint?
 
-A case is a few modules in one text; `<<old|new>>` in it is the edit. `judge()` writes every case before and after the edit, runs
-`stage.run` of both in processes of their own, and takes the fingerprints of `stage:run` and of `control:run`, which uses none of
-it. Where there is a module `outside`, its VALUE is what `run` is given, as the runner gives a stage its inputs.
+A case is a few modules in one text; `<<old|new>>` in it is the edit, also in the name of a module. `judge()` writes every case
+before and after the edit, runs `stage.run` of both in processes of their own, and takes the fingerprints of `stage:run` and of
+`control:run`, which uses none of it. Where there is a module `outside`, its VALUE is what `run` is given, as the runner gives a
+stage its inputs.
 """
 
 from __future__ import annotations
@@ -57,7 +58,11 @@ class Case:
         """The modules before (1) and after (2) the edit."""
         parts = re.split(r"^ *=== (.+)\n", self.text, flags=re.MULTILINE)
         texts = {name: textwrap.dedent(text) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
-        return {name: EDIT.sub(lambda match: match[side], text) for name, text in texts.items()}
+
+        def edited(text: str) -> str:
+            return EDIT.sub(lambda match: match[side], text)
+
+        return {edited(name): edited(text) for name, text in texts.items()}
 
 
 @dataclass(frozen=True)

@@ -11,19 +11,22 @@ import pytest
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.source import SourceError
-from tests.helpers.edited_code import CASES, FOLLOWED, REFUSED, SAME, Case, Verdict, counts, judge
+from tests.helpers.edited_code import CASES as EDITED
+from tests.helpers.edited_code import FOLLOWED, REFUSED, SAME, Case, Verdict, counts, judge
+from tests.helpers.moved_code import LED_ELSEWHERE, MOVED
 from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = [f"{module}:run" for module in MODULES.values()]
 RAISED = re.compile(r"^\w*(Error|Exception): ")
+CASES = [*EDITED, *MOVED, *LED_ELSEWHERE]
 PLACE = re.compile(r"^/.*/old/[\w/]+\.py:[1-9]\d*: .+")
 
 
 @pytest.fixture(scope="module")
 def verdicts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Verdict]:
     """Every case of `tests/helpers/edited_code.py`, measured at once."""
-    return {verdict.case.name: verdict for verdict in judge(tmp_path_factory.mktemp("edits"))}
+    return {verdict.case.name: verdict for verdict in judge(tmp_path_factory.mktemp("edits"), CASES)}
 
 
 def _names(want: str) -> list[str]:

@@ -1,7 +1,9 @@
 """`afford/AffordanceGrasp-v0`: a hand grasps an object by the part that it should, lifts it, and keeps off the parts it should not.
 
-    import gymnasium, afford.grasping.env.env
+    import gymnasium
+    env = gymnasium.make("afford/AffordanceGrasp-v0")                 # the Shadow Hand and a hammer (default.py)
     env = gymnasium.make("afford/AffordanceGrasp-v0", hand=hand, task=task(body, negative=("blade",)), base="script")
+    env = gymnasium.make("afford/AffordanceGrasp-v0", render_mode="rgb_array")        # env.render() -> (h, w, 3) uint8
 
 Action (24,) in -1..1, 20 a second, rates of the motors' targets (act.py):
 
@@ -27,7 +29,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
+import numpy as np
 
+from afford.grasp import default
+from afford.grasp.frame import Frames
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.single import Single
@@ -41,10 +46,39 @@ ID = "afford/AffordanceGrasp-v0"
 class AffordanceGrasp(Single):
     """One world. Keywords are the fields of config.Config."""
 
-    def __init__(self, hand: HandModel, task: Task, **config: Any) -> None:
-        """ValueError or TypeError for what Config does not know."""
-        self.core = Grasping(hand, (task,), Config(**config))
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  # the attribute is gymnasium's
+
+    def __init__(self, hand: HandModel | None = None, task: Task | None = None, render_mode: str | None = None,
+                 **config: Any) -> None:  # fmt: skip
+        """The Shadow Hand and a hammer where none are given. ValueError or TypeError for what Config does not know."""
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode: expected rgb_array or None, got {render_mode!r}")
+        self.render_mode = render_mode
+        self.core = Grasping(hand or default.hand(), (task or default.tool(),), Config(**config))
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.core.config.control_s)}
+        self._frames: Frames | None = None
         super().__init__(self.core)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; the same seed gives the same."""
+        found = super().reset(seed=seed, options=options)
+        if self.render_mode:
+            self._frames = self._frames or Frames(self.core)
+            self._frames.begin()
+        return found
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]  # gymnasium's is generic in the mode
+        """(h, w, 3) uint8 of now; None without a render_mode. RuntimeError before the first reset."""
+        if not self.render_mode:
+            return None
+        if self._frames is None:
+            raise RuntimeError("AffordanceGrasp: expected a reset before the first frame; call reset()")
+        return self._frames.draw()
+
+    def __repr__(self) -> str:
+        task, config = self.core.tasks[0], self.core.config
+        return (f"AffordanceGrasp({task.body.name} by its {task.body.parts[task.hold]}, hand={self.core.scenes[0].hand.name!r}, "
+                f"engine={config.engine!r}, layout={config.layout!r}, render_mode={self.render_mode!r})")
 
 
 class AffordanceGraspVector(Many):
@@ -59,5 +93,6 @@ class AffordanceGraspVector(Many):
         super().__init__(self.core, num_envs)
 
 
-gymnasium.register(id=ID, entry_point="afford.grasping.env.env:AffordanceGrasp",
-                   vector_entry_point="afford.grasping.env.env:AffordanceGraspVector")  # fmt: skip
+if ID not in gymnasium.registry:  # it is there where afford is installed: afford/environments.py
+    gymnasium.register(id=ID, entry_point="afford.grasping.env.env:AffordanceGrasp",
+                       vector_entry_point="afford.grasping.env.env:AffordanceGraspVector")  # fmt: skip

@@ -90,3 +90,6 @@ class Single(gymnasium.Env):
     def close(self) -> None:
         """Give the engine back; twice is harmless."""
         self._core.close()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(observation={self.observation_space.shape}, action={self.action_space.shape})"

@@ -34,6 +34,10 @@ class Task:
     A_t: np.ndarray
     """(k, 3) float64 m, object frame, points where hands belong, which rewards may look at; (0, 3) when none are known"""
 
+    def __repr__(self) -> str:
+        bad = [name for name, negative in zip(self.body.parts, self.negative, strict=True) if negative]
+        return f"Task({self.body.name!r}, hold={self.body.parts[self.hold]!r}, negative={bad})"
+
 
 def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: np.ndarray | None = None,
          told: Sequence[str] | None = None, A_t: np.ndarray | None = None) -> Task:  # fmt: skip

@@ -1,6 +1,6 @@
 """`afford/HandImitation-v0`: a hand follows references, which are what people did (AffordDex, stage 1: HTI).
 
-    import gymnasium, afford.grasping.imitation.imitate_env
+    import gymnasium
     env = gymnasium.make("afford/HandImitation-v0", hand=hand, body=body, references=references, reward="paper")
 
 Action (24,) in -1..1 as in afford/AffordanceGrasp-v0, along the world's axes. Observation: see imitate.Imitating.observe. Reward:
@@ -44,5 +44,6 @@ class HandImitationVector(Many):
         super().__init__(self.core, num_envs)
 
 
-gymnasium.register(id=ID, entry_point="afford.grasping.imitation.imitate_env:HandImitation",
-                   vector_entry_point="afford.grasping.imitation.imitate_env:HandImitationVector")  # fmt: skip
+if ID not in gymnasium.registry:  # it is there where afford is installed: afford/environments.py
+    gymnasium.register(id=ID, entry_point="afford.grasping.imitation.imitate_env:HandImitation",
+                       vector_entry_point="afford.grasping.imitation.imitate_env:HandImitationVector")  # fmt: skip
