@@ -25,4 +25,4 @@ def scorer(curves: TrainingLog, stage: str, model: Parts, judged: Sequence[PartL
 def _sheets(curves: TrainingLog, model: Parts, judged: Sequence[PartLessons]) -> Iterator[Shown]:
     for n, one in enumerate(judged, 1):
         share = right(answers(model, one), one)
-        yield Shown(at(curves.steps) + n * SECOND_NS, jpeg(sheet(model, one)), f"{one.name}: {share:.0%} of its candidates named right")
+        yield Shown(at(curves.steps) + n * SECOND_NS, jpeg(sheet(model, one)), f"{one.name}: {share:.0%} of candidates named right")

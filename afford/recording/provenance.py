@@ -16,7 +16,6 @@ from schemas.mesh import ObjectViews
 from schemas.surface import NegativeAffordances
 from schemas.video import Clip, Frames
 
-
 Parameters = tuple[tuple[str, str], ...]
 """(stage, its parameters as a JSON object), for every stage that a recording shows"""
 
@@ -28,12 +27,14 @@ def with_parameters(recording: Recording, parameters: Parameters) -> Recording:
     return replace(recording, metadata={**recording.metadata, **more})
 
 
-def of_value(recording: Recording, stage: str, value: Any) -> Recording:
-    """The recording with a metadata record `provenance/<stage>` about a named value that it shows."""
+def of_value(recording: Recording, stage: str, value: Any, one_of: str = "") -> Recording:
+    """The recording with a metadata record `provenance/<stage>` about a named value that it shows; `provenance/<stage>/<one_of>`
+    where it shows several of them."""
     kind = kind_of(value)
     record = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(value)}  # fmt: skip
-    return replace(recording, metadata={**recording.metadata, f"provenance/{stage}": record})
+    name = f"provenance/{stage}/{one_of}" if one_of else f"provenance/{stage}"
+    return replace(recording, metadata={**recording.metadata, name: record})
 
 
 def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames) -> Recording:

@@ -3,7 +3,7 @@
 Reads   HandModel; GraspTasks to show it on; TrainingLog and FileTree of hand_imitation, rl_grasp_refinement or grasp_student
 Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, then an episode of some tasks as pictures; the
         parameters
-Method  log time is the fixed base of all recordings, a millisecond per step; the episodes follow, each step at its own pace. MuJoCo,
+Method  log time is the fixed base of all recordings, a millisecond per step; the episodes follow at their own pace. MuJoCo,
         the policy's mean action, a software renderer
 Fails   when the training measured nothing, without tasks, for files that are no policy
 """
