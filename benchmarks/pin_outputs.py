@@ -203,7 +203,10 @@ class Difference:
         """Counts, and a line for every stage that differs."""
         lines = [f"{self.equal} equal, {len(self.different)} stages different, {len(self.renamed)} renamed"]
         return "\n".join([*lines, *(f"    renamed    {one}" for one in self.renamed),
-                          *(f"    different  {one}" for one in self.different)])  # fmt: skip
+                          *(f"    different  {one}{self._note(one)}" for one in self.different)])  # fmt: skip
+
+    def _note(self, one: str) -> str:
+        return " [names code]" if one.partition(":")[0] in NAMES_CODE else ""
 
 
 def compare(before: Outputs, now: Outputs, told: Callable[[str, str], str] = lambda before, now: "") -> Difference:

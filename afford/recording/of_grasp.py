@@ -21,7 +21,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from afford.common.palette import Colour
 from afford.common.pictures import jpeg
 from afford.common.points import sample
-from afford.grasping.evaluate.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
+from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
 from afford.grasping.evaluate.traced import Traced, traced
 from afford.grasping.hand.kinematics import forward, moving
 from afford.grasping.hand.skin import Skin, skins

@@ -71,7 +71,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     import numpy as np
 
     from afford.common.registry import load
-    from afford.grasping.evaluate.studio import Studio
+    from afford.grasping.env.studio import Studio
     from afford.models.weights import placed
 
     given = placed(params, weights)

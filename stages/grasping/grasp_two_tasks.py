@@ -53,8 +53,8 @@ class Params:
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], policy: FileTree, params: Params, ctx: Context) -> TwoTasksShown:
     """Grasp every object twice, and draw some of it."""
     from afford.common.files import empty_folder, tree
+    from afford.grasping.env.studio import Studio
     from afford.grasping.evaluate.grasp_sheet import write_sheet
-    from afford.grasping.evaluate.studio import Studio
     from afford.grasping.evaluate.two_ends import grasp_twice
     from afford.grasping.policies.acting import load
     from afford.grasping.sim.scene import Physics

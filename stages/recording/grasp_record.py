@@ -41,8 +41,8 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         ctx: Context) -> FileTree:  # fmt: skip
     """Draw each row of each trace once, and write all three."""
     from afford.common.files import empty_folder, tree
+    from afford.grasping.env.studio import Studio
     from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet
-    from afford.grasping.evaluate.studio import Studio
     from afford.recording.files import write
     from afford.recording.of_grasp import record
     from afford.recording.provenance import of_grasps

@@ -17,9 +17,9 @@ AFFORD = Path(__file__).resolve().parents[2] / "afford"
 
 def test_the_page_has_the_colours_of_the_sheets() -> None:
     """Its style sheet names both, and its script takes them from there."""
-    found = re.findall(r"--(left|right): rgb\((\d+) (\d+) (\d+)\);", (AFFORD / "demo" / "page.css").read_text())
+    found = re.findall(r"--(left|right): rgb\((\d+) (\d+) (\d+)\);", (AFFORD / "twohands" / "demo" / "page.css").read_text())
     assert {side: tuple(map(int, rgb)) for side, *rgb in found} == HANDS and len(found) == 2
-    script = (AFFORD / "demo" / "page.js").read_text()
+    script = (AFFORD / "twohands" / "demo" / "page.js").read_text()
     assert not [side for side, colour in HANDS.items() if re.search(r",\s*".join(map(str, colour)), script)]
 
 

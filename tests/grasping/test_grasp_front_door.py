@@ -15,9 +15,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RecordVideo, RenderCollection
 
 from afford.environments import ENVIRONMENTS, register
-from afford.grasp import default
-from afford.grasp.frame import HEIGHT, WIDTH, described
+from afford.grasping.env import default
 from afford.grasping.env.env import ID, AffordanceGrasp
+from afford.grasping.env.frame import HEIGHT, WIDTH, described
 from afford.grasping.env.task import of
 from schemas.video import Clip
 from stages.grasping import hand_model, object_solids

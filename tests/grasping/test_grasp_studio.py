@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.studio import GROUND, HAND, NEGATIVE, RING, THING, Studio, colour_of, matrix, pieces, view
+from afford.grasping.env.studio import GROUND, HAND, NEGATIVE, RING, THING, Studio, colour_of, matrix, pieces, view
 from afford.grasping.evaluate.traced import PHASES, phases, traced
 from afford.grasping.hand.kinematics import forward
 from afford.grasping.hand.skin import skins

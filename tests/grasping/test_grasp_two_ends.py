@@ -10,8 +10,8 @@ import pytest
 
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Actor
+from afford.grasping.env.studio import NEGATIVE, Studio
 from afford.grasping.evaluate.report_pairs import figures, lines, metrics, shifts_m
-from afford.grasping.evaluate.studio import NEGATIVE, Studio
 from afford.grasping.evaluate.two_ends import APART_M, axis, grasp_twice, pair
 from afford.grasping.policies.acting import Policy
 from afford.grasping.sim.scene import Physics

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.grasping.env.measures import nearest
-from afford.grasping.evaluate.studio import matrix
+from afford.grasping.env.studio import matrix
 from afford.grasping.hand.skin import skins
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file

@@ -31,10 +31,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from afford.grasp import default
-from afford.grasp.frame import Frames
+from afford.grasping.env import default
 from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
+from afford.grasping.env.frame import Frames
 from afford.grasping.env.single import Single
 from afford.grasping.env.task import Task
 from afford.grasping.env.vector import Many

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from afford.grasping.env.core import Grasping
+from afford.grasping.env.studio import Studio
 from afford.grasping.env.task import Task
-from afford.grasping.evaluate.studio import Studio
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspTask
 

@@ -20,7 +20,7 @@ import numpy as np
 from afford.common.errors import SourceError
 from afford.grasping.motion.plain_pickle import NotPlainError, load
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[3]
 FIX = "get the file from the data set's own page"
 SIDES = {"right": "rh", "left": "lh"}
 SHAPES = {"pose_coeffs": (16, 4), "tsl": (3,), "betas": (10,)}
