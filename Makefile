@@ -18,7 +18,7 @@ STORE     ?= artifacts
 EXTRA     ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup constraints dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup constraints dataset stage all report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \
@@ -49,9 +49,12 @@ constraints: $(READY) ## pin and hash what is installed, show that it resolves o
 dataset: $(READY) ## build the data set (SOURCE=DIR: from your own or an EPIC-format root)
 	@$(RUN) run dataset --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
-stage: $(READY) ## run one stage again on its last inputs, record it, say where to look (STAGE=mask_densify)
+stage: $(READY) ## run one stage of any target again on its last inputs, record it, say where to look (STAGE=mask_densify)
 	@test -n "$(STAGE)" || { echo "say which: make stage STAGE=mask_densify"; exit 2; }
-	@$(RUN) run dataset --store "$(STORE)" --only "$(STAGE)" --record $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+	@$(RUN) run --store "$(STORE)" --only "$(STAGE)" --record $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
+
+all: $(READY) ## dataset, train, benchmark, negative-affordance, sor3d and grasp as one graph (hours; stop and go on at will)
+	@$(RUN) run all --store "$(STORE)" $(ARGS)
 
 report: $(READY) ## score every extraction stage against synthetic ground truth
 	@$(RUN) run extraction-report --store "$(STORE)" $(ARGS)

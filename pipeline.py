@@ -18,20 +18,21 @@ TARGETS = {"dataset": "maps.extraction:dataset",
            "train": "maps.twohands:train",
            "benchmark": "maps.twohands:measure",
            "ablation": "maps.twohands:ablate",
-           "hands": "maps.finder:hands",
-           "negative-affordance": "maps.negatives:negative_affordance",
-           "motions": "maps.motions:motions",
-           "grasp": "maps.grasps:grasp",
-           "grasp-full": "maps.grasps:grasp_full",
-           "interactions": "maps.interactions:interactions",
-           "sor3d": "maps.sor3d:sor3d",
-           "sor3d-ablation": "maps.sor3d:sor3d_ablation",
-           "static-sets": "maps.static_sets:static_sets",
+           "hands": "maps.extraction:hands",
+           "negative-affordance": "maps.surface:negative_affordance",
+           "motions": "maps.grasping:motions",
+           "grasp": "maps.grasping:grasp",
+           "grasp-full": "maps.grasping:grasp_full",
+           "interactions": "maps.rgbd:interactions",
+           "sor3d": "maps.rgbd:sor3d",
+           "sor3d-ablation": "maps.rgbd:sor3d_ablation",
+           "static-sets": "maps.rgbd:static_sets",
            "extraction-report": "maps.extraction:extraction_quality",
            "recordings": "maps.extraction:recordings",
-           "scenes": "maps.extraction:scenes",
-           "train-set": "maps.twohands:train_set",
-           "benchmark-set": "maps.twohands:benchmark_stills"}  # fmt: skip
+           "scenes": "maps.synthetic:scenes",
+           "train-set": "maps.synthetic:train_set",
+           "benchmark-set": "maps.synthetic:benchmark_stills",
+           "all": "maps.everything:everything"}  # fmt: skip
 """target -> the lines of its graph, in the order of the help; a map, and with it its stages, is loaded when it is built"""
 
 
@@ -49,8 +50,9 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
     return g
 
 
-def main() -> int:
-    """The command line: `python pipeline.py`, or the console script `afford`. SystemExit where it cannot begin."""
+def main(arguments: list[str] | None = None) -> int:
+    """The command line: `python pipeline.py`, or the console script `afford`; its exit code: see `commands.cli`. SystemExit where
+    it cannot begin."""
     if find_spec("typer") is None:
         raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
                          "or .venv/bin/python")  # fmt: skip
@@ -62,7 +64,7 @@ def main() -> int:
         raise SystemExit(f"error: {error}") from None
     from commands.cli import main as command
 
-    return command()
+    return command(TARGETS, build, arguments)
 
 
 if __name__ == "__main__":

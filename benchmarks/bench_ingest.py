@@ -39,7 +39,7 @@ runner = open_runner(store, jobs=1)
 place, _ = origin("dataset", source, p, digester(runner))
 g = Graph()
 video = g.each(g.leaf("videos", place.videos))
-g.target("read", g.collect(g.add(source_read.run, files=g.pick(video, lambda v: v.files), params=p.source_read)))
+g.target("read", g.collect(g.add(source_read.run, files=g.pick(video, lambda v: v.files), params=p.extraction.source_read)))
 report = runner.run(g, "read")
 print(report.ran.get("source_read", 0), report.cached.get("source_read", 0), len(report.failures))
 '''

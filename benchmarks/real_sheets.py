@@ -14,6 +14,8 @@ from pathlib import Path
 
 from commands.run import Request, run
 from commands.session import STORE
+from commands.targets import use
+from pipeline import TARGETS, build
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -28,6 +30,7 @@ def main(arguments: list[str]) -> int:
         sys.stderr.write(f"{out}: expected a folder outside the project, because the frames are not ours to share\n")
         return 2
     out.mkdir(parents=True, exist_ok=True)
+    use(TARGETS, build)
     failed = 0
     for source in sources:
         failed += run(Request("dataset", source, replace=True)) != 0

@@ -18,7 +18,7 @@ from rich.padding import Padding
 from commands.errors import UsageError, unknown
 from commands.registries import Backend, everywhere, third_party
 from commands.settings import settings
-from maps.settings import Settings
+from maps.settings import SYSTEM_OF, Settings
 
 PIPED_WIDTH = 100
 """columns where no terminal says how many"""
@@ -57,7 +57,12 @@ def rows(chosen: Settings, stage: str = "") -> list[Row]:
     if stage and stage not in owners:
         raise unknown("stage with backends", stage, owners)
     wanted = [one for one in everywhere() if stage in ("", one.stage)]
-    return [_row(one, getattr(chosen, one.stage, None)) for one in wanted]
+    return [_row(one, _params(chosen, one.stage)) for one in wanted]
+
+
+def _params(chosen: Settings, stage: str) -> Any:
+    """The parameters of a stage, None for what is no stage with parameters of its own."""
+    return chosen.params(stage) if stage in SYSTEM_OF else None
 
 
 def markdown(found: list[Row]) -> str:

@@ -1,4 +1,4 @@
-"""Which targets a stage belongs to: for names that a target does not have, and for settings that it does not read."""
+"""Which targets read the settings of a stage: a setting that the target does not read is refused."""
 
 from __future__ import annotations
 
@@ -10,30 +10,33 @@ from typing import Any
 
 from afford.extraction.sources.discover import Source
 from commands.compare import Names, built
-from commands.errors import UsageError, unknown
+from commands.errors import UsageError
 from commands.origin import origin
-from maps.settings import Origin, Settings
-from maps.weights import Weighed
-from pipeline import TARGETS, build
+from commands.targets import ALL, TARGETS, build
+from maps import settings as settings_of_systems
+from maps.settings import SYSTEMS, Origin, Settings
 from runner import Graph
 
-MANY = 4
-"""names of one stage that are listed"""
+COPYING = (dataclasses.__name__, settings_of_systems.__name__)
+"""modules that copy settings with a change, which is no reading"""
 
 
 def watched(chosen: Settings) -> tuple[Settings, set[str]]:
-    """The same settings, and the stages whose parameters are read from them, as it fills. To copy settings with a change is no
-    reading."""
+    """The same settings, and the stages whose parameters are read from them, as it fills."""
     read: set[str] = set()
+    return dataclasses.replace(chosen, **{system: _watching(getattr(chosen, system), read) for system in SYSTEMS}), read
 
-    class Watched(Weighed):
+
+def _watching(params: Any, read: set[str]) -> Any:
+    """The parameters of one system, which note what is read of them."""
+
+    class Watched(type(params)):  # type: ignore[misc]  # a class that is known when it runs
         def __getattribute__(self, name: str) -> Any:
-            if sys._getframe(1).f_globals["__name__"] != dataclasses.__name__:
+            if sys._getframe(1).f_globals["__name__"] not in COPYING:
                 read.add(name)
             return super().__getattribute__(name)
 
-    names = [field.name for field in dataclasses.fields(Weighed)]
-    return Watched(**{name: getattr(chosen, name) for name in names if hasattr(chosen, name)}), read
+    return Watched(**{field.name: getattr(params, field.name) for field in dataclasses.fields(params)})
 
 
 def laid_out(target: str, source: Path | None, clips: tuple[str, ...], sets: Iterable[str], columns: Mapping[str, Settings],
@@ -53,33 +56,14 @@ def check_sets(sets: Iterable[str], target: str, read: set[str]) -> None:
     for word in sets:
         stage = word.partition(".")[0].replace("-", "_")
         if stage not in read:
-            homes = [name for name, _, used in _built() if stage in used]
-            other = [name for name in homes if name != target]
+            homes = [name for name, _, used in _every_target() if stage in used]
+            other = [name for name in homes if name not in (target, ALL)]
             said = f"; it belongs to {', '.join(other)}" if other else ""
             with_source = " with this source" if target in homes else ""
             raise UsageError(f"--set {word}: {target} has no use for {stage}{with_source}{said}")
 
 
-def check_stages(names: Iterable[str], target: str, graph: Graph) -> None:
-    """UsageError for a stage that the graph of the target does not have; the message says which targets do."""
-    valid = [node.name for node in graph.stages()]
-    for stage in names:
-        if stage not in valid:
-            homes = [_home(name, stage, built) for name, built, _ in _built()]
-            if any(homes):
-                raise UsageError(f"stage {stage!r} is none of {target}; it belongs to {', '.join(home for home in homes if home)}")
-            raise unknown("stage", stage, valid)
-
-
-def _home(target: str, stage: str, graph: Graph) -> str:
-    """A target that has the stage, with the names that it goes under there where these are others; '' for one that has it not."""
-    names = [node.name for node in graph.stages() if stage in (node.name, node.value.__module__.rpartition(".")[2])]
-    if not names or stage in names:
-        return target if names else ""
-    return f"{target} (as {', '.join(names[:MANY])}{' ...' if len(names) > MANY else ''})"
-
-
-def _built() -> Iterator[tuple[str, Graph, set[str]]]:
+def _every_target() -> Iterator[tuple[str, Graph, set[str]]]:
     """Every target as it is without a source: name, graph, the stages whose parameters it reads."""
     for target in TARGETS:
         chosen, read = watched(Settings())

@@ -71,7 +71,7 @@ def _checked(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
 
 
 def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
-    source, read = discover(root, _unread, clips), chosen.source_read
+    source, read = discover(root, _unread, clips), chosen.extraction.source_read
     cutting = Cutting(read.max_gap_s, read.max_still_gap_s, read.max_frames, read.margin_frames)
     videos = [examine(files, cutting, read.still_fps) for files in source.videos]
     _check_clips(clips, videos)

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from commands.errors import UsageError
-from pipeline import TARGETS
+from commands.targets import use
 from runner.signals import TERMINATED, terminating
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
 
-Target = Annotated[str, typer.Argument(help=" or ".join(", ".join(TARGETS).rsplit(", ", 1)))]
+NAMED = "TARGETS"
+"""in a help text: what `main` sets the names of the targets for"""
+Target = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset, or the first that has the stage of --only",
+                                              show_default=False)]  # fmt: skip
+Wanted = Annotated[str | None, typer.Argument(help=f"{NAMED}; or a stage; default: dataset", show_default=False)]
+Drawn = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset", show_default=False)]
 SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes, RGB-D, pictures; default: rendered")]
 Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
@@ -43,13 +49,15 @@ def _top(
 
 @app.command()
 def run(
-    target: Target = "dataset",
+    target: Target = None,
     source: SourceDir = None,
     clip: Clips = None,
     set_: Sets = None,
     params: ParamsFile = None,
-    only: Annotated[str | None, typer.Option(help="run one stage on its last inputs; says when they are stale")] = None,
-    record: Annotated[bool, typer.Option("--record", help="with --only: record what the stage made")] = False,
+    only: Annotated[str | None, typer.Option(help="run one stage, by its name or that of its file, on its last inputs, and record "
+                                             "it; says when they are stale, and makes them where it never ran")] = None,
+    record: Annotated[bool | None, typer.Option("--record/--no-record", help="with --only: record what the stage made; default: "
+                                                "yes", show_default=False)] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run; inf: never; "
@@ -87,9 +95,9 @@ def check(
 
 
 @app.command()
-def status(target: Target = "dataset", source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
+def status(target: Wanted = None, source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
            store: Store = None, json: Json = False) -> None:  # fmt: skip
-    """How much of a target is made, and what failed."""
+    """How much of a target, or of a stage, is made, and what failed."""
     from commands.store import status as show
 
     raise typer.Exit(show(_request(target, source, None, set_, params, store, json)))
@@ -97,8 +105,9 @@ def status(target: Target = "dataset", source: SourceDir = None, set_: Sets = No
 
 @app.command()
 def explain(
-    stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None,
-    target: Annotated[str, typer.Option(help="the target it belongs to")] = "dataset",
+    stage: Annotated[str | None, typer.Argument(help="a stage, by its name or that of its file; default: all")] = None,
+    target: Annotated[str | None, typer.Option(help="the target it belongs to; default: the first that has it",
+                                               show_default=False)] = None,
     clip: Annotated[str | None, typer.Option(help="one clip")] = None,
     source: SourceDir = None,
     set_: Sets = None,
@@ -109,11 +118,11 @@ def explain(
     """Why a stage would run, or ran the last time."""
     from commands.store import explain as show
 
-    raise typer.Exit(show(_request(target, source, None, set_, params, store, json), stage, clip))
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage), clip))
 
 
 @app.command()
-def graph(target: Target = "dataset", source: SourceDir = None,
+def graph(target: Drawn = None, source: SourceDir = None,
           out: Annotated[Path | None, typer.Option("--out", help="draw to this .svg or .png")] = None) -> None:  # fmt: skip
     """The stages of a target and what they read."""
     from commands.store import graph as show
@@ -122,8 +131,11 @@ def graph(target: Target = "dataset", source: SourceDir = None,
 
 
 @app.command()
-def lineage(artifact: Annotated[str, typer.Argument(help="digest, its beginning, or a path")], store: Store = None,
-            json: Json = False) -> None:  # fmt: skip
+def lineage(
+    artifact: Annotated[str, typer.Argument(help="digest, its beginning, a path, or a stage: what it made last")],
+    store: Store = None,
+    json: Json = False,
+) -> None:
     """What an artifact was made from, down to the files that came from outside."""
     from commands.store import lineage as show
 
@@ -171,7 +183,8 @@ def inspect(
 
 
 @app.command()
-def params(stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None, json: Json = False) -> None:
+def params(stage: Annotated[str | None, typer.Argument(help="a stage, or a system; default: all")] = None,
+           json: Json = False) -> None:  # fmt: skip
     """Every parameter: its type, its default, what it means."""
     from commands.params import show
 
@@ -296,7 +309,7 @@ def demo(
     raise typer.Exit(serve(host, port, model, device, store))
 
 
-def _request(target: str, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,
+def _request(target: str | None, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,
              store: Path | None, json: bool, **more: Any) -> Any:  # fmt: skip
     from commands.run import Request
 
@@ -307,11 +320,13 @@ def _request(target: str, source: Path | None, clip: list[str] | None, set_: lis
 STOPPED = "stopped; what was finished is kept, run again to go on\n"
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run a command; 0 done, 1 something failed, 2 the call does not fit, 130 stopped by the user, 143 by SIGTERM."""
+def main(targets: Mapping[str, str], build: Callable[..., Any], arguments: list[str] | None = None) -> int:
+    """Run a command on these targets, whose graphs `build` makes; 0 done, 1 something failed, 2 the call does not fit, 130 stopped
+    by the user, 143 by SIGTERM."""
+    use(targets, build)
     try:
         with terminating():
-            return int(app(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that app returns
+            return int(_command(targets)(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that it returns
     except KeyboardInterrupt:
         sys.stderr.write(STOPPED)
         return 130
@@ -322,6 +337,15 @@ def main(arguments: list[str] | None = None) -> int:
         return TERMINATED
     except Exception as error:
         return _exit_code(error)
+
+
+def _command(targets: Iterable[str]) -> Any:
+    """The verbs, with the names of the targets in their help."""
+    names = " or ".join(", ".join(targets).rsplit(", ", 1))
+    command: Any = typer.main.get_command(app)
+    for param in (param for verb in command.commands.values() for param in verb.params):
+        param.help = (getattr(param, "help", None) or "").replace(NAMED, names)
+    return command
 
 
 def _exit_code(error: Exception) -> int:

@@ -9,9 +9,9 @@ from pathlib import Path
 from commands.errors import UsageError
 from commands.part import Publisher
 from commands.publish import publish, publish_text
+from commands.targets import build
 from maps.extraction import compared
 from maps.settings import Origin, Settings
-from pipeline import build
 from runner import Graph, GraphError, RunReport
 
 REPORT, SCORE = "extraction_report", "extraction_score"

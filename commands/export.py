@@ -11,7 +11,7 @@ from commands.origin import origin
 from commands.part import PART
 from commands.session import open_runner
 from commands.settings import settings
-from pipeline import build
+from commands.targets import build
 
 FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
@@ -31,7 +31,7 @@ def export(format: str, folder: Path, source: Path | None, store: Path | None) -
     if format == "epic":
         place, _ = origin("scenes", source, settings((), None), lambda path: runner.hash_file(path)[0])
         report = runner.run(build("scenes", place, settings((), None)), "scenes")
-        clips = [runner.load(digest) for made in report.outputs.values() for _, digest in made]
+        clips = [runner.load(digest) for _, digest in next(iter(report.outputs.values()))]
         load(FORMATS, format)([tree for clip in clips for tree in (clip.files, clip.truth)], folder)
         for clip in clips:
             sys.stdout.write(f"{folder}: {clip.files.name}\n")

@@ -9,6 +9,7 @@ from pathlib import Path
 from afford.common.folders import media_of
 from afford.extraction.sources.discover import Refused, Source, discover
 from commands.errors import UsageError, unknown
+from commands.targets import ALL
 from maps.settings import Origin, Settings
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
@@ -32,6 +33,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
     only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError."""
+    if target == ALL:
+        return _everything(source, clips, settings, digest), None
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
     if target == "motions":
@@ -66,6 +69,16 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
 
 
+def _everything(source: Path | None, clips: tuple[str, ...], settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """What each of the targets is made of that are made together; all of it is rendered."""
+    from maps.everything import CHAIN
+
+    for word, given in (("--source", source), ("--clip", ", ".join(clips))):
+        if given:
+            raise UsageError(f"{word} {given}: `all` makes every target of what it renders itself; name one target to use {word}")
+    return Origin(ALL, parts=tuple((name, origin(name, None, settings, digest)[0]) for name in CHAIN))
+
+
 def _refusal(source: Path, error: Exception) -> UsageError:
     """The path stands there once, also where the error begins with it."""
     return UsageError(f"--source {source}: {str(error).removeprefix(f'{source}: ')}")
@@ -85,7 +98,7 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
         given = tree(source, digest) if source else None
         if given:
             cases(given)
-        others = tuple(tree(Path(name), digest) for name in settings.benchmark.predictions)
+        others = tuple(tree(Path(name), digest) for name in settings.twohands.benchmark.predictions)
     except ValueError as error:
         raise UsageError(str(error)) from error
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
@@ -127,7 +140,7 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
 
     try:
         found = find(source, digest) if source else ()
-        actions = tree(Path(settings.sor3d_report.actions), digest) if settings.sor3d_report.actions else None
+        actions = tree(Path(settings.rgbd.sor3d_report.actions), digest) if settings.rgbd.sor3d_report.actions else None
     except ValueError as error:
         raise (_refusal(source, error) if source else UsageError(f"sor3d_report.actions: {error}")) from error
     name = OWN_ROOMS[target] if source is None else source.resolve().name
@@ -142,7 +155,7 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
     if source is None:
         return learned
     try:
-        found = pictures(source, settings.static_read.backend, digest)
+        found = pictures(source, settings.rgbd.static_read.backend, digest)
     except ValueError as error:
         raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)
@@ -163,7 +176,7 @@ def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], s
     from afford.dataset.layout import tree
 
     if source is None:
-        return Origin(settings.model_train.variant)
+        return Origin(settings.twohands.model_train.variant)
     given = tree(source, digest)
     return Origin(given.name, dataset=given)
 
@@ -172,8 +185,8 @@ def _synthetic(target: str, settings: Settings) -> Origin:
     from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
 
     if target != "extraction-report":
-        return Origin("synthetic", specs=dataset_specs(settings.scene_render.seed))
-    report = settings.extraction_report
+        return Origin("synthetic", specs=dataset_specs(settings.synthetic.scene_render.seed))
+    report = settings.extraction.extraction_report
     specs = standard_specs(report.eval_seed, report.standard_clips) + hard_specs(report.eval_seed, report.hard_clips)
     return Origin(f"synthetic-eval-{report.eval_seed}", specs=specs)
 

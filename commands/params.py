@@ -1,8 +1,7 @@
-"""`params`: every parameter of every stage."""
+"""`params`: every parameter of every stage, by system."""
 
 from __future__ import annotations
 
-import dataclasses
 import json as encoder
 import sys
 
@@ -12,30 +11,34 @@ from rich.padding import Padding
 
 from commands.errors import unknown
 from commands.settings import described
-from maps.settings import Settings
+from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 
 PIPED_WIDTH = 100
 """columns where no terminal says how many"""
+COLUMNS = ("system", "stage", "name", "type", "default", "doc")
 
 
-def show(stage: str | None, json: bool) -> int:
-    """Print name, type, what holds when nothing is said, and meaning; UsageError for an unknown stage."""
-    stages = {field.name: field.default for field in dataclasses.fields(Settings)}
-    if stage and stage.replace("-", "_") not in stages:
-        raise unknown("stage", stage, stages)
-    chosen = {name: value for name, value in stages.items() if stage in (None, name, name.replace("_", "-"))}
-    rows = [(name, *row) for name, value in chosen.items() for row in described(value)]
+def show(word: str | None, json: bool) -> int:
+    """Print name, type, what holds when nothing is said, and meaning: of all, of a system or of a stage; UsageError for a word that
+    is neither."""
+    asked = (word or "").replace("-", "_")
+    if word and asked not in (*SYSTEMS, *SYSTEM_OF):
+        raise unknown("stage", word, SYSTEM_OF)
+    chosen = Settings()
+    rows = [(system, stage, *row) for stage, system in SYSTEM_OF.items() if not asked or asked in (stage, system)
+            for row in described(chosen.params(stage))]  # fmt: skip
     if json:
-        columns = ("stage", "name", "type", "default", "doc")
-        sys.stdout.write(encoder.dumps([dict(zip(columns, row, strict=True)) for row in rows]) + "\n")
+        sys.stdout.write(encoder.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows]) + "\n")
         return 0
-    _print([(f"{name}.{field}", kind, repr(default), doc) for name, field, kind, default, doc in rows])
+    for system in dict.fromkeys(row[0] for row in rows):
+        _print(system, [(f"{row[1]}.{row[2]}", row[3], repr(row[4]), row[5]) for row in rows if row[0] == system])
     return 0
 
 
-def _print(rows: list[tuple[str, str, str, str]]) -> None:
+def _print(system: str, rows: list[tuple[str, str, str, str]]) -> None:
     """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe."""
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
+    console.print(f"[bold underline]{system}[/]", highlight=False)
     for name, kind, default, doc in rows:
         console.print(f"[bold]{name}[/]  {escape(default)}  [dim]{escape(kind)}[/]", highlight=False, overflow="fold")
         console.print(Padding(escape(doc), (0, 0, 0, 4)), highlight=False, overflow="fold")

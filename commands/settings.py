@@ -15,7 +15,7 @@ from typing import Any
 
 from commands.bounds import check
 from commands.errors import UsageError, unknown
-from maps.settings import PRESETS, Settings
+from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -25,7 +25,7 @@ def settings(sets: Iterable[str], file: Path | None) -> Settings:
     UsageError names what does not exist or does not fit."""
     changes = [*_from_file(file), *(_split(word) for word in sets)]
     named = {change[0]: PRESETS[change] for change in changes if isinstance(change[2], str) and change in PRESETS}
-    chosen = dataclasses.replace(Settings(), **named)
+    chosen = Settings.of(**named)
     for stage, name, value in changes:
         chosen = _change(chosen, stage, name, value)
     return chosen
@@ -75,18 +75,24 @@ def _split(word: str) -> tuple[str, str, str]:
     return stage.replace("-", "_"), name.replace("-", "_"), value
 
 
+TRAINED_BY = {"twohands": "model_train", "sor3d": "sor3d_train", "sor3d_actions": "sor3d_pretrain", "boxes": "boxes_train"}
+"""what model_train.backend chose from -> the stage that trains it"""
+
+
 def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
-    stages = {field.name for field in dataclasses.fields(chosen)}
-    if stage not in stages:
-        raise unknown("stage", stage, stages)
-    params = getattr(chosen, stage)
+    if stage not in SYSTEM_OF:
+        raise unknown("stage", stage, SYSTEM_OF)
+    params = chosen.params(stage)
     types = typing.get_type_hints(type(params))
+    if (stage, name) == ("model_train", "backend"):
+        raise UsageError(f"model_train.backend: model_train trains the two-hand model alone, and {value} is trained by "
+                         f"{TRAINED_BY.get(str(value), 'another stage')}; set the parameters of that stage")
     if name not in types:
         raise unknown(f"parameter of {stage}", name, types)
     fitted = _fit(f"{stage}.{name}", value, types[name])
     check(stage, name, fitted, params)
     try:
-        return dataclasses.replace(chosen, **{stage: dataclasses.replace(params, **{name: fitted})})
+        return chosen.with_stages(**{stage: dataclasses.replace(params, **{name: fitted})})
     except ValueError as error:
         raise UsageError(f"{stage}.{name}: {error}") from error
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +17,21 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from commands.belongs import check_stages, laid_out
+from commands.belongs import laid_out
 from commands.compare import built
 from commands.errors import UsageError, unknown
+from commands.only import plan as plan_of_stages
 from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, digester, open_runner, seen_runner
 from commands.settings import columns
+from commands.stages import home, resolved, target_named
+from commands.targets import TARGETS
 from commands.weights import weighed
-from pipeline import TARGETS
 from runner import Graph, Runner, TaskPlan
 
+BEGINNING = re.compile(r"[0-9a-f]+")
+"""of a digest"""
 SHOWN_FILES = 6
 PIPED_WIDTH = 1000
 """columns where no terminal says how many: paths are long, and whoever reads a pipe wants them whole"""
@@ -34,8 +40,9 @@ PIPED_WIDTH = 1000
 def planned(request: Request) -> list[TaskPlan]:
     """What `run` would do, without doing it."""
     runner, graph, target = _prepared(request)
-    force = [name.replace("-", "_") for name in request.force]
-    check_stages(force, target, graph)
+    force = resolved(request.force, target, graph)
+    if request.only:
+        return plan_of_stages(runner, graph, resolved([request.only], target, graph), request.clips, force)
     return runner.plan(graph, target, shards=request.clips or None, force=force)
 
 
@@ -43,7 +50,7 @@ def dry_run(request: Request) -> int:
     """Show what would run, and why."""
     plans = planned(request)
     if request.json:
-        _print_json({"target": request.target, "tasks": [_plan(plan) for plan in plans]})
+        _print_json({"target": target_named(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
     else:
         _show_groups([plan for plan in plans if plan.status != "cached"])
         counts = Counter(plan.status for plan in plans)
@@ -51,11 +58,11 @@ def dry_run(request: Request) -> int:
     return 0
 
 
-def explain(request: Request, stage: str | None, clip: str | None) -> int:
-    """Why each task would run, or ran the last time."""
+def explain(request: Request, clip: str | None) -> int:
+    """Why each task would run, or ran the last time; of one stage where `only` names it."""
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    check_stages([stage.replace("-", "_")] if stage else [], target, graph)
-    plans = runner.explain(graph, target, stage=stage and stage.replace("-", "_"), shard=clip)
+    stages = resolved([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
+    plans = [plan for plan in runner.explain(graph, target, shard=clip) if plan.stage in stages]
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
         known -= {"", "*"}  # of one task for all, and of what is not known yet
@@ -69,12 +76,15 @@ def explain(request: Request, stage: str | None, clip: str | None) -> int:
 
 def status(request: Request) -> int:
     """Per stage: how many shards are cached, would run, wait for others; and which of them failed and have not succeeded since.
-    Failures of other sources, targets or settings are counted."""
+    Failures of other sources, targets or settings are counted. Instead of a target a stage can be named: then it is about that."""
+    if request.target and request.target.replace("_", "-") not in TARGETS:
+        request = replace(request, target=None, only=_known(request.target))
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
+    shown = resolved([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
     plans = runner.plan(graph, target)
     keys, failures = {plan.key for plan in plans}, runner.failures()
     mine, others = [[failure for failure in failures if (failure["key"] in keys) is own] for own in (True, False)]
-    counts = {node.name: Counter(p.status for p in plans if p.stage == node.name) for node in graph.stages()}
+    counts = {stage: Counter(p.status for p in plans if p.stage == stage) for stage in shown}
     if request.json:
         _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": mine,
                      "failures_elsewhere": others})
@@ -104,7 +114,7 @@ def graph_text(graph: Graph) -> str:
 
 def graph(request: Request, out: Path | None) -> int:
     """The stages and what they read, as text, or drawn to an SVG or PNG."""
-    target = _target(request)
+    target = target_named(request.target)
     chosen = columns(request.sets, request.params)
     place, _ = origin(target, request.source, next(iter(chosen.values())), lambda path: "")  # what is in files does not matter here
     drawn, _ = built(target, place, chosen)
@@ -136,11 +146,12 @@ def _stages_of(graph: Graph, at: int) -> Iterator[str]:
 
 
 def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
-    """Walk from an artifact (a digest, its beginning, or any path in or linked from the store) to the leafs."""
+    """Walk from an artifact (a digest, its beginning, any path in or linked from the store, or a stage: what it made last) to the
+    leafs."""
     runner = seen_runner(store)
     path = Path(artifact)
     try:
-        found = runner.lineage(_digest_of(runner, path) if path.exists() else artifact)
+        found = runner.lineage(_digest_of(runner, path) if path.exists() else _last_of(runner, artifact) or artifact)
     except ValueError as error:
         raise UsageError(str(error)) from error
     if as_json:
@@ -160,6 +171,29 @@ def _digest_of(runner: Runner, path: Path) -> str:
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
     blob = runner.hash_file(file)[0]
     return str(runner.store.path("blobs", blob))
+
+
+def _last_of(runner: Runner, word: str) -> str:
+    """What a stage of this name has made last, else one of this function; '' where the word is none. UsageError where it never ran
+    here."""
+    stage = word.replace("-", "_")
+    if not stage.isidentifier() or BEGINNING.fullmatch(word):
+        return ""
+    traces = sorted(runner.traces.all(), key=lambda trace: trace.finished)
+    made = [one.output for one in traces if one.stage == stage] or [
+        one.output for one in traces if one.function.partition(":")[0].rpartition(".")[2] == stage]
+    if not made:
+        raise UsageError(f"{home(stage)} has a stage {stage!r}, which never ran in this store; `run --only {stage}` runs it")
+    return made[-1]
+
+
+def _known(word: str) -> str:
+    """A word that is no target, but a stage of one. UsageError when it is neither."""
+    try:
+        home(word)
+    except UsageError as error:
+        raise (unknown("target", word, TARGETS) if get_close_matches(word, TARGETS) else error) from None
+    return word
 
 
 def _origin_line(origin: Any) -> str:
@@ -208,15 +242,8 @@ def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
     return 0
 
 
-def _target(request: Request) -> str:
-    target = request.target.replace("_", "-")
-    if target not in TARGETS:
-        raise unknown("target", request.target, TARGETS)
-    return target
-
-
 def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> tuple[Runner, Graph, str]:
-    target = _target(request)
+    target = target_named(request.target, request.only)
     chosen = columns(request.sets, request.params)
     runner = opened(request.store, glance=True)
     weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}

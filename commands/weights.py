@@ -9,10 +9,8 @@ from typing import Any
 
 from commands.errors import UsageError
 from commands.registries import of_stage
-from maps.settings import Settings
-from maps.weights import Weighed
+from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
-from stages.twohands import model_train
 
 
 def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
@@ -21,22 +19,19 @@ def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     found."""
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
-    for field in dataclasses.fields(Settings):
-        params = getattr(chosen, field.name)
-        if isinstance(params, model_train.Params) and params.backbones:
-            found[field.name] = _files(f"{field.name}.backbones", params.backbones, digest)
-            named[field.name] = dataclasses.replace(params, backbones=_label(params.backbones))
+    for stage in SYSTEM_OF:
+        params = chosen.params(stage)
+        if getattr(params, "backbones", ""):
+            found[stage] = _files(f"{stage}.backbones", params.backbones, digest)
+            named[stage] = dataclasses.replace(params, backbones=_label(params.backbones))
         if not (_asked(params) and reads_weights(params)):
             continue
         if not params.model:
-            raise UsageError(f"{field.name}.backend={params.backend} reads weights, and none are named: add "
-                             f"--set {field.name}.model=MODEL, {_needs(field.name, params.backend)}")
-        found[field.name] = _files(f"{field.name}.model", params.model, digest)
-        named[field.name] = dataclasses.replace(params, model=_label(params.model))
-    if not found:
-        return chosen
-    fields = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(Settings)}
-    return Weighed(**{**fields, **named}, weights=tuple(found.items()))
+            raise UsageError(f"{stage}.backend={params.backend} reads weights, and none are named: add "
+                             f"--set {stage}.model=MODEL, {_needs(stage, params.backend)}")
+        found[stage] = _files(f"{stage}.model", params.model, digest)
+        named[stage] = dataclasses.replace(params, model=_label(params.model))
+    return dataclasses.replace(chosen.with_stages(**named), weights=tuple(found.items()))
 
 
 def reads_weights(params: Any) -> bool:

@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from maps.finder import finder
-from maps.recording import record_run
+from maps.common import record_run, record_training, recorded, reported, weights
 from maps.settings import Origin, Settings
-from maps.weights import weights
+from maps.synthetic import videos
 from runner import Graph
 from schemas.affordance import Affordances, FrameLabels, Samples
+from schemas.benchmark import ClipScores
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.scene import RenderedClip
+from schemas.training import Trained
 from schemas.video import Clip, Frames, Inpainted
 from stages.extraction import (
     affordance_intersect,
@@ -25,6 +26,7 @@ from stages.extraction import (
     frame_decode,
     hand_detect,
     hand_inpaint,
+    hands_train,
     key_thin,
     mask_densify,
     narration_labelling,
@@ -33,7 +35,7 @@ from stages.extraction import (
     source_read,
 )
 from stages.recording import clip_record, stage_record
-from stages.synthetic import scene_render
+from stages.synthetic import hand_lessons, hand_plan
 
 
 class Extracted(NamedTuple):
@@ -60,38 +62,47 @@ class Extracted(NamedTuple):
 
 def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> Extracted:
     """Video, sparse masks (found here where it is `bare`) and narrations -> hands, objects and affordances on every frame."""
+    s           = p.extraction
     files       = g.pick(video, lambda v: v.files)
     media       = g.pick(video, lambda v: v.media)
-    clip        = g.each(g.first(g.add(source_read.run, files=files,                                 params=p.source_read)))
+    clip        = g.each(g.first(g.add(source_read.run, files=files,                                 params=s.source_read)))
     footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
-    frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=p.frame_decode)
+    frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=s.frame_decode)
     read, clip  = clip, found(g, clip, frames, p) if bare else clip
-    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=p.mask_densify,
+    tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=s.mask_densify,
                         **weights(g, p, "mask_densify"))
-    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=p.hand_inpaint,
+    inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=s.hand_inpaint,
                         **weights(g, p, "hand_inpaint"))
-    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=p.object_completion,
+    complete    = g.add(object_completion.run,      frames=frames,   tracks=tracks, inpainted=inpainted, params=s.object_completion,
                         **weights(g, p, "object_completion"))
-    affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=p.affordance_intersect)
-    labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=p.narration_labelling)
+    affordances = g.add(affordance_intersect.run,   tracks=tracks,   complete=complete,              params=s.affordance_intersect)
+    labels      = g.add(narration_labelling.run,    clip=clip,       frames=frames,                  params=s.narration_labelling)
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels, read)
 
 
 def found(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
     """A clip without masks -> the same with hands, what they touch, and that they do."""
-    asked = {"weights": finder(g, p)} if p.hand_detect.backend == "network" else weights(g, p, "hand_detect")
-    return g.add(hand_detect.run, clip=clip, frames=frames, params=p.hand_detect, **asked)
+    learned = p.extraction.hand_detect.backend == "network"
+    asked   = {"weights": g.pick(finder(g, p), lambda t: t.files)} if learned else weights(g, p, "hand_detect")
+    return g.add(hand_detect.run, clip=clip, frames=frames, params=p.extraction.hand_detect, **asked)
+
+
+def finder(g: Graph, p: Settings) -> Trained:
+    """Rendered hands in rendered rooms -> the trained finder; whoever asks for it shares one training."""
+    room    = g.each(g.add(hand_plan.run,                                                            params=p.extraction.hand_plan))
+    lessons = g.add(hand_lessons.run,       room=room,                                params=p.extraction.hand_lessons, ctx=g.ctx)
+    return g.add(hands_train.run,           lessons=g.collect(lessons),               params=p.extraction.hands_train, ctx=g.ctx)
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
     """What was extracted from one clip -> its samples."""
     return g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
-                 complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.sample_assemble)
+                 complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.extraction.sample_assemble)
 
 
 def pack(g: Graph, samples: Samples, origin: Origin, p: Settings) -> FileTree:
     """The samples of all clips -> one data set."""
-    return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.dataset_pack, origin), ctx=g.ctx)
+    return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.extraction.dataset_pack, origin), ctx=g.ctx)
 
 
 def licensed(params: dataset_pack.Params, origin: Origin) -> dataset_pack.Params:
@@ -104,16 +115,25 @@ def mined(g: Graph, origin: Origin, p: Settings) -> FileTree:
     return pack(g, assemble(g, extract(g, videos(g, origin, p), p, origin.bare), p), origin, p)
 
 
-def score(g: Graph, video: RenderedClip, p: Settings) -> FileTree:
+class Scored(NamedTuple):
+    """Handles of the quality report and of what it is made from."""
+
+    report: FileTree
+    scores: ClipScores
+    x: Extracted
+
+
+def score(g: Graph, video: RenderedClip, p: Settings) -> Scored:
     """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
     x = extract(g, video, p)
     truth = g.pick(video, lambda v: v.truth)
-    thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.key_thin)
-    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,         params=p.mask_densify,
+    thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.extraction.key_thin)
+    sparse = g.named("mask_densify_gap30").add(mask_densify.run, clip=thin, frames=x.frames,       params=p.extraction.mask_densify,
                                                     **weights(g, p, "mask_densify"))
     scores = g.add(extraction_score.run, truth=truth, clip=x.clip, frames=x.frames, tracks=x.tracks, tracks_sparse=sparse,
-                   inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction_score)
-    return g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction_report, ctx=g.ctx)
+                   inpainted=x.inpainted, complete=x.complete, affordances=x.affordances, params=p.extraction.extraction_score)
+    report = g.add(extraction_report.run, scores=g.collect(scores), params=p.extraction.extraction_report, ctx=g.ctx)
+    return Scored(report, scores, x)
 
 
 def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
@@ -122,21 +142,14 @@ def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
         g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
         for stage, value in (*x.recorded().items(), ("sample_assemble", samples))
     )
-    return g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx)
-
-
-def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
-    """Every video with its files and its ground truth."""
-    if origin.specs:
-        return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.scene_render, ctx=g.ctx)
-    return g.each(g.leaf("videos", origin.videos))
+    return recorded(g, g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx), "{clip}")
 
 
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
     """the data set of a source, with a recording of every clip"""
     x = extract(g, videos(g, origin, p), p, origin.bare)
     samples = assemble(g, x, p)
-    packed = pack(g, samples, origin, p)
+    packed = g.publish(pack(g, samples, origin, p), "datasets/{source}", as_="dataset")
     g.target("dataset", packed, record(g, x, samples), record_run(g, "dataset_pack", packed))
 
 
@@ -146,15 +159,18 @@ def recordings(g: Graph, origin: Origin, p: Settings) -> None:
     g.target("recordings", record(g, x, assemble(g, x, p)))
 
 
-def scenes(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered clips, as EPIC-format files with ground truth"""
-    g.target("scenes", videos(g, origin, p))
-
-
 def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
     """scores of every extraction stage against ground truth"""
-    report = score(g, videos(g, origin, p), p)
+    report, scores, x = score(g, videos(g, origin, p), p)
+    g.cost("cpu_s_per_frame", (x.frames, x.tracks, x.inpainted, x.complete, x.affordances), (reported(g, report), "clips.frames"),
+           shards=scores, each=True)
     g.target("extraction-report", report, record_run(g, "extraction_report", report))
+
+
+def hands(g: Graph, origin: Origin, p: Settings) -> None:
+    """a network that finds hands in pictures without masks, from rendered ones"""
+    trained = finder(g, p)
+    g.target("hands", g.pick(trained, lambda t: t.files), record_training(g, "hands_train", trained, p.extraction.hands_train))
 
 
 def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:
@@ -165,6 +181,6 @@ def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[
     reports: list[FileTree] = []
     for label, p in columns.items():
         with g.variant(label) as names[label]:
-            reports.append(score(g, video, p))
+            reports.append(score(g, video, p).report)
     g.target("extraction-report", *reports)
     return names

@@ -6,35 +6,15 @@ from dataclasses import replace
 from typing import Any
 
 from afford.twohands.train.recipes import recipes
+from maps.common import record_run, record_training, reported, weights
 from maps.extraction import mined
-from maps.recording import record_run
 from maps.settings import Origin, Settings
-from maps.weights import weights
+from maps.synthetic import stills_to_measure, stills_to_train
 from runner import Graph
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
-from stages.extraction import dataset_pack
-from stages.recording import training_record
-from stages.synthetic import benchmark_plan, still_render, still_sample, train_plan
-from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
-
-
-def stills_to_train(g: Graph, p: Settings) -> FileTree:
-    """Rendered stills -> the data set that models are trained on."""
-    spec    = g.each(g.add(train_plan.run,                                                           params=p.train_plan))
-    stills  = g.add(still_render.run,       spec=spec,       params=p.still_render, ctx=g.ctx)
-    samples = g.add(still_sample.run,       stills=stills,                                           params=p.still_sample)
-    params  = replace(p.dataset_pack, name="afford-stills", license="apache-2.0", made="rendered")
-    return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx)
-
-
-def stills_to_measure(g: Graph, p: Settings) -> FileTree:
-    """Rendered stills of things and rooms that training never sees -> the synthetic benchmark, masks at 855 px width."""
-    spec    = g.each(g.add(benchmark_plan.run,                                                       params=p.benchmark_plan))
-    params  = replace(p.still_render, mask_scale=855 / p.still_render.width_px)
-    stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx)
-    return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.benchmark_set, ctx=g.ctx)
+from stages.twohands import ablation_report, baseline_cases, benchmark, model_train, predict_cases, score_cases
 
 
 def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
@@ -47,12 +27,12 @@ def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
 def learn(g: Graph, dataset: FileTree, p: Settings) -> Trained:
     """A data set -> a trained two-hand model, with its curves."""
     started: dict[str, Any] = weights(g, p, "model_train")
-    return g.add(model_train.run,           dataset=dataset,                          params=p.model_train, ctx=g.ctx, **started)
+    return g.add(model_train.run,           dataset=dataset,                    params=p.twohands.model_train, ctx=g.ctx, **started)
 
 
 def ask(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
     """What a trained model says of the cases, told the task, the task of another case, or none."""
-    mine = p.predict_cases
+    mine = p.twohands.predict_cases
     texts = (mine, replace(mine, name=f"{mine.name}_text_shuffled", text="shuffled"),
              replace(mine, name=f"{mine.name}_text_removed", text="removed"))
     return {told.name: g.named(f"predict_{told.text}").add(predict_cases.run, cases=cases, model=model, params=told, ctx=g.ctx)
@@ -65,7 +45,7 @@ def rule(g: Graph, cases: FileTree, dataset: FileTree, extracted: FileTree | Non
     seen = {"whole_object": none, "object_box": none, "centre": none, "class_mean": dataset}
     seen |= {"extraction": g.leaf("extracted", extracted)} if extracted else {}
     return {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=data, ctx=g.ctx,
-                                                  params=replace(p.baseline_cases, backend=name))
+                                                  params=replace(p.twohands.baseline_cases, backend=name))
             for name, data in seen.items()}  # fmt: skip
 
 
@@ -74,31 +54,22 @@ def compare(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, origi
     extracted = next((tree for tree in origin.predictions if tree.find("manifest.json")), None)
     masks = g.leaf("predictions", tuple(tree for tree in origin.predictions if tree is not extracted))
     said = ask(g, cases, model, p) | rule(g, cases, dataset, extracted, p)
-    scores = [g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.score_cases)
+    scores = [g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.twohands.score_cases)
               for name, tree in said.items()]  # fmt: skip
-    swapped = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said[p.predict_cases.name],
-                                           params=replace(p.score_cases, swap=True))  # fmt: skip
-    others = g.named("score_others").add(score_cases.run, cases=cases, predictions=g.each(masks), params=p.score_cases)
-    return g.add(benchmark.run, scores=(*scores, swapped), others=g.collect(others),
-                 params=replace(p.benchmark, predictions=()), ctx=g.ctx)  # fmt: skip
-
-
-def train_set(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered stills with exact labels, packed for training"""
-    g.target("train-set", stills_to_train(g, p))
-
-
-def benchmark_stills(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered stills of held-out things and rooms, in ActAffordance's folders"""
-    g.target("benchmark-set", stills_to_measure(g, p))
+    swapped = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said[p.twohands.predict_cases.name],
+                                           params=replace(p.twohands.score_cases, swap=True))  # fmt: skip
+    others = g.named("score_others").add(score_cases.run, cases=cases, predictions=g.each(masks), params=p.twohands.score_cases)
+    report = g.add(benchmark.run, scores=(*scores, swapped), others=g.collect(others),
+                   params=replace(p.twohands.benchmark, predictions=()), ctx=g.ctx)  # fmt: skip
+    g.cost("ms_per_image", [said[p.twohands.predict_cases.name]], (report, "cases"), scale=1000)
+    return report
 
 
 def train(g: Graph, origin: Origin, p: Settings) -> None:
     """a two-hand affordance model, from rendered stills or from --source: a data set, or videos"""
     trained = learn(g, lessons(g, origin, p), p)
-    files, log = g.pick(trained, lambda t: t.files), g.pick(trained, lambda t: t.log)
-    params = training_record.Params()
-    g.target("train", files, g.named("record_model_train").add(training_record.run, log=log, files=files, params=params, ctx=g.ctx))
+    files   = g.publish(g.pick(trained, lambda t: t.files), "models/{source}", as_="model")
+    g.target("train", files, record_training(g, "model_train", trained, p.twohands.model_train))
 
 
 def measure(g: Graph, origin: Origin, p: Settings) -> None:
@@ -107,31 +78,31 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
     cases   = g.leaf("cases", origin.cases) if origin.cases else stills_to_measure(g, p)
     model   = g.pick(learn(g, dataset, p), lambda t: t.files)
     report  = compare(g, cases, dataset, model, origin, p)
-    g.target("benchmark", report, record_run(g, "benchmark", report))
+    g.target("benchmark", reported(g, report), record_run(g, "benchmark", report))
 
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of the model is worth: rows of trainings over several seeds, on held-out stills; with --minutes, what is
     finished by then"""
-    planned = recipes(p.ablation_report.rows, p.ablation_report.seeds)
+    planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
     learned = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}
     scores  = [retrain(g, cases, learned[name](g, p), mine, p) for name, mine in by_data.items() if mine]
     others  = {"others": scores[1]} if scores[1:] else {}
-    report  = g.add(ablation_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=p.ablation_report, ctx=g.ctx,
-                    **others)
-    g.target("ablation", report, record_run(g, "ablation_report", report))
+    report  = g.add(ablation_report.run, recipes=g.leaf("planned", planned), scores=scores[0], ctx=g.ctx,
+                    params=p.twohands.ablation_report, **others)
+    g.target("ablation", reported(g, report), record_run(g, "ablation_report", report))
 
 
 def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> tuple[MethodScores, ...]:
     """Every recipe trained on one data set, asked about the cases and scored."""
     of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
-    steps   = p.ablation_report.steps or p.model_train.steps
+    steps   = p.twohands.ablation_report.steps or p.twohands.model_train.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
-                                              params=replace(p.model_train, steps=steps), **weights(g, p, "model_train"))
+                                              params=replace(p.twohands.model_train, steps=steps), **weights(g, p, "model_train"))
     said    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
-                                                params=replace(p.predict_cases, name=""), ctx=g.ctx)
-    scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.score_cases)
+                                                params=replace(p.twohands.predict_cases, name=""), ctx=g.ctx)
+    scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.twohands.score_cases)
     return g.collect(scores, partial=True)

@@ -1,6 +1,6 @@
 """A content-hashed DAG engine: what was made once from the same code, parameters and inputs is never made again.
 
-    graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, first, target
+    graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, first, target, publish
     runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.common.worker:prepare", jobs=2, memory_gib=6.0)
     report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None, limit_s=None)  -> RunReport
     runner.plan(graph, "dataset")                           -> list[TaskPlan], nothing is executed

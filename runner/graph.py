@@ -14,8 +14,10 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, ParamSpec, TypeVar, cast
+
+from runner.labels import Cost, Measured, Published
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -81,8 +83,12 @@ class Graph:
         self.nodes: list[Node] = []
         self.targets: dict[str, tuple[Any, ...]] = {}
         self.early: set[int] = set()
+        self.published: list[Published] = []
+        self.measured: list[Measured] = []
+        self.costs: list[Cost] = []
         self._axes: dict[int, Handle] = {}
         self._variant: tuple[str, dict[str, str]] | None = None
+        self._part = ""
 
     def leaf(self, name: str, value: T) -> T:
         """A value known now; a tuple is a list of them."""
@@ -108,6 +114,39 @@ class Graph:
         finally:
             self._variant = None
 
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Lines of one of several targets that are made together: what they share is one node, as in a `variant`; their targets are
+        called `<part>.<name>`, and what they publish and measure belongs to the part."""
+        self._part = name
+        try:
+            with self.variant(name.replace("-", "_")):
+                yield
+        finally:
+            self._part = ""
+
+    def publish(self, value: T, place: str, as_: str) -> T:
+        """Name where people find a value, and what the summary of a run calls it: `g.publish(packed, "datasets/{source}",
+        as_="dataset")`. {source} is the name of what the run is made of, {clip} the shard: then every shard has a place of its own.
+        A place with a suffix is that of a single file. The value is published by every run that makes it."""
+        node = self._node(value, "g.publish")
+        self.published.append(Published(node.id, place, as_, self._part))
+        return value
+
+    def measure(self, value: T, file: str = "metrics.json", under: str = "") -> T:
+        """Name a file of a value with figures that a run shows, an object of numbers in JSON; `under` is set before each name."""
+        self.measured.append(Measured(self._node(value, "g.measure").id, file, under, self._part))
+        return value
+
+    def cost(self, name: str, stages: Iterable[Any], per: tuple[Any, str], *, shards: Any = None, scale: float = 1.0,
+             each: bool = False, rate: bool = False) -> None:  # fmt: skip
+        """A figure of what stages cost: their CPU seconds for one of what they are counted in, `per` a measured value and a figure
+        of it. `shards`: only in the shards in which this one is made; `scale`: of the unit; `each`: also of every stage as
+        `<name>.<stage>`; `rate`: so many a CPU second instead, and none where nothing was spent."""
+        spent = tuple(self._maker(stage) for stage in stages)
+        self.costs.append(Cost(name, spent, self._node(per[0], "g.cost").id, per[1],
+                               None if shards is None else self._maker(shards), scale, each, rate, self._part))
+
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         """One stage, named after its module. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is
         supplied by the runner. GraphError when the arguments do not fit."""
@@ -125,7 +164,7 @@ class Graph:
             raise GraphError(f"{name}: params must be a frozen dataclass, got {type(params).__name__}")
         inputs = tuple((key, self._input(value, f"{name}.{key}").id) for key, value in bound.items())
         own = f"{name}_{self._variant[0]}" if self._variant and taken else name
-        made = self._new("stage", own, inputs, self._join(inputs, name), value=fn, params=params, wants_ctx=wants_ctx)
+        made = self._new("stage", name, inputs, self._join(inputs, name), own=own, value=fn, params=params, wants_ctx=wants_ctx)
         if self._variant:
             self._variant[1][name] = made.__dict__["_node"].name
         return cast(T, made)
@@ -167,6 +206,7 @@ class Graph:
 
     def target(self, name: str, *handles: Any) -> None:
         """Name what a run can be asked for."""
+        name = f"{self._part}.{name}" if self._part else name
         if name in self.targets:
             raise GraphError(f"target {name!r} is declared twice")
         self.targets[name] = tuple(Handle(self, self._node(handle, f"g.target({name!r})")) for handle in handles)
@@ -199,12 +239,21 @@ class Graph:
         """Every stage, in the order written."""
         return [node for node in self.nodes if node.sort == "stage"]
 
-    def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (),
+    def _maker(self, value: Any) -> str:
+        """The name of the stage that a value, or a field of it, comes from."""
+        node = self._node(value, "g.cost")
+        while node.sort == "pick":
+            node = self.nodes[node.inputs[0][1]]
+        return node.name
+
+    def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (), *, own: str = "",
              **more: Any) -> Handle:
+        """A node, called `own` where its name is taken; in a variant, the one that is there already with the same arguments."""
         node = Node(len(self.nodes), sort, name, inputs, axes, **more)
-        twin = next((old for old in self.nodes if self._variant and inputs and _same(old, node)), None)
+        twin = next((old for old in self.nodes if self._variant and _same(old, node)), None)
         if twin is not None:
             return Handle(self, twin)
+        node = replace(node, name=own or name)
         self.nodes.append(node)
         return Handle(self, node)
 
@@ -265,8 +314,11 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
 
 
 def _same(a: Node, b: Node) -> bool:
-    """Whether two nodes compute the same, whatever they are called. (An `each` is told by its axis.)"""
-    return a.sort == b.sort != "each" and (a.inputs, a.value, a.params, a.partial) == (b.inputs, b.value, b.params, b.partial)
+    """Whether two nodes compute the same, whatever they are called; what has no inputs, also by its name. (An `each` is told by its
+    axis.)"""
+    if a.sort != b.sort or a.sort == "each" or (not a.inputs and a.name != b.name):
+        return False
+    return (a.inputs, a.value, a.params, a.partial) == (b.inputs, b.value, b.params, b.partial)
 
 
 def _is_frozen(params: Any) -> bool:

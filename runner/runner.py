@@ -227,6 +227,8 @@ class Runner:
         outcome = schedule.walk.outcome
         report.outputs[name] = [(shard, outcome[node.id, tuple(shard.split("/")) if shard else ()]) for shard in made]
         report.outputs[name] = [(shard, digest) for shard, digest in report.outputs[name] if digest not in NOTHING]
+        for part in (one for one in graph.nodes if one.sort == "pick" and one.inputs[0][1] == node.id):
+            report.outputs[part.name] = [(shard, schedule.walk._field(part, digest)) for shard, digest in report.outputs[name]]
 
     def _again(self, node: Node, path: tuple[str, ...], inputs: dict[str, str], schedule: Schedule) -> str:
         desk = schedule.walk.desk
@@ -250,8 +252,11 @@ class Runner:
         return [graph.node_of(handle) for handle in _handles(graph, target)]
 
     def _outputs(self, graph: Graph, target: Any, walk: Walk) -> dict[str, list[tuple[str, str]]]:
+        met = {node.id for node in walk.nodes}
+        named = [graph.nodes[one.node] for one in graph.published if one.node in met]
         return {node.name: [("/".join(path), walk.outcome[node.id, path]) for path in walk._ordered(node.axes)
-                            if walk.outcome.get((node.id, path), FAILED) not in NOTHING] for node in self._wanted(graph, target)}
+                            if walk.outcome.get((node.id, path), FAILED) not in NOTHING]
+                for node in (*self._wanted(graph, target), *named)}
 
     def _check_names(self, graph: Graph, names: Iterable[str]) -> None:
         valid = [node.name for node in graph.stages()]

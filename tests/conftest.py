@@ -11,12 +11,16 @@ from pathlib import Path
 import cv2
 import pytest
 
+from commands.targets import use
+from pipeline import TARGETS, build
 from runner import RunReport
 from tests.helpers.command import Made
 from tests.helpers.tiny_source import write_source
 
 cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/runner/test_worker.py)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what tests start
+
+use(TARGETS, build)  # as the command line does, for tests that call its parts
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -40,9 +40,9 @@ class Params:
     at_once: int = 48
     """most worlds at a time"""
     places: int = 2
-    """maps/grasps.py: clips of each object that are held out"""
+    """maps/grasping.py: clips of each object that are held out"""
     held_out: int = 7919
-    """maps/grasps.py: added to the seeds of grasp_targets and motion_synthesise for these clips"""
+    """maps/grasping.py: added to the seeds of grasp_targets and motion_synthesise for these clips"""
     seed: int = 20268
     """of where objects lie"""
 

@@ -80,7 +80,7 @@ def test_an_unknown_stage_is_refused() -> None:
 
 def test_nothing_heavy_is_imported() -> None:
     """The table is read from source."""
-    code = ("import sys\nfrom commands.cli import main\nmain(['backends', 'mask_densify'])\n"
+    code = ("import sys\nfrom pipeline import main\nmain(['backends', 'mask_densify'])\n"
             "print([name for name in ('torch', 'transformers', 'cv2', 'numba') if name in sys.modules])")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]", done.stderr

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from commands.belongs import watched
 from commands.origin import origin
-from maps.settings import Settings
+from maps.settings import SYSTEM_OF, Settings
 from pipeline import TARGETS, build
 from tests.helpers.command import Made, call
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (("explain", "model_train"), "stage 'model_train' is none of dataset; it belongs to train, benchmark, ablation, sor3d"),
-    (("explain", "model-train"), "it belongs to train"),
-    (("explain", "rl_grasp_refinement"), "it belongs to grasp (as teacher_0, "),
+    (("explain", "model_train", "--target", "dataset"),
+     "stage 'model_train' is none of dataset; it belongs to train, benchmark, ablation, sor3d"),
+    (("explain", "model-train", "--target", "dataset"), "it belongs to train"),
+    (("explain", "rl_grasp_refinement", "--target", "dataset"), "it belongs to grasp (as teacher_0, "),
     (("run", "dataset", "--only", "model_train"), "it belongs to train"),
     (("run", "dataset", "--force", "model_train"), "it belongs to train"),
     (("run", "dataset", "--dry-run", "--force", "model_train"), "it belongs to train"),
@@ -46,6 +45,6 @@ def test_what_is_read_of_the_settings_is_found(target: str) -> None:
     """Of every target: not all of them, and of each stage whose parameters are in the graph under its own name."""
     chosen, read = watched(Settings())
     graph = build(target, origin(target, None, chosen, lambda path: "")[0], chosen)
-    fields = {field.name: field.default for field in dataclasses.fields(Settings)}
+    fields = {stage: Settings().params(stage) for stage in SYSTEM_OF}
     own = {node.name for node in graph.stages() if node.name in fields and node.params is fields[node.name]}
     assert own <= read and not fields.keys() <= read

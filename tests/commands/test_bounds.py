@@ -10,15 +10,15 @@ from afford.dataset.card import MADE
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import build
-from commands.bounds import EVERYWHERE, WORDS, check, registry
+from commands.bounds import EVERYWHERE, SEQUENCES, WORDS, check, registry
 from commands.errors import UsageError
 from commands.settings import settings
-from maps.settings import PRESETS, Settings
+from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 
 def test_what_the_project_chooses_is_never_refused() -> None:
     """Defaults of every stage, and presets."""
-    chosen = [(field.name, getattr(Settings(), field.name)) for field in dataclasses.fields(Settings)]
+    chosen = [(stage, Settings().params(stage)) for stage in SYSTEM_OF]
     for stage, params in [*chosen, *((stage, params) for (stage, _, _), params in PRESETS.items())]:
         for field in dataclasses.fields(params):
             check(stage, field.name, getattr(params, field.name), params)
@@ -66,7 +66,9 @@ def test_what_can_be_is_taken(word: str) -> None:
 
 def test_the_words_are_those_of_the_code() -> None:
     """A word that is added there is missed here."""
-    assert set(WORDS["model_train", "variant"]) == {*VARIANTS, *build.VARIANTS} and WORDS["model_train", "row"] == tuple(ROWS)
+    assert set(WORDS["model_train", "variant"]) == set(build.VARIANTS)
+    for stage in SEQUENCES:
+        assert set(WORDS[stage, "variant"]) == set(VARIANTS) and WORDS[stage, "row"] == tuple(ROWS)
     assert set(WORDS["dataset_pack", "made"]) == set(MADE) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)
 
 
@@ -78,4 +80,4 @@ def test_registries_are_named_after_what_chooses_from_them() -> None:
 def test_where_nothing_has_a_meaning_it_is_taken(word: str) -> None:
     """Whole pictures; no validation."""
     stage, name = word.partition("=")[0].split(".")
-    assert getattr(getattr(settings([word], None), stage), name) == 0
+    assert getattr(settings([word], None).params(stage), name) == 0

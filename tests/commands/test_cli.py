@@ -19,7 +19,7 @@ from commands.backends import show as show_backends
 from commands.params import show as show_params
 from commands.publish import LISTED
 from commands.settings import described
-from maps.settings import Origin, Settings
+from maps.settings import SYSTEM_OF, SYSTEMS, Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
 from stages.extraction import mask_densify
@@ -266,13 +266,14 @@ def test_verify_finds_a_whole_store_whole(made: Made) -> None:
 def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     """Of every stage, or of one. A default is what holds when nothing is said, also where a target changes that of the stage."""
     rows = call("params", "--json").json
-    wanted = {(stage.name, field.name) for stage in dataclasses.fields(Settings) for field in dataclasses.fields(stage.default)}
-    assert {(row["stage"], row["name"]) for row in rows} == wanted
+    wanted = {(system, stage, field.name) for stage, system in SYSTEM_OF.items()
+              for field in dataclasses.fields(Settings().params(stage))}  # fmt: skip
+    assert {(row["system"], row["stage"], row["name"]) for row in rows} == wanted
     assert all(row["type"] and row["doc"] for row in rows)
     for row in rows:
-        in_force = getattr(getattr(Settings(), row["stage"]), row["name"])
+        in_force = getattr(Settings().params(row["stage"]), row["name"])
         assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
-    assert Settings().sor3d_train != type(Settings().sor3d_train)()
+    assert Settings.rgbd.sor3d_train != type(Settings.rgbd.sor3d_train)()
     assert call("params", "mask-densify").words.count("mask_densify.") == len([r for r in rows if r["stage"] == "mask_densify"])
 
 
@@ -284,9 +285,10 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
     monkeypatch.setattr(sys, "stdout", said)
     show_params(None, False)
     text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
-    for stage in dataclasses.fields(Settings):
-        for field in dataclasses.fields(stage.default):
-            assert re.search(rf"^{stage.name}\.{field.name} ", text, re.MULTILINE), f"{stage.name}.{field.name}"
+    assert [line for line in text.splitlines() if line in SYSTEMS] == list(SYSTEMS)
+    for stage in SYSTEM_OF:
+        for field in dataclasses.fields(Settings().params(stage)):
+            assert re.search(rf"^{stage}\.{field.name} ", text, re.MULTILINE), f"{stage}.{field.name}"
     docs = [doc for _, _, _, doc in described(mask_densify.Params())]
     assert all(doc in " ".join(text.split()) for doc in docs) and not all(doc in text for doc in docs) and "…" not in text
     assert max(map(len, text.splitlines())) <= (80 if terminal else 100)

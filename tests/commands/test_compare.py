@@ -18,7 +18,7 @@ def test_several_backends_give_several_settings() -> None:
     """In their order, all combinations of several stages; the rest is the same everywhere."""
     found = columns(["mask_densify.backend=flow, nearest", "object-completion.backend=hull,visible", "mask_densify.radius=5"], None)
     assert list(found) == ["flow_hull", "flow_visible", "nearest_hull", "nearest_visible"]
-    assert {p.mask_densify.radius for p in found.values()} == {5}
+    assert {p.extraction.mask_densify.radius for p in found.values()} == {5}
     assert list(columns(["mask_densify.backend=flow,flow"], None)) == list(columns([], None)) == [""]
 
 

@@ -16,7 +16,7 @@ from afford.recording.files import read, write
 from afford.recording.layout import CURVES, layout
 from afford.recording.own_types import MESSAGES
 from afford.recording.summary import Summary, Topic, summarise
-from commands.cli import main
+from pipeline import main
 from tests.helpers.command import call
 from tests.helpers.made_recordings import T, recorded
 
@@ -45,7 +45,7 @@ def test_a_summary_counts_what_is_there(recording: Path) -> None:
 
 def test_a_summary_loads_nothing_heavy(recording: Path) -> None:
     """The terminal summary imports no viewer, no learning library and no picture library."""
-    code = ("import sys; from commands.cli import main; main(['inspect', sys.argv[1]]); "
+    code = ("import sys; from pipeline import main; main(['inspect', sys.argv[1]]); "
             "heavy = 'rerun', 'torch', 'cv2', 'numpy', 'av', 'pydantic', 'runner.runner'; "
             "print([m for m in heavy if m in sys.modules])")  # fmt: skip
     run = subprocess.run([sys.executable, "-c", code, recording], cwd=ROOT, capture_output=True, text=True, check=True)

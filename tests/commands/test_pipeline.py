@@ -173,8 +173,8 @@ def test_clips_can_be_chosen(mine: Made) -> None:
 
 
 def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine: Made) -> None:
-    """`--only` runs nothing else."""
-    fresh = mine.run("dataset", "--only", "affordance_intersect", "--set", "affordance_intersect.dilate_px855=0")
+    """`--only` runs nothing else, where it is not recorded."""
+    fresh = mine.run("dataset", "--only", "affordance_intersect", "--no-record", "--set", "affordance_intersect.dilate_px855=0")
     assert fresh.json["ran"] == {"affordance_intersect": 2} and "stale" not in fresh.err
     stale = mine.run("dataset", "--only", "object_completion", "--set", "mask_densify.radius=3")
     assert stale.json["ran"] == {} and "its recorded inputs are stale" in stale.words
@@ -277,7 +277,7 @@ def test_the_ablation_learns_from_what_its_rows_ask_for() -> None:
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     stages = {}
     for rows in (("full", "k1"), ("extracted",), ("full", "extracted")):
-        settings = Settings(ablation_report=replace(Settings.ablation_report, rows=rows))
+        settings = Settings.of(ablation_report=replace(Settings.twohands.ablation_report, rows=rows))
         graph = build("ablation", Origin("ablation", specs=(spec,)), settings)
         stages[rows] = {node.name: dict(node.inputs) for node in graph.stages()}
     of_stills = {"train_pack", "model_train", "score_cases"}

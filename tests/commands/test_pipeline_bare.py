@@ -62,8 +62,8 @@ def run(folder: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyt
 
 
 def looking(**more: object) -> Settings:
-    quick = replace(FINDER.hand_detect, look_s=0.034, every_s=0.2, **more)  # type: ignore[arg-type]  # fields of Params
-    return replace(FINDER, hand_detect=quick)
+    quick = replace(FINDER.extraction.hand_detect, look_s=0.034, every_s=0.2, **more)  # type: ignore[arg-type]  # fields of Params
+    return FINDER.with_stages(hand_detect=quick)
 
 
 def test_a_video_alone_becomes_a_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -90,7 +90,7 @@ def test_what_has_masks_is_not_looked_at_for_hands() -> None:
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     masked = {node.name for node in build("dataset", Origin("x", specs=(spec,)), Settings()).stages()}
     assert not masked & (TRAINING | {"hand_detect", "record_hand_detect"})
-    learned = replace(Settings(), hand_detect=replace(Settings.hand_detect, backend="sam3"))
+    learned = Settings.of(hand_detect=replace(Settings.extraction.hand_detect, backend="sam3"))
     assert {node.name for node in build("dataset", Origin("x", bare=True), learned).stages()} == masked - {"scene_render"} | {
         "hand_detect", "record_hand_detect"}  # fmt: skip
 

@@ -6,8 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from commands.run import USUAL_MINUTES, Request, _per_step, limited, made
-from pipeline import TARGETS
+from commands.outputs import costs
+from commands.run import USUAL_MINUTES, Request, limited, made
+from maps.settings import Origin, Settings
+from pipeline import TARGETS, build
 from runner import LostError, RunReport
 
 
@@ -57,6 +59,11 @@ def test_only_examinations_count_as_what_their_steps_cost() -> None:
              "followed_train_bullet": 100.0, "followed_unseen_object_mujoco": 100.0, "teacher_0_two_tasks_bullet": 100.0,
              "no_negative_0_two_tasks_mujoco": 100.0, "teacher_0": 100.0}  # fmt: skip
     report = RunReport("grasp-full", cpu_s={(name, ""): cpu for name, cpu in spent.items()})
-    found = _per_step(report, {"control_steps.bullet": 1000.0, "control_steps.mujoco": 1000.0})
-    assert found == {"control_steps_per_s": 200.0, "mujoco.control_steps_per_s": 250.0}
-    assert _per_step(report, {"control_steps.mujoco": 1000.0}) == {"mujoco.control_steps_per_s": 250.0}
+    graph = build("grasp-full", Origin("grasp-full"), Settings())
+
+    def rates(figures: dict[str, float]) -> dict[str, float]:
+        return {name: value for cost in graph.costs for name, value in costs(cost, report, figures).items()}
+
+    both = rates({"control_steps.bullet": 1000.0, "control_steps.mujoco": 1000.0})
+    assert both == {"control_steps_per_s": 200.0, "mujoco.control_steps_per_s": 250.0}
+    assert rates({"control_steps.mujoco": 1000.0}) == {"mujoco.control_steps_per_s": 250.0}

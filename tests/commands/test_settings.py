@@ -9,8 +9,9 @@ import pytest
 
 from commands.errors import UsageError
 from commands.settings import described, settings
-from maps.settings import Settings
-from stages.twohands.model_train import SOR3D_PAPER
+from maps.settings import SYSTEM_OF, SYSTEMS, Settings
+from stages.extraction import extraction_report
+from stages.rgbd import sor3d_train
 
 
 def test_nothing_said_gives_the_defaults() -> None:
@@ -22,14 +23,14 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
     """The file changes a default, --set changes it again."""
     file = tmp_path / "p.toml"
     file.write_text("[extraction_report]\neval_seed = 5\nhard_clips = 2\n")
-    chosen = settings(["extraction-report.eval_seed=7"], file).extraction_report
+    chosen = settings(["extraction-report.eval_seed=7"], file).extraction.extraction_report
     assert (chosen.eval_seed, chosen.hard_clips) == (7, 2)
 
 
 def test_lists_are_written_with_commas_or_as_json() -> None:
     """Both ways mean the same; what begins as JSON and is none is refused."""
-    plain = settings(["grasp_report.rows=teacher, student"], None).grasp_report.rows
-    assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasp_report.rows == ("teacher", "student")
+    plain = settings(["grasp_report.rows=teacher, student"], None).grasping.grasp_report.rows
+    assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasping.grasp_report.rows == ("teacher", "student")
     with pytest.raises(UsageError, match=r"grasp_report\.rows: expected"):
         settings(['grasp_report.rows=["teacher"'], None)
 
@@ -38,11 +39,12 @@ def test_a_variant_brings_its_schedule() -> None:
     """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
     besides holds, from the command line as from a file."""
     paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
-    assert paper.sor3d_train == dataclasses.replace(SOR3D_PAPER, steps=7, device="cpu") and paper.sor3d_pretrain.variant == "small"
-    usual = settings(["sor3d_train.variant=paper"], None).sor3d_train
+    assert paper.rgbd.sor3d_train == dataclasses.replace(sor3d_train.PAPER, steps=7, device="cpu")
+    assert paper.rgbd.sor3d_pretrain.variant == "small"
+    usual = settings(["sor3d_train.variant=paper"], None).rgbd.sor3d_train
     assert (usual.lr, usual.batch, usual.steps, usual.turn, usual.decay) == (2e-5, 2, 200 * 481, 0.75, False)
     assert (usual.dice_weight, usual.foreground_weight, usual.static_share, usual.height_px) == (0.0, 1.0, 0.0, 300)
-    before = settings(["sor3d_pretrain.variant=paper"], None).sor3d_pretrain
+    before = settings(["sor3d_pretrain.variant=paper"], None).rgbd.sor3d_pretrain
     assert (before.backend, before.steps * before.batch) == ("sor3d_actions", 50 * 160)
     assert settings(["sor3d_train.variant=small"], None) == Settings()
 
@@ -83,6 +85,25 @@ def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -
 
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
-    for field in dataclasses.fields(Settings):
-        for name, kind, _, doc in described(field.default):
-            assert doc, f"{field.name}.{name} ({kind}) has no doc line"
+    for stage in SYSTEM_OF:
+        for name, kind, _, doc in described(Settings().params(stage)):
+            assert doc, f"{stage}.{name} ({kind}) has no doc line"
+
+
+def test_a_stage_belongs_to_one_system() -> None:
+    """Its parameters are found by its name alone, and nothing else changes with them."""
+    named = [field.name for system in SYSTEMS for field in dataclasses.fields(getattr(Settings(), system))]
+    assert len(named) == len(set(named)) and named == list(SYSTEM_OF) and len(SYSTEMS) == 6
+    few = extraction_report.Params(hard_clips=1)
+    changed = Settings.of(extraction_report=few)
+    assert changed.params("extraction_report") is changed.extraction.extraction_report is few
+    assert dataclasses.replace(changed, extraction=Settings().extraction) == Settings()
+    with pytest.raises(TypeError, match="expected names of stages, got extraction_repord"):
+        Settings.of(extraction_repord=few)
+
+
+def test_what_was_one_stage_for_all_trainings_names_the_others() -> None:
+    """A backend that model_train had is a stage of its own, and the error names it."""
+    for backend, stage in (("sor3d", "sor3d_train"), ("sor3d_actions", "sor3d_pretrain"), ("boxes", "boxes_train")):
+        with pytest.raises(UsageError, match=f"{backend} is trained by {stage}"):
+            settings([f"model_train.backend={backend}"], None)

@@ -16,8 +16,8 @@ from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
 from commands.weights import reads_weights, weighed
+from maps.common import weights
 from maps.settings import Origin, Settings
-from maps.weights import Weighed, weights
 from pipeline import build
 from runner import Graph
 from schemas.files import FileRef, FileTree
@@ -77,8 +77,8 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     chosen = settings(["mask_densify.backend=sam2", f"mask_densify.model={model}", f"object_completion.model={model}",
                        "part_describe.backend=endpoint", "part_describe.model=gpt"], None)  # fmt: skip
     found = weighed(chosen, digest)
-    assert isinstance(found, Weighed) and [stage for stage, _ in found.weights] == ["mask_densify"]
-    assert (found.mask_densify.model, found.part_describe.model) == ("model", "gpt")
+    assert [stage for stage, _ in found.weights] == ["mask_densify"]
+    assert (found.extraction.mask_densify.model, found.surface.part_describe.model) == ("model", "gpt")
     assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
     assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
 
@@ -88,13 +88,13 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
     plain = build("train", Origin("x"), Settings())
     chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
     found = weighed(chosen, digest)
-    assert isinstance(found, Weighed) and found.model_train.backbones == found.sor3d_train.backbones == "model"
+    assert found.twohands.model_train.backbones == found.rgbd.sor3d_train.backbones == "model"
     for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
-        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith("model_train")]
+        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith(("model_train", "sor3d_train"))]
         assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
     assert not any("weights" in dict(node.inputs) for node in plain.stages())
-    with pytest.raises(UsageError, match=r"boxes_train\.backbones: .*got nothing there"):
-        weighed(settings(["boxes_train.backbones=/no/such/place"], None), digest)
+    with pytest.raises(UsageError, match=r"sor3d_train\.backbones: .*got nothing there"):
+        weighed(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
 @pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
@@ -109,7 +109,7 @@ def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> Non
     """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
     with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.model=MODEL, a Sam2VideoModel"):
         weighed(settings(["mask_densify.backend=sam2"], None), digest)
-    assert reads_weights(Settings().grasp_judge) and weighed(Settings(), digest) == Settings()
+    assert reads_weights(Settings.grasping.grasp_judge) and weighed(Settings(), digest) == Settings()
 
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
 
     monkeypatch.setattr("huggingface_hub.snapshot_download", download)
     chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.model={name}"], None), digest)
-    assert called == [(repository, revision)] and chosen.mask_densify.model == name
+    assert called == [(repository, revision)] and chosen.extraction.mask_densify.model == name
 
 
 @pytest.mark.parametrize("name", ["owner/model@", "owner/model@-x", "owner/model@a b", "owner/model@a@b", "@main"])

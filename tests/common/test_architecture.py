@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import resource
 import shutil
 import subprocess
 import sys
@@ -20,7 +21,7 @@ MAY_IMPORT = {
     "stages": {"schemas", "afford"},
     "runner": {"runner"},
     "maps": {"schemas", "afford", "stages", "runner", "maps"},
-    "commands": {"schemas", "afford", "stages", "runner", "maps", "pipeline", "commands"},
+    "commands": {"schemas", "afford", "stages", "runner", "maps", "commands"},
     "pipeline": {"afford", "runner", "maps", "commands"},
 }
 HEAVY = ("torch", "cv2", "trimesh", "pybullet", "mujoco", "gymnasium", "rerun", "numpy", "pyarrow", "av", "numba", "matplotlib")
@@ -52,7 +53,7 @@ def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
 
 @pytest.mark.parametrize("room", MAY_IMPORT)
 def test_a_room_imports_only_what_the_table_allows(room: str) -> None:
-    """No file imports to its right in schemas <- afford <- stages <- maps <- pipeline <- commands; runner stands alone."""
+    """No file imports to its right in schemas <- afford <- stages <- maps <- commands <- pipeline; runner stands alone."""
     for path in sources(room):
         found = {name.split(".")[0] for name in imported(path)} & set(ROOMS)
         assert found <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {sorted(found - MAY_IMPORT[room])}"
@@ -150,7 +151,7 @@ def test_importing_the_map_loads_nothing_heavy() -> None:
     all the maps load what is heavy."""
     found = loaded_by("import pipeline, commands.cli")
     assert not found & set(HEAVY) and not [name for name in found if name.startswith(("stages", "maps"))]
-    every = ", ".join(f"maps.{path.stem}" for path in sources("maps") if path.stem != "__init__")
+    every = ", ".join(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources("maps") if path.stem != "__init__")
     found = loaded_by(f"import {every}")
     assert not found & set(HEAVY) and "stages.twohands.model_train" in found
 
@@ -257,6 +258,26 @@ def imports_of(node: ast.AST) -> set[str]:
     """Modules that a statement imports."""
     found = [child for child in ast.walk(node) if isinstance(child, ast.Import | ast.ImportFrom)]
     return {child.module or "" if isinstance(child, ast.ImportFrom) else child.names[0].name for child in found}
+
+
+def test_the_targets_are_given_to_the_command_line() -> None:
+    """`pipeline` loads no command before it is called, and no command loads `pipeline`, so that neither stands above the other."""
+    assert not [name for name in loaded_by("import pipeline") if name.split(".")[0] == "commands"]
+    every = ", ".join(f"commands.{path.stem}" for path in sources("commands") if path.stem != "__init__")
+    assert "pipeline" not in loaded_by(f"import {every}")
+
+
+def test_help_is_quick() -> None:
+    """No more than a quarter of a second of one core, the best of three."""
+    command = [sys.executable, "pipeline.py", "--help"]
+    assert min(_cpu_s(command) for _ in range(3)) <= 0.25
+
+
+def _cpu_s(command: list[str]) -> float:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

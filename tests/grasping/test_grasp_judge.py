@@ -32,7 +32,7 @@ def judged(**params: Any) -> GraspJudgement:
 @pytest.mark.parametrize("named", [{"model": "some-vlm"}, {"backend": "endpoint", "url": "http://127.0.0.1:8000/v1"}])
 def test_only_where_somebody_is_named_is_anybody_asked(named: dict[str, str]) -> None:
     """Otherwise the stage is in no graph, and the report is told of no judgement."""
-    asked = replace(Settings(), grasp_judge=replace(Settings.grasp_judge, **named))
+    asked = Settings.of(grasp_judge=replace(Settings.grasping.grasp_judge, **named))
     for p, there in ((Settings(), False), (asked, True)):
         nodes = {node.name: node for node in build("grasp", Origin("x"), p).stages()}
         assert ("grasp_judge" in nodes) is there and "judged" in dict(nodes["grasp_report"].inputs)

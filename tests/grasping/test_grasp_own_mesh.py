@@ -11,8 +11,8 @@ import pytest
 import trimesh
 
 from afford.common.files import tree
+from commands.outputs import published
 from commands.part import Publisher
-from commands.run import _publish
 from commands.session import open_runner
 from maps.settings import Origin
 from runner import Graph
@@ -61,13 +61,14 @@ def test_what_is_finished_is_published_by_its_row(tmp_path: Path) -> None:
     """Under the name of the run; a policy that is not there yet is no error."""
     runner, g = open_runner(tmp_path / "store", jobs=0), Graph()
     files = teacher(tmp_path / "made")
-    shown = [g.leaf(f"{row}_0.files", tree(row, tmp_path / "made")) for row in ("teacher", "student_no_negative")]
+    shown = [g.publish(g.leaf(f"{row}_0.files", tree(row, tmp_path / "made")), f"models/{{source}}-{row}", as_=row)
+             for row in ("teacher", "student_no_negative")]  # fmt: skip
     g.target("some", g.finished("policies", shown))
     g.target("none", g.finished("policies", []))
     place = Origin("grasp-full")
     models = tmp_path / "store" / "models"
-    assert _publish(Publisher(runner), runner.run(g, "some"), place) == {
+    assert published(Publisher(runner), g, runner.run(g, "some"), place, True) == {
         row: str(models / f"grasp-full-{row}") for row in ("teacher", "student_no_negative")}  # fmt: skip
     assert [(file.name, file.digest) for file in tree("again", models / "grasp-full-teacher").files] == [
         (file.name, file.digest) for file in files.files]
-    assert _publish(Publisher(runner), runner.run(g, "none"), place) == {}
+    assert published(Publisher(runner), g, runner.run(g, "none"), place, True) == {}

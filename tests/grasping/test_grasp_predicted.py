@@ -158,7 +158,7 @@ def test_predictions_are_made_for_those_who_ask() -> None:
     """NAA by a switch; the two-hand model only for its row, which then learns from other tasks than the rest."""
     stages = {}
     for rows, naa in ((("teacher", "positive_truth"), True), (("teacher", "positive"), False)):
-        asked = replace(SCHOOL, grasp_report=replace(SCHOOL.grasp_report, rows=rows, naa=naa))
+        asked = SCHOOL.with_stages(grasp_report=replace(SCHOOL.grasping.grasp_report, rows=rows, naa=naa))
         stages[naa] = {node.name: dict(node.inputs) for node in build("grasp-full", Origin("tiny"), asked).stages()}
     chain, model = {"scorer_train", "naa_tasks", "teacher_naa_0_unseen_object_mujoco"}, {"model_train", "positive_tasks"}
     assert chain <= set(stages[True]) and not model & set(stages[True]) and "predicted" in stages[True]["grasp_report"]

@@ -9,8 +9,8 @@ import pytest
 from afford.grasping.env.reward import negative_times, weights
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from commands.settings import settings
-from maps.from_above import FITTED, MOTION
 from maps.settings import Origin, Settings
+from maps.settings.grasping import FITTED, MOTION
 from pipeline import build
 from stages.grasping import grasp_report, rl_grasp_refinement
 
@@ -40,10 +40,10 @@ def test_students_learn_from_the_teacher_of_their_row() -> None:
     """And of their number."""
     rows = (TEACHER, NO_NEGATIVE, "student_no_negative", STUDENT)
     p = Settings()
-    g = build("grasp-full", Origin("grasp-full"), replace(p, grasp_report=replace(p.grasp_report, rows=rows, seeds=2)))
+    g = build("grasp-full", Origin("grasp-full"), p.with_stages(grasp_report=replace(p.grasping.grasp_report, rows=rows, seeds=2)))
     of = {node.name: g.nodes[dict(node.inputs)["teacher"]].name for node in g.stages() if "teacher" in dict(node.inputs)}
     assert of == {f"{student}_{seed}": f"{teacher}_{seed}.files" for student, teacher in STUDENTS.items() for seed in range(2)}
-    without = replace(p, grasp_report=replace(p.grasp_report, rows=(NO_NEGATIVE,), naa=True))
+    without = p.with_stages(grasp_report=replace(p.grasping.grasp_report, rows=(NO_NEGATIVE,), naa=True))
     alone = build("grasp-full", Origin("grasp-full"), without)
     assert not [node for node in alone.stages() if node.name.startswith("teacher")]
 
@@ -90,6 +90,6 @@ def test_what_is_set_is_what_runs() -> None:
 
 
 def test_clips_come_from_above_unless_said() -> None:
-    assert (Settings().motion_synthesise, Settings().hand_retarget) == (MOTION, FITTED)
+    assert (Settings.grasping.motion_synthesise, Settings.grasping.hand_retarget) == (MOTION, FITTED)
     made = {node.name: node.params for node in build("grasp", Origin("grasp"), Settings()).stages()}
     assert (made["motion_synthesise"], made["hand_retarget"]) == (MOTION, FITTED)

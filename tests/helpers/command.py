@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from commands.cli import main
+from pipeline import main
 
 KEYS = {"target", "ran", "cached", "failed", "outputs", "metrics", "seconds"}
 RECORDED = ("source_read", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",

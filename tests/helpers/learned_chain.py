@@ -8,8 +8,8 @@ from pathlib import Path
 from afford.common.worker import use_kernel_cache
 from commands.settings import settings
 from commands.weights import weighed
-from maps.negatives import Looked, judge
-from maps.weights import weights
+from maps.common import weights
+from maps.surface import Looked, judge
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages.surface import mask_propose, negative_affordance_files, view_render
@@ -26,7 +26,7 @@ def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     x = looked()
     mesh, parts = graph.leaf("mesh", x.mesh), graph.leaf("parts", x.parts)
     views = graph.add(view_render.run, mesh=mesh, params=VIEWS)
-    masks = graph.add(mask_propose.run, mesh=mesh, views=views, params=p.mask_propose, **weights(graph, p, "mask_propose"))
+    masks = graph.add(mask_propose.run, mesh=mesh, views=views, params=p.surface.mask_propose, **weights(graph, p, "mask_propose"))
     said = judge(graph, Looked(mesh, parts, views, masks), graph.leaf("scorer", FileTree("none", ())), p)
     files = graph.add(negative_affordance_files.run, mesh=mesh, descriptions=said.told, found=said.found, ctx=graph.ctx,
                       params=negative_affordance_files.Params())  # fmt: skip

@@ -35,7 +35,7 @@ def graph(folder: Path) -> Graph:
     cases, data, model, other = inputs(folder)
     g = Graph()
     origin = Origin("tiny", predictions=(other,))
-    settings = Settings(benchmark=benchmark.Params(resamples=50))
+    settings = Settings.of(benchmark=benchmark.Params(resamples=50))
     leaves = (g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model))
     g.target("benchmark", compare(g, *leaves, origin, settings))
     return g

@@ -9,10 +9,11 @@ import numpy as np
 from maps.settings import Settings
 from schemas.scene import LEFT_HAND, RIGHT_HAND, SLEEVE, TOUCHED, HandLessons
 
-SMALL_TRAINING = replace(Settings.hands_train, steps=2, batch=2, width_px=64, height_px=32, warmup=1, judged=8, validate_every=2)
-FINDER = Settings(hand_plan=replace(Settings.hand_plan, rooms=1, val_rooms=1),
-                  hand_lessons=replace(Settings.hand_lessons, pictures=12, width_px=96, height_px=64, supersample=1),
-                  hands_train=SMALL_TRAINING)  # fmt: skip
+SMALL_TRAINING = replace(Settings.extraction.hands_train, steps=2, batch=2, width_px=64, height_px=32, warmup=1, judged=8,
+                         validate_every=2)  # fmt: skip
+FINDER = Settings.of(hand_plan=replace(Settings.extraction.hand_plan, rooms=1, val_rooms=1),
+                     hand_lessons=replace(Settings.extraction.hand_lessons, pictures=12, width_px=96, height_px=64, supersample=1),
+                     hands_train=SMALL_TRAINING)  # fmt: skip
 """the whole chain in some seconds"""
 
 

@@ -16,11 +16,11 @@ from stages.surface import mask_propose, negative_affordance_projection, part_de
 from stages.synthetic import object_build
 
 FEW = dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category", "unseen_per_category"), 1)
-SMALL = Settings(object_plan=replace(Settings.object_plan, categories=("screwdriver",), **FEW),
-                 object_build=replace(Settings.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
-                 view_render=replace(Settings.view_render, size_px=64, directions=32, share=0.0),
-                 mask_propose=replace(Settings.mask_propose, least_px=12),
-                 scorer_train=replace(Settings.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
+SMALL = Settings.of(object_plan=replace(Settings.synthetic.object_plan, categories=("screwdriver",), **FEW),
+                    object_build=replace(Settings.synthetic.object_build, edge_m=0.02, max_faces=6000, atlas_px=64),
+                    view_render=replace(Settings.surface.view_render, size_px=64, directions=32, share=0.0),
+                    mask_propose=replace(Settings.surface.mask_propose, least_px=12),
+                    scorer_train=replace(Settings.surface.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
 """the whole chain in some seconds"""
 GRID = mask_propose.Params(backend="grid")
 VIEWS = view_render.Params(size_px=96, directions=64, most=8)

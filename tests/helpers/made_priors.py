@@ -7,7 +7,7 @@ from typing import Any
 
 from afford.grasping.env.task import task
 from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
-from maps.from_above import FITTED, MOTION
+from maps.settings.grasping import FITTED, MOTION
 from schemas.hand import GraspTarget, ReferenceSet
 from stages.grasping import grasp_targets, hand_retarget, motion_report, motion_synthesise
 from tests.helpers.made_hands import shadow

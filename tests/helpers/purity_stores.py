@@ -14,7 +14,7 @@ from afford.grasping.hand.assets import shadow_files
 from afford.grasping.judge.question import question
 from afford.twohands.train.recipes import recipes
 from commands.origin import origin
-from maps.interactions import interactions
+from maps.rgbd import interactions
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Graph, Runner
@@ -87,9 +87,9 @@ def rendered(store: Path, folder: Path) -> None:
 def stills(store: Path, folder: Path) -> None:
     """A few small stills were rendered, drawn from and written as a benchmark."""
     few = {"rooms": 1, "layouts": 1, "views": 1, "tasks": 3}
-    small = Settings(train_plan=replace(Settings.train_plan, val_rooms=0, **few),
-                     benchmark_plan=replace(Settings.benchmark_plan, **few),
-                     still_render=replace(Settings.still_render, width_px=228, height_px=128, supersample=1))
+    small = Settings.of(train_plan=replace(Settings.synthetic.train_plan, val_rooms=0, **few),
+                        benchmark_plan=replace(Settings.synthetic.benchmark_plan, **few),
+                        still_render=replace(Settings.synthetic.still_render, width_px=228, height_px=128, supersample=1))
     for target in ("train-set", "benchmark-set"):
         run(store, target, build(target, Origin("tiny"), small))
 
@@ -98,7 +98,7 @@ def trained(store: Path, folder: Path) -> None:
     """A model was trained on a few shapes, and an ablation was tabled."""
     clips = (clip("P01_01", 4, split="train"), clip("P01_02", 2, split="val"))
     data = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(folder))
-    run(store, "train", build("train", Origin("tiny", dataset=data), Settings(model_train=TRAINING)))
+    run(store, "train", build("train", Origin("tiny", dataset=data), Settings.of(model_train=TRAINING)))
     table = Graph()
     planned, scored = table.leaf("recipes", recipes(("full",), 1)), table.leaf("scores", (scores("full-0", 0.5),))
     params = ablation_report.Params()
@@ -225,8 +225,8 @@ def from_masks(store: Path, folder: Path) -> None:
 def interacted(store: Path, folder: Path) -> None:
     """A sequence was rendered and read back, and pictures and actions were read from tiny roots."""
     graph = Graph()
-    few = Settings(interaction_plan=replace(Settings.interaction_plan, train=1, val=0),
-                   interaction_render=replace(Settings.interaction_render, height_px=64, frames=3, supersample=1))
+    few = Settings.of(interaction_plan=replace(Settings.synthetic.interaction_plan, train=1, val=0),
+                      interaction_render=replace(Settings.synthetic.interaction_render, height_px=64, frames=3, supersample=1))
     interactions(graph, Origin("tiny"), few)
     pictures = [graph.named(f"read_{name}").add(static_read.run, files=graph.leaf(name, made), params=static_read.Params(name, 16))
                 for name, made in (("umd", umd(folder / "umd")), ("iit-aff", iit_aff(folder / "iit")))]  # fmt: skip

@@ -16,7 +16,7 @@ from afford.recording.grasp_strips import SHOWN, SIDE
 from afford.recording.layout import IN_PANELS
 from afford.recording.own_types import MESSAGES
 from afford.recording.summary import summarise
-from commands.cli import main
+from pipeline import main
 from stages.recording import grasp_record
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_samples import Scratch

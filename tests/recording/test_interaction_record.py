@@ -19,7 +19,7 @@ from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAG
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
 from afford.rgbd.model.predictor import Predictor, sequence_of, until
-from commands.cli import main
+from pipeline import main
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.recording import interaction_record

@@ -12,8 +12,8 @@ from afford.common.worker import use_kernel_cache
 from commands.errors import UsageError
 from commands.origin import origin
 from commands.run import Request, run
-from maps.settings import Origin, Settings
-from maps.static_sets import REPORTS, detector, pictures, told
+from maps.rgbd import REPORTS, detector, pictures, told
+from maps.settings import SYSTEM_OF, Origin, Settings
 from pipeline import build
 from runner import Graph, Runner
 from runner.graph import Node
@@ -22,8 +22,9 @@ from tests.helpers.made_interactions import iit_aff, umd
 from tests.helpers.made_sor3d import FEW, STEPS
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL = replace(FEW, boxes_train=replace(Settings.boxes_train, **STEPS),
-                static_read=replace(Settings.static_read, crop_px=16), static_evaluate=replace(Settings.static_evaluate, shown=1))
+SMALL = FEW.with_stages(boxes_train=replace(Settings.rgbd.boxes_train, **STEPS),
+                        static_read=replace(Settings.rgbd.static_read, crop_px=16),
+                        static_evaluate=replace(Settings.rgbd.static_evaluate, shown=1))
 
 
 def stages(target: str, place: Origin, p: Settings) -> dict[str, Node]:
@@ -50,11 +51,11 @@ def test_what_learns_is_what_target_sor3d_trains() -> None:
     """The same stages with the same parameters; no examination, and no score of the motion, which nothing here reads."""
     ours, theirs = stages("static-sets", Origin("x"), Settings()), stages("sor3d", Origin("x"), Settings())
     shared = ours.keys() & theirs.keys()
-    assert {"interaction_render", "scene_flow", "interaction_pack", "model_train"} <= shared
+    assert {"interaction_render", "scene_flow", "interaction_pack", "sor3d_train"} <= shared
     assert all(ours[name].params == theirs[name].params and ours[name].value is theirs[name].value for name in shared)
     assert ours.keys() - shared == {"boxes_train", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
-    asked = replace(Settings(), sor3d_report=replace(Settings.sor3d_report, pretrained=True))
-    assert stages("static-sets", Origin("x"), asked).keys() >= {"encoder_train", "pretrained_model_train"}
+    asked = Settings.of(sor3d_report=replace(Settings.rgbd.sor3d_report, pretrained=True))
+    assert stages("static-sets", Origin("x"), asked).keys() >= {"sor3d_pretrain", "pretrained_sor3d_train"}
 
 
 def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
@@ -63,11 +64,12 @@ def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
     given = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), Settings())
     assert given.keys() - rendered.keys() == {"static_read"} and not rendered.keys() - given.keys()
     assert {rendered[name].params.split for name in REPORTS} == {"val"} and {given[name].params.split for name in REPORTS} == {""}
-    asked = replace(Settings(), static_evaluate=replace(Settings.static_evaluate, split="train"))
+    asked = Settings.of(static_evaluate=replace(Settings.rgbd.static_evaluate, split="train"))
     assert stages("static-sets", Origin("x"), asked)["static_boxes"].params.split == "train"
     only = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), asked)["static_read"].params
-    assert only == replace(Settings().static_read, split="train")
-    assert given["static_read"].params == Settings().static_read and given["boxes_train"].params == rendered["boxes_train"].params
+    assert only == replace(Settings.rgbd.static_read, split="train")
+    assert given["static_read"].params == Settings.rgbd.static_read
+    assert given["boxes_train"].params == rendered["boxes_train"].params
 
 
 def test_where_pictures_come_from(tmp_path: Path) -> None:
@@ -76,12 +78,12 @@ def test_where_pictures_come_from(tmp_path: Path) -> None:
     place, _ = origin("static-sets", None, Settings(), digest)
     assert (place.name, place.pictures, place.sequences) == ("static-sets", None, ())
     umd(tmp_path / "umd"), iit_aff(tmp_path / "iit")
-    iit = replace(Settings(), static_read=replace(Settings.static_read, backend="iit-aff"))
+    iit = Settings.of(static_read=replace(Settings.rgbd.static_read, backend="iit-aff"))
     for name, p in (("umd", Settings()), ("iit", iit)):
         place, _ = origin("static-sets", tmp_path / name, p, digest)
         assert place.name == f"static-sets-{name}" and place.pictures is not None and place.sequences == ()
     (tmp_path / "neither").mkdir()
-    other = replace(iit, static_read=replace(iit.static_read, backend="coco"))
+    other = iit.with_stages(static_read=replace(iit.rgbd.static_read, backend="coco"))
     for name, p, hint in (("iit", Settings(), "looks like iit-aff: add --set static_read.backend=iit-aff"),
                           ("umd", iit, "looks like umd"), ("neither", Settings(), "expected a root of umd with .*got no such file"),
                           ("none", Settings(), "expected a folder, got nothing"),
@@ -98,9 +100,9 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
     store = tmp_path / "store"
     use_kernel_cache(ROOT, store)
     runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
-    assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["model_train"] == 1
+    assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["sor3d_train"] == 1
     report = runner.run(build("static-sets", Origin("tiny"), SMALL), "static-sets")
-    assert report.ok and "model_train" not in report.ran and report.ran["boxes_train"] == 1, report.failures
+    assert report.ok and "sor3d_train" not in report.ran and report.ran["boxes_train"] == 1, report.failures
     (tmp_path / "few.json").write_text(json.dumps(changed(SMALL)))
     request = Request("static-sets", umd(tmp_path / "umd") and tmp_path / "umd", params=tmp_path / "few.json", jobs=1, store=store,
                       json=True)  # fmt: skip
@@ -115,6 +117,6 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
 
 def changed(p: Settings) -> dict[str, dict[str, object]]:
     """What of the settings is not as usual, as a file of parameters."""
-    usual = {name: (vars(mine), vars(getattr(Settings(), name))) for name, mine in vars(p).items()}
+    usual = {stage: (vars(p.params(stage)), vars(Settings().params(stage))) for stage in SYSTEM_OF}
     return {name: {key: value for key, value in mine.items() if value != plain[key]} for name, (mine, plain) in usual.items()
             if mine != plain}  # fmt: skip

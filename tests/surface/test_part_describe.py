@@ -35,7 +35,7 @@ def whole(chosen: part_describe.Params, models: Path) -> Graph:
     fit = g.add(mask_score.run, mesh=mesh, views=views, candidates=found, descriptions=told, scorer=scorer,
                 params=mask_score.Params("clip", str(models)))  # fmt: skip
     where = g.add(negative_affordance_projection.run, mesh=mesh, views=views, candidates=found, descriptions=told, scores=fit,
-                  params=p.negative_affordance_projection)
+                  params=p.surface.negative_affordance_projection)
     files = g.add(negative_affordance_files.run, mesh=mesh, descriptions=told, found=where, ctx=g.ctx,
                   params=negative_affordance_files.Params())
     record = g.add(object_record.run, views=views, candidates=found, descriptions=told, scores=fit, found=where, ctx=g.ctx,

@@ -56,7 +56,6 @@ def test_the_report_can_be_read_and_looked_at(report: dict[str, Path]) -> None:
 def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
         compared: tuple[Path, RunReport], tmp_path: Path) -> None:  # fmt: skip
     """Predictions do not hang on the parameters of the scores."""
-    from dataclasses import replace
 
     from maps.settings import Origin, Settings
     from maps.twohands import compare
@@ -68,7 +67,7 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
     assert again.ok and not again.ran
     cases, data, model, other = made_comparison.inputs(tmp_path / "other")
     g = Graph()
-    settings = replace(Settings(), score_cases=score_cases.Params(levels=(0.4, 0.6)), benchmark=benchmark.Params(resamples=50))
+    settings = Settings.of(score_cases=score_cases.Params(levels=(0.4, 0.6)), benchmark=benchmark.Params(resamples=50))
     g.target("benchmark", compare(g, g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model),
                                   Origin("tiny", predictions=(other,)), settings))  # fmt: skip
     changed = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(g, "benchmark")

@@ -1,0 +1,100 @@
+"""What `run` says at its end: a table of stages, failures, where the outputs are, what was measured."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from afford.extraction.sources.discover import Source
+from commands.content import content
+from runner import RunReport
+
+MANY = 200
+"""metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
+PIPED_WIDTH = 1000
+"""columns where no terminal says how many: nothing is cut"""
+MANY_SHARDS = 8
+"""artifacts of one stage that are listed"""
+
+
+@dataclass
+class Summary:
+    """The JSON object that `--json` prints as the last line."""
+
+    target: str
+    ran: dict[str, int] = field(default_factory=dict)
+    cached: dict[str, int] = field(default_factory=dict)
+    failed: dict[str, int] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    left: dict[str, int] | None = None
+    """only of a run that ends after some time"""
+    notes: list[str] | None = None
+    """what was published under the name of a part, or not made, and why"""
+
+    def printed(self) -> str:
+        """As one line of JSON."""
+        return json.dumps({name: value for name, value in vars(self).items() if value is not None}, sort_keys=True) + "\n"
+
+
+def show(summary: Summary, report: RunReport, source: Source | None) -> None:
+    """Print it for people."""
+    console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
+    table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
+    for stage in _stages(summary):
+        cpu = sum(seconds for (name, _), seconds in report.cpu_s.items() if name == stage)
+        cells = [str(counts.get(stage, "") or "") for counts in (summary.ran, summary.cached, summary.failed)]
+        table.add_row(stage, *cells, f"{cpu:.1f}")
+    console.print(table)
+    if source and source.missing:
+        console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"
+                      + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
+    if report.left:
+        console.print(f"time is over: {sum(report.left.values())} task(s) left, of {', '.join(report.left)}; run again to go on",
+                      highlight=False)
+    for note in report.stale:
+        console.print(f"[yellow]stale[/] {escape(note)}", highlight=False)
+    _show_failures(console, report.failures)
+    for name, path in summary.outputs.items():
+        console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
+        for line in content(Path(path)) if name == "dataset" else ():
+            console.print(f"  {line}", highlight=False, soft_wrap=True)
+    for note in summary.notes or ():
+        console.print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
+    few = len(summary.metrics) <= MANY
+    for name in sorted(name for name in summary.metrics if few or name.count(".") <= 1):
+        console.print(f"  {name:<44} {summary.metrics[name]:.4f}", highlight=False)
+    console.print(f"{summary.seconds:.1f} s")
+
+
+def where(report: RunReport, stages: Iterable[str]) -> None:
+    """How to look at what stages have made that has no other name."""
+    for stage in stages:
+        made = report.outputs.get(stage, [])
+        for shard, digest in made[:MANY_SHARDS]:
+            sys.stderr.write(f"{stage} {shard}: python pipeline.py inspect {digest[:12]}\n")
+        if len(made) > MANY_SHARDS:
+            sys.stderr.write(f"and {len(made) - MANY_SHARDS} more\n")
+
+
+def _stages(summary: Summary) -> Iterable[str]:
+    return dict.fromkeys([*summary.cached, *summary.ran, *summary.failed])
+
+
+def _show_failures(console: Console, failures: list[Any]) -> None:
+    if not failures:
+        return
+    table = Table("stage", "clip", title="[red]failed[/]", box=None, title_justify="left")
+    table.add_column("what happened", overflow="fold")
+    for failure in failures:
+        table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
+    console.print(table)

@@ -1,0 +1,53 @@
+"""The parameters of every stage, by system, and where the data come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from maps.settings.extraction import Extraction
+from maps.settings.grasping import Grasping
+from maps.settings.origin import Origin
+from maps.settings.rgbd import PRESETS, Rgbd
+from maps.settings.surface import Surface
+from maps.settings.synthetic import Synthetic
+from maps.settings.twohands import Twohands
+from schemas.files import FileTree
+
+__all__ = ["PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameters of every stage, by system; a stage has its name in one system alone."""
+
+    extraction: Extraction = Extraction()
+    twohands: Twohands = Twohands()
+    surface: Surface = Surface()
+    grasping: Grasping = Grasping()
+    rgbd: Rgbd = Rgbd()
+    synthetic: Synthetic = Synthetic()
+    weights: tuple[tuple[str, FileTree], ...] = ()
+    """(stage, files) of every stage whose backend reads weights"""
+
+    @classmethod
+    def of(cls, **stages: Any) -> Settings:
+        """The defaults but for the parameters of some stages: `Settings.of(mask_densify=mask_densify.Params(radius=3))`."""
+        return cls().with_stages(**stages)
+
+    def with_stages(self, **stages: Any) -> Settings:
+        """The same with other parameters of some stages. TypeError for a stage that no system has."""
+        unknown = stages.keys() - SYSTEM_OF.keys()
+        if unknown:
+            raise TypeError(f"Settings: expected names of stages, got {', '.join(sorted(unknown))}")
+        changed = {system: {name: params for name, params in stages.items() if SYSTEM_OF[name] == system} for system in SYSTEMS}
+        return replace(self, **{system: replace(getattr(self, system), **mine) for system, mine in changed.items() if mine})
+
+    def params(self, stage: str) -> Any:
+        """The parameters of a stage, whichever system has it."""
+        return getattr(getattr(self, SYSTEM_OF[stage]), stage)
+
+
+SYSTEMS: tuple[str, ...] = tuple(field.name for field in fields(Settings) if field.name != "weights")
+SYSTEM_OF: dict[str, str] = {stage.name: system for system in SYSTEMS for stage in fields(getattr(Settings, system))}
+"""stage -> system, in the order of both"""

@@ -1,0 +1,32 @@
+"""Parameters of worlds that are rendered: kitchens, stills, procedural objects, table-top interactions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stages.synthetic import (
+    benchmark_plan,
+    interaction_plan,
+    interaction_render,
+    object_build,
+    object_plan,
+    scene_render,
+    still_render,
+    still_sample,
+    train_plan,
+)
+
+
+@dataclass(frozen=True)
+class Synthetic:
+    """The parameters of every stage of the system, by stage."""
+
+    scene_render: scene_render.Params = scene_render.Params()
+    train_plan: train_plan.Params = train_plan.Params()
+    benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
+    still_render: still_render.Params = still_render.Params()
+    still_sample: still_sample.Params = still_sample.Params()
+    object_plan: object_plan.Params = object_plan.Params()
+    object_build: object_build.Params = object_build.Params()
+    interaction_plan: interaction_plan.Params = interaction_plan.Params()
+    interaction_render: interaction_render.Params = interaction_render.Params()

@@ -1,0 +1,20 @@
+"""Parameters of the two-hand model, its benchmark and its ablation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stages.twohands import ablation_report, baseline_cases, benchmark, benchmark_set, model_train, predict_cases, score_cases
+
+
+@dataclass(frozen=True)
+class Twohands:
+    """The parameters of every stage of the system, by stage."""
+
+    benchmark_set: benchmark_set.Params = benchmark_set.Params()
+    model_train: model_train.Params = model_train.Params()
+    predict_cases: predict_cases.Params = predict_cases.Params()
+    baseline_cases: baseline_cases.Params = baseline_cases.Params()
+    score_cases: score_cases.Params = score_cases.Params()
+    benchmark: benchmark.Params = benchmark.Params()
+    ablation_report: ablation_report.Params = ablation_report.Params()

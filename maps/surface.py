@@ -1,0 +1,150 @@
+"""From meshes to where a hand must not go, one line per stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from afford.surface.describe.looks import PARTS
+from maps.common import parameters, record_run, recorded, reported, weights
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.files import FileTree
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
+from schemas.training import Trained
+from stages.recording import object_record, scorer_record
+from stages.surface import (
+    mask_propose,
+    mask_score,
+    mesh_read,
+    mesh_texture,
+    negative_affordance_files,
+    negative_affordance_projection,
+    negative_affordance_report,
+    negative_affordance_score,
+    part_describe,
+    part_lessons,
+    scorer_train,
+    view_render,
+)
+from stages.synthetic import object_build, object_plan
+
+
+class Looked(NamedTuple):
+    """Handles of an object that was looked at from all sides."""
+
+    mesh: ObjectMesh
+    parts: MeshParts
+    views: ObjectViews
+    candidates: PartCandidates
+    made: tuple[Any, ...] = ()
+    """what it cost an object of one's own: handles of the stages, from its file on"""
+
+
+def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
+    """Procedural objects of some splits -> their views and candidates."""
+    spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
+    return spec, look_at(g, of, spec, seen, p)
+
+
+def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> Looked:
+    """Each of some procedural objects -> its views and candidates."""
+    built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                               params=p.synthetic.object_build)
+    mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
+    views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
+    masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.surface.mask_propose,
+                                            **weights(g, p, "mask_propose"))
+    return Looked(mesh, parts, views, masks, (views, masks))
+
+
+def given(g: Graph, origin: Origin, p: Settings) -> Looked:
+    """The user's meshes -> their views and candidates; their parts where label files name them."""
+    files   = g.each(g.leaf("meshes", origin.meshes))
+    read    = g.add(mesh_read.run,          files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
+    mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.surface.mesh_texture)
+    views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.surface.view_render)
+    masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.surface.mask_propose,
+                                            **weights(g, p, "mask_propose"))
+    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks, (read, mesh, views, masks))
+
+
+class Taught(NamedTuple):
+    """Handles of the scorer of parts, and of what it was trained on."""
+
+    scorer: Trained
+    lessons: tuple[PartLessons, ...]
+
+    def files(self, g: Graph) -> FileTree:
+        """The scorer alone."""
+        return g.pick(self.scorer, lambda t: t.files)
+
+
+def teach(g: Graph, p: Settings) -> Taught:
+    """Objects of the trained categories -> a scorer of parts."""
+    spec, x = look(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
+                   replace(p.surface.view_render, size_px=256, most=10, directions=128), p)
+    lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    params=p.surface.part_lessons)
+    every   = g.collect(lessons)
+    trained = g.add(scorer_train.run,       lessons=every,                            params=p.surface.scorer_train, ctx=g.ctx)
+    return Taught(trained, every)
+
+
+def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
+    """The scorer's curves and what it says of objects that judge -> its recording."""
+    log, mine = g.pick(x.scorer, lambda t: t.log), parameters(scorer_train=p.surface.scorer_train)
+    made    = g.named("record_scorer_train").add(scorer_record.run, lessons=x.lessons, log=log, files=x.files(g), ctx=g.ctx,
+                                                 params=scorer_record.Params(parameters=mine))
+    return recorded(g, made, "scorer_train")
+
+
+class Judged(NamedTuple):
+    """Handles of what is said of an object."""
+
+    told: PartDescriptions
+    fit: PartScores
+    found: NegativeAffordances
+
+
+def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
+    """An object that was looked at -> where a hand must not go on it; `of` begins the names of the stages."""
+    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.surface.part_describe,
+                    **weights(g, p, "part_describe"))
+    fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
+                    descriptions=told, scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
+    found   = g.named(f"{of}negative_affordance_projection").add(negative_affordance_projection.run, mesh=x.mesh, views=x.views,
+                    candidates=x.candidates, descriptions=told, scores=fit, params=p.surface.negative_affordance_projection)
+    return Judged(told, fit, found)
+
+
+def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
+    """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
+    taught  = teach(g, p)
+    scorer  = taught.files(g)
+    known: dict[str, ObjectSpec] = {}
+    if origin.meshes:
+        x = given(g, origin, p)
+    else:
+        known["spec"], x = look(g, "object", replace(p.synthetic.object_plan, splits=("seen", "unseen")), p.surface.view_render, p)
+    told, fit, found = judge(g, x, scorer, p)
+    windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
+                                            params=replace(p.surface.mask_propose, backend="grid"))
+    fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
+                                          scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
+    scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
+                    descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
+                    params=replace(p.surface.negative_affordance_score,
+                                   threshold=p.surface.negative_affordance_projection.threshold))
+    files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
+                    params=negative_affordance_files.Params())
+    g.publish(files, "negative/{source}/{clip}", as_="negative")
+    s       = p.surface
+    mine    = parameters(view_render=s.view_render, mask_propose=s.mask_propose, part_describe=s.part_describe,
+                         mask_score=s.mask_score, negative_affordance_projection=s.negative_affordance_projection)
+    record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
+                    mesh=x.mesh, ctx=g.ctx, params=object_record.Params("mesh_texture" if origin.meshes else "object_build", mine))
+    report = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.surface.negative_affordance_report, ctx=g.ctx)
+    g.cost("cpu_s_per_object", (*x.made, told, fit, found), (reported(g, report), "objects"), shards=scores)
+    g.target("negative-affordance", files, recorded(g, record, "{clip}"), report,
+             record_run(g, "negative_affordance_report", report), record_scorer(g, taught, p))
