@@ -177,7 +177,8 @@ VERB = "README.md and croissant.json say `pipeline.py lineage DIGEST`"
 NAMES_CODE: dict[str, str] = {
     **dict.fromkeys((f"record_{stage}" for stage in (
         "source_read", "hand_detect", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
-        "narration_labelling", "sample_assemble", "model_train", "sor3d_train", "sor3d_pretrain", "boxes_train", "extraction_report", "negative_affordance_report", "motion_files",
+        "narration_labelling", "sample_assemble", "model_train", "sor3d_train", "sor3d_pretrain", "boxes_train",
+        "extraction_report", "negative_affordance_report", "motion_files",
         "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes", "static_report", "hands_train",
         "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read", "motion_synthesise",
         "positive_affordance_projection", "train_pack")), SCHEMAS),

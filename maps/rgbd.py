@@ -185,6 +185,11 @@ def pictures(g: Graph, files: FileTree, p: Settings) -> StaticSet:
     return g.add(static_read.run, files=g.leaf("pictures", files),                                   params=wanted)
 
 
+def detector(g: Graph, dataset: FileTree, p: Settings) -> Trained:
+    """The detector, trained on the last frames of the same data set as the model of sequences."""
+    return g.add(boxes_train.run,           dataset=dataset,                                   params=p.rgbd.boxes_train, ctx=g.ctx)
+
+
 def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
          p: Settings) -> Told:  # fmt: skip
     """Both models on the same pictures: `pictures`, or collected clips, of which the last frames of one split are taken."""
@@ -199,7 +204,7 @@ def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
     """affordances of single pictures, by the model of `sor3d` and by a detector: of rendered interactions, UMD or IIT-AFF"""
     x       = lessons(g, origin, p)
     model   = g.pick(teach(g, origin, x.dataset, usual(p), p).model, lambda t: t.files)
-    trained = g.add(boxes_train.run,        dataset=x.dataset,                                 params=p.rgbd.boxes_train, ctx=g.ctx)
+    trained = detector(g, x.dataset, p)
     boxes   = g.pick(trained, lambda t: t.files)
     held    = p.with_stages(static_evaluate=replace(p.rgbd.static_evaluate, split=p.rgbd.static_evaluate.split or HELD))
     found   = (told(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else

@@ -27,7 +27,7 @@ RECORDED: dict[str, tuple[str, ...]] = {
     "dataset": ("{clip}", "dataset_pack"), "train": ("model_train",), "benchmark": ("benchmark",), "ablation": ("ablation_report",),
     "hands": ("hands_train",), "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
     "motions": ("motion_files", "motion_read"), "grasp": ("grasp_report", *GRASPING),
-    "grasp-full": ("grasp_report", *GRASPING, "grasp_student", "positive_affordance_projection/{clip}"), "interactions": (),
+    "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "interactions": (),
     "sor3d": ("sor3d_train", "sor3d_report"), "sor3d-ablation": ("sor3d_report",),
     "static-sets": (*STATIC, "static_report", "boxes_train"), "extraction-report": ("extraction_report",),
     "recordings": ("{clip}",), "scenes": (), "train-set": ("train_pack",), "benchmark-set": ()}  # fmt: skip

@@ -90,7 +90,8 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
     found = weighed(chosen, digest)
     assert found.twohands.model_train.backbones == found.rgbd.sor3d_train.backbones == "model"
     for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
-        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith(("model_train", "sor3d_train"))]
+        every = build(target, Origin("x"), found).stages()
+        trainings = [node for node in every if node.name.endswith(("model_train", "sor3d_train"))]
         assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
     assert not any("weights" in dict(node.inputs) for node in plain.stages())
     with pytest.raises(UsageError, match=r"sor3d_train\.backbones: .*got nothing there"):
