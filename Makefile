@@ -18,7 +18,7 @@ STORE     ?= artifacts
 EXTRA     ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup constraints dataset stage all report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup constraints all dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \

@@ -51,8 +51,7 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line: `python pipeline.py`, or the console script `afford`; its exit code: see `commands.cli`. SystemExit where
-    it cannot begin."""
+    """Run a command: `python pipeline.py`, or the console script `afford`; its exit code. SystemExit where it cannot begin."""
     if find_spec("typer") is None:
         raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
                          "or .venv/bin/python")  # fmt: skip

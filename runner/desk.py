@@ -10,6 +10,7 @@ from runner.graph import Node
 from runner.keys import Codes, StageSpec, stage_spec, task_key
 from runner.reasons import compare, keep_definitions
 from runner.report import Reason
+from runner.selection import selected
 from runner.store import Store
 from runner.traces import Traces
 
@@ -76,8 +77,9 @@ class Desk:
             keep_definitions(self.store.root, spec)
             self._kept.add(spec.code.digest)
         return Job(
-            key=task.key, stage=task.node.name, shard=task.shard, function=spec.function, params=task.node.params,
-            params_tree=spec.params, inputs=task.inputs, wants_ctx=task.node.wants_ctx, code=spec.code.digest,
+            key=task.key, stage=task.node.name, shard=task.shard, function=spec.function,
+            params=selected(task.node.params, spec.blocks), params_tree=spec.params, inputs=task.inputs,
+            wants_ctx=task.node.wants_ctx, code=spec.code.digest,
             schemas=task.schemas, libraries=spec.libraries, threads=spec.threads, memory_gib=spec.memory_gib,
             sources=spec.sources, reason=str(reason), force=reason.why == "forced")
 

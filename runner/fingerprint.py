@@ -3,7 +3,8 @@
 From the stage function every name is followed through our own modules: helpers, constants, classes with their methods and
 bases, default arguments, nested functions and lambdas, every import of a name, names that are passed on by another module.
 A registry (a literal dict ``name -> "module:attribute"``) is followed at the entries that Params selects: `BACKENDS` by the
-field `backend`, `REFINES` by `refine`, a name or a tuple of names; at every entry when there is no such field. What importing
+field `backend`, `REFINES` by `refine`, a name or a tuple of names; at every entry when there is no such field. Of Params, the
+blocks of entries that are not selected do not count (`runner.selection`). What importing
 a module does to other modules counts (`runner.effects`), and so do files listed in its `DATA_FILES`. A module that imports by
 computed name must say what, in `DYNAMIC = ("module", ...)`. Code that cannot be followed is refused with file and line
 (`runner.foreign`). What is not code is not seen: the environment, the working directory, the time.
@@ -29,6 +30,7 @@ from runner.canonical import digest, file_digest
 from runner.links import LOADABLE, PROGRAM, WHOLE, Linker, Target, linker_of
 from runner.modules import Modules
 from runner.resolve import Place, places
+from runner.selection import chosen, selector, unselected
 from runner.source import MAIN, Module, SourceError, untyped, where
 
 DYNAMIC, LOADED = "<dynamic>", "<loaded>"
@@ -71,23 +73,10 @@ def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
                        set().union(*(part.third_party for part in parts)), set().union(*(part.files for part in parts)))
 
 
-def reachable_third_party(root: Path, function: str) -> set[str]:
-    """Top-level import names of all packages that a stage can reach, whichever backend is selected: what its LIBRARIES must
-    cover."""
-    return fingerprint(Modules(root), function, {}).third_party
-
-
-def declarations(modules: Modules, module: str) -> dict[str, Any]:
-    """The literal LIBRARIES, THREADS, MEMORY_GIB and MACHINE of a stage's module; ValueError when one has the wrong type."""
-    found = modules.get(module)
-    literals = found.literals if found else {}
-    declared = {"LIBRARIES": literals.get("LIBRARIES", []), "THREADS": literals.get("THREADS", 1),
-                "MEMORY_GIB": float(literals.get("MEMORY_GIB", 1.0)), "MACHINE": literals.get("MACHINE", False)}
-    kinds: dict[str, type | tuple[type, ...]] = {"LIBRARIES": list, "THREADS": int, "MACHINE": (bool, str)}
-    if not all(isinstance(declared[name], kind) for name, kind in kinds.items()):
-        raise ValueError(f"{module}: expected LIBRARIES = (\"name\", ...), THREADS = int and MACHINE = True or the name of a "
-                         f"parameter as literals, got {declared}")
-    return declared
+def reachable_third_party(root: Path, function: str, select: Mapping[str, object] | None = None) -> set[str]:
+    """Top-level import names of all packages that a stage can reach under these parameters, or whichever backend is selected: what
+    its LIBRARIES must cover."""
+    return fingerprint(Modules(root), function, select or {}).third_party
 
 
 def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
@@ -131,6 +120,8 @@ class _Closure:
     numbers: dict[Target, int] = field(default_factory=dict)
     everywhere: bool = False
     """whether the names of modules may be part of what is made"""
+    _without: tuple[str, frozenset[str]] = ("", frozenset())
+    """the module of the stage, and the blocks of its Params that do not count"""
     _roots: list[int | None] = field(default_factory=list)
     _rows: list[Row] = field(default_factory=list)
     _todo: deque[Target] = field(default_factory=deque)
@@ -145,6 +136,7 @@ class _Closure:
         if found is not None and (loose := untyped(found, name)):
             raise SourceError(f"{where(found, name)}: the parameter {loose[0]!r} of {name}() may be anything; annotate it with its "
                               "class, so that the code of its methods counts")
+        self._without = module, unselected(self.modules, module, self.select)
         self._roots += map(self._number, self._entry(module, name, f"{module}:{name}"))
 
     def finish(self) -> None:
@@ -211,7 +203,15 @@ class _Closure:
     def _item(self, module: Module, name: str) -> Known:
         if name in module.registries and self._is_registry(module, name):
             return self._registry(module, name)
-        return self._define(module, name, (*module.items[name], *self.linker.effects(module).owned.get(name, ())))
+        return self._define(module, name, self._counting(module, (
+            *module.items[name], *self.linker.effects(module).owned.get(name, ()))))
+
+    def _counting(self, module: Module, statements: tuple[int, ...]) -> tuple[int, ...]:
+        """Statements without the blocks of Params that are not selected."""
+        home, blocks = self._without
+        if not blocks or module.name != home:
+            return statements
+        return tuple(index for index in statements if module.statements[index].get("block") not in blocks)
 
     def _define(self, module: Module, name: str, statements: tuple[int, ...]) -> Known:
         found = self.linker.definition(module, name, statements)
@@ -252,7 +252,7 @@ class _Closure:
 
     def _registry(self, module: Module, name: str) -> Known:
         entries = module.registries[name]
-        keys = chosen(self.select.get(name.lower().removesuffix("s")), entries)
+        keys = chosen(self.select.get(selector(name)), entries)
         targets = [self._entry(*_parted(entries[key]), f"{where(module, name)}: {name}[{key!r}]") for key in keys]
         code = digest("afford-registry", [name, [[key, len(found)] for key, found in zip(keys, targets, strict=True)]])
         self.definitions[f"{module.name}:{name}"] = code
@@ -265,7 +265,7 @@ class _Closure:
         self._loaded.add(module.name)
         self.files.add(module.path)
         registering = (i for i, names in module.decorated if any(self._ours(module, name) for name in names))
-        for index in dict.fromkeys((*self.linker.effects(module).wide, *registering)):
+        for index in self._counting(module, tuple(dict.fromkeys((*self.linker.effects(module).wide, *registering)))):
             self._loose.append((module.name, f"{LOADED}{index}"))
         self._loose += [(module.name, f"/{name}") for name in module.literals.get("DATA_FILES", [])]
         self._loose += [(module.name, DYNAMIC)] if module.literals.get("DYNAMIC") else []
@@ -303,15 +303,6 @@ class _Closure:
         if self.modules.get(target) is None:
             raise SourceError(f"{where(module, 'DYNAMIC')}: DYNAMIC: expected a module of this project, got {target!r}; correct it")
         return [(target, LOADABLE)]
-
-
-def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
-    """The entry of a registry that a parameter names, or the entries that a tuple of names does; all of them without such a
-    parameter. A frozenset, which is no parameter but what a codec selects, is taken as it is."""
-    if isinstance(value, frozenset):
-        return sorted(value & entries.keys())
-    names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
-    return [name for name in names if isinstance(name, str)] if names and all(n in entries for n in names) else sorted(entries)
 
 
 def _target(place: Place) -> Target | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import platform
 import sys
@@ -15,9 +14,10 @@ from typing import Any
 from runner.canonical import canonical, digest
 from runner.codec import resolve
 from runner.files import Stamp
-from runner.fingerprint import Fingerprint, declarations, fingerprint, merged
+from runner.fingerprint import Fingerprint, fingerprint, merged
 from runner.graph import Node
 from runner.modules import Modules
+from runner.selection import declarations, select_of, unselected, without
 
 VECTORS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16", "asimd", "sve", "bf16")
 """flags of a CPU that decide which kernels numeric libraries choose, and so last bits"""
@@ -42,6 +42,8 @@ class StageSpec:
     """files behind the fingerprint, with their stamps when they were read for it"""
     machine: str = ""
     """the kind of machine, of stages that declare MACHINE; '' of all others"""
+    blocks: frozenset[str] = frozenset()
+    """fields of Params with the parameters of backends that are not selected; in no key"""
 
 
 class Codes:
@@ -58,8 +60,7 @@ class Codes:
 
     def of(self, function: str, params: Any) -> Fingerprint:
         """Of 'module:function' under these Params; SourceError when some code cannot be followed."""
-        select = {} if params is None else {f.name: getattr(params, f.name) for f in dataclasses.fields(params)}
-        stage = fingerprint(self.modules, function, select)
+        stage = fingerprint(self.modules, function, select_of(params))
         return merged([stage, *self._codec_of(stage), *self._worker_of()])
 
     def _codec_of(self, stage: Fingerprint) -> list[Fingerprint]:
@@ -87,22 +88,31 @@ class Codes:
 def stage_spec(node: Node, codes: Codes) -> StageSpec:
     """Read a stage's code and declarations; ValueError when it cannot be followed or a library is not installed."""
     function = f"{node.value.__module__}:{node.value.__qualname__}"
-    declared = declarations(codes.modules, node.value.__module__)
+    module, select = node.value.__module__, select_of(node.params)
+    declared, blocks = declarations(codes.modules, module, select), unselected(codes.modules, module, select)
     code = codes.of(function, node.params)
     return StageSpec(
-        name=node.name, function=function, params=_params(node), code=code,
+        name=node.name, function=function, params=without(_params(node), node.params, blocks), code=code,
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
         sources=tuple((path, codes.modules.stamp(path)) for path in sorted(code.files) if not os.path.isdir(path)),
-        machine=_machine(declared["MACHINE"], node))
+        machine=_machine(declared["MACHINE"], node, blocks), blocks=blocks)
 
 
-def _machine(declared: bool | str, node: Node) -> str:
-    """MACHINE of a stage is True, or names the field of its Params that makes its bytes depend on the kind of machine."""
-    if isinstance(declared, str) and not hasattr(node.params, declared):
-        raise ValueError(f"{node.name}: MACHINE names {declared!r}, which is no field of its Params; correct the name")
-    depends = getattr(node.params, declared) if isinstance(declared, str) else declared
-    return machine_kind() if depends else ""
+def _machine(declared: bool | list[str], node: Node, blocks: frozenset[str]) -> str:
+    """MACHINE of a stage is True, or names fields of its Params that make its bytes depend on the kind of machine."""
+    named = [] if isinstance(declared, bool) else [name for name in declared if name.partition(".")[0] not in blocks]
+    return machine_kind() if declared is True or any(_field(node, name) for name in named) else ""
+
+
+def _field(node: Node, name: str) -> Any:
+    """A parameter by its name, or by 'block.name'."""
+    value = node.params
+    for part in name.split("."):
+        if not hasattr(value, part):
+            raise ValueError(f"{node.name}: MACHINE names {name!r}, which is no field of its Params; correct the name")
+        value = getattr(value, part)
+    return value
 
 
 def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str]) -> str:

@@ -63,8 +63,16 @@ def _code(last: Trace, spec: StageSpec, store: Path) -> str:
 
 
 def _params(old: Any, new: Any) -> str:
-    before, after = (tree["fields"] if tree else {} for tree in (old, new))
-    return _pairs(before, after)
+    return _pairs(_flat(old), _flat(new))
+
+
+def _flat(tree: Any) -> dict[str, Any]:
+    """Parameters by name, those of a block as 'block.name'."""
+    found: dict[str, Any] = {}
+    for name, value in tree["fields"].items() if tree else ():
+        is_block = isinstance(value, dict) and "fields" in value
+        found |= {f"{name}.{inner}": part for inner, part in _flat(value).items()} if is_block else {name: value}
+    return found
 
 
 def _pairs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:

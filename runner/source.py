@@ -27,7 +27,9 @@ from runner.touches import ARGUMENT, roots
 __all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "untyped", "where"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-LITERALS = ("LIBRARIES", "THREADS", "MEMORY_GIB", "MACHINE", "DATA_FILES", "DYNAMIC")
+LITERALS = re.compile(r"([A-Z]\w*_)?(LIBRARIES|THREADS|MEMORY_GIB|MACHINE)|DATA_FILES|DYNAMIC")
+PARAMS = "Params"
+"""the class whose blocks are statements of their own, see `runner.selection`"""
 BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {
     name.partition(".")[2] for name in COMPUTED}
 PASSIVE = ("__repr__", "__str__", "__eq__", "__hash__", "__len__", "__bool__")
@@ -50,7 +52,7 @@ class Module:
     kind ('class' or 'function'), bases, hook (a class that acts when a subclass is made), builds (one that acts when an object is
     made), untyped (parameters of `run` whose type nobody states); sets and does (what is changed at import, and inside
     functions), gives (what functions return), alias (objects that a name may stand for), now (references used at import where
-    anything is called)"""
+    anything is called), block (the field of Params that it is)"""
     items: dict[str, list[int]] = field(default_factory=dict)
     """name -> its statements"""
     imports: dict[str, list[str]] = field(default_factory=dict)
@@ -133,21 +135,19 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
     imported = _imports(module, statement, home, at)
     if isinstance(statement, (ast.Import, ast.ImportFrom)) or _is_guard(statement, "TYPE_CHECKING", "typing.TYPE_CHECKING"):
         return
+    blocks: list[tuple[ast.stmt, str]] = []
+    if isinstance(statement, ast.ClassDef) and statement.name == PARAMS and not schema:
+        statement, blocks = _parted(statement)
     bound = _bound_names(statement)
     if bound is None and imported and not isinstance(statement, (ast.If, ast.Try)):
         raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out")
-    uses = uses_of(statement, home, at)
-    index = len(module.statements)
-    main = _is_guard(statement, "__name__ == '__main__'")
-    slots = Slots(lambda node: bindings_of(node, home, at))
-    module.statements.append({
-        "digest": digest("afford-code", spell(statement, slots, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
-        "imports": slots.imports, "strings": slots.strings, "home": slots.home and not main, "everywhere": slots.everywhere,
-        "started": sorted(uses.started()), "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs),
-        "loads": sorted(uses.loads), **_class(statement), **_function(statement), "sets": uses.sets, "does": uses.does,
-        "gives": uses.gives, "alias": _alias(statement), "now": uses.now})
+    index, main = len(module.statements), _is_guard(statement, "__name__ == '__main__'")
+    uses = _keep(module, statement, home, schema, main)
     for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
         module.items.setdefault(item, []).append(index)
+    for block, name in blocks:
+        module.items[PARAMS].append(len(module.statements))
+        _keep(module, block, home, schema, block=name)
     if bound is None and not main:
         _effect(module, index, uses)
     elif isinstance(statement, DEFINITIONS):
@@ -155,6 +155,39 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
         module.decorated += [(index, names)] if names else []
     elif isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None and bound and len(bound) == 1:
         _literal(module, bound[0], statement.value)
+
+
+def _keep(module: Module, statement: ast.stmt, home: str, schema: bool, main: bool = False, **more: Any) -> Uses:
+    """Note what a statement is and uses."""
+    at = f"{module.path}:{statement.lineno}"
+    uses, slots = uses_of(statement, home, at), Slots(lambda node: bindings_of(node, home, at))
+    module.statements.append({
+        "digest": digest("afford-code", spell(statement, slots, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
+        "imports": slots.imports, "strings": slots.strings, "home": slots.home and not main, "everywhere": slots.everywhere,
+        "started": sorted(uses.started()), "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs),
+        "loads": sorted(uses.loads), **_class(statement), **_function(statement), "sets": uses.sets, "does": uses.does,
+        "gives": uses.gives, "alias": _alias(statement), "now": uses.now, **more})
+    return uses
+
+
+def _parted(whole: ast.ClassDef) -> tuple[ast.ClassDef, list[tuple[ast.stmt, str]]]:
+    """A class without those of its fields that may hold the parameters of a backend; and each of them, as a class that has no other
+    field, with its name."""
+    rest, blocks = list[ast.stmt](), list[tuple[ast.stmt, str]]()
+    for part in whole.body:
+        if _is_block(part):
+            at = ast.Expr(ast.Constant(sum(not is_text(other) for other in rest)))  # where it stands among the other fields
+            alone = ast.ClassDef(whole.name, [], [], [part, ast.copy_location(at, part)], [])
+            blocks.append((ast.copy_location(alone, part), part.target.id))  # type: ignore[attr-defined]  # see _is_block
+        else:
+            rest.append(part)
+    return ast.copy_location(ast.ClassDef(whole.name, whole.bases, whole.keywords, rest, whole.decorator_list), whole), blocks
+
+
+def _is_block(part: ast.stmt) -> bool:
+    """Whether a part of a class is a field of another class, as its annotation says."""
+    return isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and any(
+        isinstance(node, ast.Name) and node.id not in BUILTINS for node in ast.walk(part.annotation))
 
 
 def _imports(module: Module, statement: ast.stmt, home: str, at: str) -> list[str]:
@@ -248,11 +281,18 @@ def _literal(module: Module, name: str, value: ast.expr) -> None:
         literal = ast.literal_eval(value)
     except ValueError:
         return
-    if name in LITERALS:
-        module.literals[name] = list(literal) if isinstance(literal, tuple) else literal
+    if LITERALS.fullmatch(name):
+        module.literals[name] = _listed(literal)
     if isinstance(literal, dict) and literal and all(
             isinstance(k, str) and isinstance(v, str) and REGISTRY_VALUE.fullmatch(v) for k, v in literal.items()):
         module.registries[name] = literal
+
+
+def _listed(literal: Any) -> Any:
+    """A literal as JSON keeps it."""
+    if isinstance(literal, dict):
+        return {key: _listed(value) for key, value in literal.items()}
+    return [_listed(value) for value in literal] if isinstance(literal, tuple) else literal
 
 
 def _bound_names(statement: ast.stmt) -> list[str] | None:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from blake3 import blake3
 
-from schemas.catalogue import MODULES
+from schemas.catalogue import SCHEMAS
 from schemas.spec import Schema
 
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
@@ -22,8 +22,7 @@ SHELVES = {"Samples": "samples"}
 @functools.cache
 def kinds() -> dict[str, type[Schema]]:
     """Schema name -> class."""
-    found = [c for module in MODULES for c in vars(module).values() if isinstance(c, type) and issubclass(c, Schema)]
-    return {c.__name__: c for c in found if c is not Schema}
+    return {schema.__name__: schema for schema in SCHEMAS}
 
 
 def encodings(names: Iterable[str]) -> set[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import resource
 import shutil
 import subprocess
 import sys
@@ -265,19 +264,6 @@ def test_the_targets_are_given_to_the_command_line() -> None:
     assert not [name for name in loaded_by("import pipeline") if name.split(".")[0] == "commands"]
     every = ", ".join(f"commands.{path.stem}" for path in sources("commands") if path.stem != "__init__")
     assert "pipeline" not in loaded_by(f"import {every}")
-
-
-def test_help_is_quick() -> None:
-    """No more than a quarter of a second of one core, the best of three."""
-    command = [sys.executable, "pipeline.py", "--help"]
-    assert min(_cpu_s(command) for _ in range(3)) <= 0.25
-
-
-def _cpu_s(command: list[str]) -> float:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def test_the_rules_can_fail(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import subprocess
 import sys
@@ -19,6 +20,8 @@ from hypothesis import strategies as st
 from afford.codecs import CODEC, digest, load, load_folder, save
 from afford.codecs.kinds import BUNDLES, kinds, schema_version
 from afford.codecs.shelf import Shelf
+from runner.fingerprint import fingerprint
+from runner.modules import Modules
 from runner.store import Store, prepare_store
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
@@ -30,6 +33,15 @@ SIZES = {"t": 3, "h": 6, "w": 8, "n": 2, "m": 4, "s": 5, "b": 7}
 
 LIMITS = {("HandLessons", "labels"): 5}
 """(schema, field) -> values are below it, where a schema checks that"""
+
+
+def test_the_catalogue_lists_every_schema() -> None:
+    """Each dataclass of `schemas/` that is a Schema, and nothing else; the catalogue counts for no key."""
+    written = {node.name for path in (ROOT / "schemas").rglob("*.py") for node in ast.parse(path.read_text()).body
+               if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Schema" for base in node.bases)}
+    assert kinds().keys() == written
+    found = fingerprint(Modules(ROOT), "afford.codecs:CODEC", {}, apart=("schemas",))
+    assert not any(name.startswith("schemas.") for name in found.definitions)
 
 
 def example(kind: type, seed: int) -> Any:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from runner.fingerprint import declarations, reachable_third_party
+from runner.fingerprint import reachable_third_party
 from runner.modules import Modules
+from runner.selection import declarations, registries_of
 from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,3 +28,16 @@ def test_libraries_are_complete(stage: str, distributions: dict[str, list[str]])
     reached = reachable_third_party(ROOT, f"{MODULES[stage]}:run")
     missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}
     assert not missing, f"stages/{stage}.py reaches {sorted(missing)}; name their distributions in LIBRARIES"
+
+
+def test_libraries_of_each_backend_are_complete(distributions: dict[str, list[str]]) -> None:
+    """A stage that declares libraries by backend declares all that each of them reaches."""
+    modules = Modules(ROOT)
+    for stage in MODULES.values():
+        for field, entries in registries_of(modules, stage):
+            by_backend = f"{field.upper()}_LIBRARIES" in modules.get(stage).literals  # type: ignore[union-attr]  # a module of ours
+            for entry in entries if by_backend else ():
+                declared = set(declarations(modules, stage, {field: entry})["LIBRARIES"])
+                reached = reachable_third_party(ROOT, f"{stage}:run", {field: entry})
+                missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}
+                assert not missing, f"{stage} with {field}={entry} reaches {sorted(missing)}; declare them"

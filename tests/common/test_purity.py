@@ -119,7 +119,7 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     elsewhere.mkdir()
     (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
     job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
-           "models": [task["params"]["model"] for task in tasks if task["params"].get("model")],
+           "models": [model for task in tasks for model in models(task["params"])],
            "first": [name for word, names in EARLY.items() if any(task[word] for task in tasks) for name in names]}
     (folder / "job.json").write_text(json.dumps(job))
     command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py"), str(folder / "job.json")]
@@ -132,6 +132,12 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     assert done.returncode == 0, done.stderr
     answers: list[dict[str, Any]] = json.loads(done.stdout.splitlines()[-1])
     return answers
+
+
+def models(params: dict[str, Any]) -> list[str]:
+    """Weights that parameters name, those of a block too."""
+    blocks = [value["fields"] for value in params.values() if isinstance(value, dict) and "fields" in value]
+    return [model for model in (params.get("model"), *(model for block in blocks for model in models(block))) if model]
 
 
 def task(trace: Trace) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 SYSTEM = ("/usr/lib", "/usr/lib64", "/usr/local/lib", "/lib", "/lib64", "/etc/ld.so.cache")  # shared libraries
 MACHINE = ("/dev/null", "/dev/urandom", "/proc", "/sys/devices/system", "/sys/fs/cgroup",  # hash seeds, number of cores
@@ -148,9 +148,16 @@ def _run(task: dict[str, Any], inputs: dict[str, Any], scratch: Path) -> object:
     prepare(seed=99, threads=task["threads"])
     module, _, name = task["function"].partition(":")
     stage = importlib.import_module(module)
-    fields = {key: tuple(value) if isinstance(value, list) else value for key, value in task["params"].items()}
     more = {"ctx": Context(scratch / "work")} if task["wants_ctx"] else {}
-    return getattr(stage, name)(**inputs, params=stage.Params(**fields), **more)
+    return getattr(stage, name)(**inputs, params=_params(stage.Params, task["params"]), **more)
+
+
+def _params(kind: type, fields: dict[str, Any]) -> Any:
+    """Parameters from their canonical tree, those of a block too."""
+    hints = get_type_hints(kind)
+    found = {key: _params(hints[key], value["fields"]) if isinstance(value, dict) and "fields" in value else value
+             for key, value in fields.items()}
+    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in found.items()})
 
 
 def blobs(store: Any, digest: str) -> list[list[str]]:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import re
-import subprocess
-import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from runner import Graph, Runner, StoreError
 from runner.fingerprint import changed
+from tests.helpers.house import House
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """
@@ -59,41 +55,10 @@ FILES = {
     "house/lower.py": "def down(text: str) -> str:\n    return text.lower()\n"}
 
 
-@dataclass
-class House:
-    """A project in a folder, whose stage `shout` is used under two names."""
-
-    root: Path
-
-    def play(self) -> tuple[int, str, list[str]]:
-        """Run it: tasks that ran, text that came out, reasons of what was planned to run."""
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run([sys.executable, "main.py"], cwd=self.root, capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        ran, text, *plans = done.stdout.strip().split("|")
-        return int(ran), text, plans
-
-    def move(self, old: str, new: str) -> None:
-        """Move a file or a folder, and adapt every import and every string that names it."""
-        (self.root / new).parent.mkdir(parents=True, exist_ok=True)
-        (self.root / old).rename(self.root / new)
-        before, after = (name.removesuffix(".py").replace("/", ".") for name in (old, new))
-        for path in self.root.rglob("*.py"):
-            path.write_text(re.sub(rf"\b{re.escape(before)}\b", after, path.read_text()))
-
-    def edit(self, file: str, old: str, new: str) -> None:
-        text = (self.root / file).read_text()
-        assert old in text
-        (self.root / file).write_text(text.replace(old, new))
-
-
 @pytest.fixture
 def house(tmp_path: Path) -> House:
     """The project, run once."""
-    for name, text in FILES.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
-    made = House(tmp_path)
+    made = House.build(tmp_path, FILES)
     assert made.play()[:2] == (2, "AB!.?!.?".upper())
     return made
 
@@ -160,6 +125,12 @@ def test_an_edit_after_a_move_is_named_at_its_new_place(house: House) -> None:
     house.move("house/helper.py", "house/text/helper.py")
     house.edit("house/text/helper.py", "'.'", "';'")
     assert house.play()[2][0] == "code changed: ~house.text.helper:end"
+
+
+def test_another_name_on_the_map_runs_nothing(house: House) -> None:
+    """The name is a label outside the key: two names for one function share what they made."""
+    house.edit("main.py", 'g.named("shout")', 'g.named("call")')
+    assert house.play() == (0, "AB!.?!.?", [])
 
 
 def test_two_functions_that_are_the_same_share_what_they_made(house: House) -> None:
