@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from afford.common.pictures import jpeg
-from afford.grasping.evaluate.studio import Episode
+from afford.grasping.env.studio import Episode
 from afford.grasping.evaluate.traced import traced
 from afford.recording.content import Recording
 from afford.recording.of_grasp import times

@@ -46,8 +46,8 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
     """Let the policy act, draw it, and write the recording."""
+    from afford.grasping.env.studio import Studio
     from afford.grasping.evaluate.rehearsal import rehearsed, spread
-    from afford.grasping.evaluate.studio import Studio
     from afford.recording.files import as_tree, write
     from afford.recording.of_policy import policy
     from afford.recording.provenance import of_files, with_parameters

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from afford.common.palette import Colour
-from afford.grasping.evaluate.studio import LAMP, hand_colour
+from afford.grasping.env.studio import LAMP, hand_colour
 from afford.grasping.hand.kinematics import forward
 from afford.grasping.hand.skin import skins
 from afford.grasping.motion.mirror import M
