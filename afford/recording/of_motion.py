@@ -18,8 +18,8 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from afford.common.pictures import jpeg
+from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.env.studio import hand_colour
-from afford.grasping.evaluate.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.hand.kinematics import forward
 from afford.grasping.hand.skin import skins
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording

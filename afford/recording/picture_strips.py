@@ -15,7 +15,7 @@ from afford.recording.moments import IMAGE, Moment, moments, tile_of
 SHOWN, TOPICS = 4, 6
 """moments of a topic, topics at most"""
 SCALAR = "affordance.v1.Scalar"
-PLOT_H, CURVES, MARGIN = 150, 8, 22
+PLOT_H, CURVES, MARGIN = 150, 12, 22
 LINE = (86, 180, 233)
 
 
@@ -26,10 +26,13 @@ def strips_of(path: Path) -> list[np.ndarray]:
     for topic in sorted(topic for topic, kind in kinds.items() if kind == IMAGE)[:TOPICS]:
         found = list(moments(path, [topic]))
         chosen = [found[k] for k in dict.fromkeys(np.linspace(0, len(found) - 1, SHOWN).round().astype(int).tolist())]
-        tiles = [tile for moment in chosen if (tile := tile_of(moment, topic, "", edges=False)) is not None]
+        width = SHOWN * TILE_W // max(2, len(chosen))
+        tiles = [tile for moment in chosen if (tile := tile_of(moment, topic, "", width, False)) is not None]
         strips += [titles([f"{path.stem}   {topic}"], SHOWN * TILE_W), _row(tiles)]
     curves = sorted(topic for topic, kind in kinds.items() if kind == SCALAR)[:CURVES]
-    plots = _plots(path, curves) if strips and curves else []
+    plots = _plots(path, curves) if curves else []
+    if plots and not strips:
+        strips = [titles([f"{path.stem}   curves"], SHOWN * TILE_W)]
     return strips + [_row(plots[n : n + SHOWN]) for n in range(0, len(plots), SHOWN)]
 
 

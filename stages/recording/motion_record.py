@@ -43,7 +43,7 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
     """Draw some of the clips and write the recording."""
     import numpy as np
 
-    from afford.grasping.evaluate.motion_studio import MotionStudio
+    from afford.grasping.env.motion_studio import MotionStudio
     from afford.recording.files import as_tree, write
     from afford.recording.of_motion import Clip, record
     from afford.recording.provenance import of_value, with_parameters

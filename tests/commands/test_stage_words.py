@@ -10,7 +10,7 @@ from commands.only import recorders
 from commands.stages import home, named, target_named
 from tests.helpers.command import RECORDED, Made, call
 from tests.helpers.tiny_source import VIDEOS
-from tests.test_published import usual
+from tests.commands.test_published import usual
 
 CARD = {"frame_decode": "dataset", "mask_densify": "dataset", "hand_inpaint": "dataset", "object_completion": "dataset",
         "affordance_intersect": "dataset", "narration_labelling": "dataset", "dataset_pack": "dataset",
