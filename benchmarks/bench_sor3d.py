@@ -24,8 +24,7 @@ from afford.rgbd.model.model import build
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
 from commands.blocks import described
-from stages.rgbd import sor3d_report
-from stages.twohands.model_train import SOR3D, SOR3D_PAPER
+from stages.rgbd import sor3d_report, sor3d_train
 
 SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "rgbd" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
@@ -83,7 +82,8 @@ def told(asked: argparse.Namespace) -> str:
 
 def schedule() -> str:
     """Every parameter of the training in which small and paper differ."""
-    rows = [(name, getattr(SOR3D, name), getattr(SOR3D_PAPER, name), doc) for name, _, _, doc, _ in described(SOR3D)]
+    small, paper = sor3d_train.Params(), sor3d_train.PAPER
+    rows = [(name, getattr(small, name), getattr(paper, name), doc) for name, _, _, doc, _ in described(small)]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 
@@ -97,7 +97,7 @@ def sizes() -> str:
 
 def lasted(made: dict[str, Any]) -> str:
     """How long it took, where the model was trained by this very run; nothing where it was made before."""
-    if not made["ran"].get("model_train"):
+    if not made["ran"].get("sor3d_train"):
         return ""
     sequences = "its sequences included" if made["ran"].get("interaction_render") else "its sequences made before"
     return f"`make sor3d` took {made['seconds'] / 60:.1f} minutes on this machine, {sequences}.\n\n"

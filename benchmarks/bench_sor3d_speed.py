@@ -22,12 +22,12 @@ from afford.rgbd.model.inputs import Frames
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import Sor3d, build
 from afford.training.precision import mixed
-from stages.twohands.model_train import SOR3D, SOR3D_PAPER
+from stages.rgbd import sor3d_train
 
 PAGE = Path(__file__).with_name("sor3d_speed.md")
 PUBLISHED_MS = 22
 FRAMES, REPEATS = 10, {"small": 9, "paper": 3}
-PLANS = {"small": SOR3D, "paper": SOR3D_PAPER}
+PLANS = {"small": sor3d_train.Params(), "paper": sor3d_train.PAPER}
 HEAD = ("model", "device", "px", "million parameters", "picture, ms", f"video of {FRAMES} frames, ms", "the same, mirrored too, ms",
         "batch", "learns in", "learned, sequences / s", "peak of the device, GiB")  # fmt: skip
 

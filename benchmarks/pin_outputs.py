@@ -180,14 +180,17 @@ VERB = "README.md and croissant.json say `pipeline.py lineage DIGEST`"
 NAMES_CODE: dict[str, str] = {
     **dict.fromkeys((f"record_{stage}" for stage in (
         "source_read", "hand_detect", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
-        "narration_labelling", "sample_assemble", "model_train", "extraction_report", "negative_affordance_report", "motion_files",
-        "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes")), SCHEMAS),
+        "narration_labelling", "sample_assemble", "model_train", "sor3d_train", "sor3d_pretrain", "boxes_train",
+        "extraction_report", "negative_affordance_report", "motion_files",
+        "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes", "static_report", "hands_train",
+        "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read", "motion_synthesise",
+        "positive_affordance_projection", "train_pack")), SCHEMAS),
     **dict.fromkeys(("clip_record", "object_record", "grasp_record", "interaction_record"), SCHEMAS),
     "dataset_pack": VERB, "train_pack": VERB, "record_dataset_pack": f"{SCHEMAS}; {VERB}",
     "benchmark": PAGES, "ablation_report": PAGES, "record_benchmark": f"{SCHEMAS}; {PAGES}",
     "record_ablation_report": f"{SCHEMAS}; {PAGES}",
     "model_train": f"{JOB}; that of the two-hand model also says `from afford.twohands.model.predictor import Predictor`",
-    "pretrained_model_train": JOB, "encoder_train": JOB, "boxes_train": JOB,
+    "pretrained_sor3d_train": JOB, "sor3d_train": JOB, "sor3d_pretrain": JOB, "boxes_train": JOB,
     **dict.fromkeys(("static_sor3d", "static_boxes", "static_true_boxes", "static_report"),
                     "its report is called as the stage is on the map"),
 }  # fmt: skip

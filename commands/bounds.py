@@ -17,16 +17,21 @@ POSITIVE = ("width_px", "height_px", "size_px", "side_px", "atlas_px", "texture_
 """ends of names of what cannot be 0 either"""
 TRAINING = ("steps", "accumulate", "devices", "val_samples", "hypotheses")
 """parameters of a training that are 1 at least"""
+SEQUENCES = ("sor3d_train", "sor3d_pretrain", "boxes_train")
+"""trainings on RGB-D sequences"""
+TRAININGS = ("model_train", *SEQUENCES)
 DEVICE = re.compile(r"cpu|cuda(:\d+)?")
 WORDS: dict[tuple[str, str], tuple[str, ...]] = {
     ("dataset_pack", "split_by"): ("video", "participant"),
     ("dataset_pack", "made"): ("extracted", "rendered"),
-    ("model_train", "variant"): ("small", "clip", "vlm", "paper"),
+    ("model_train", "variant"): ("small", "clip", "vlm"),
     ("model_train", "target"): ("affordance", "object"),
     ("model_train", "split_by"): ("given", "video", "object"),
     ("model_train", "loss_mode"): ("paper", "code"),
     ("model_train", "mask_loss"): ("", "bce", "focal"),
-    ("model_train", "row"): ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d"),
+    **{(stage, "variant"): ("small", "paper") for stage in SEQUENCES},
+    **{(stage, "row"): ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d")
+       for stage in SEQUENCES},
 }
 """file of a stage, parameter -> the words that it knows, where no registry of the stage lists them"""
 EVERYWHERE: dict[str, tuple[str, ...]] = {
@@ -45,7 +50,7 @@ def check(stage: str, name: str, value: Any, params: Any) -> None:
         if isinstance(one, str):
             _word(stage, name, one, known)
         elif not isinstance(one, bool):
-            _number(f"{stage}.{name}", name, one, file == "model_train" and name in TRAINING)
+            _number(f"{stage}.{name}", name, one, file in TRAININGS and name in TRAINING)
 
 
 def registry(name: str) -> str:

@@ -84,9 +84,16 @@ def _split(word: str) -> tuple[str, str, str]:
     return stage.replace("-", "_"), name.replace("-", "_"), value
 
 
+TRAINED_BY = {"twohands": "model_train", "sor3d": "sor3d_train", "sor3d_actions": "sor3d_pretrain", "boxes": "boxes_train"}
+"""what model_train.backend chose from -> the stage that trains it"""
+
+
 def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if stage not in SYSTEM_OF:
         raise unknown("stage", stage, SYSTEM_OF)
+    if (stage, name) == ("model_train", "backend"):
+        raise UsageError(f"model_train.backend: model_train trains the two-hand model alone, and {value} is trained by "
+                         f"{TRAINED_BY.get(str(value), 'another stage')}; set the parameters of that stage")
     return chosen.with_stages(**{stage: _changed(chosen.params(stage), stage, name, value)})
 
 

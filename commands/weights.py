@@ -12,7 +12,6 @@ from commands.errors import UsageError
 from commands.registries import of_stage
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
-from stages.twohands import model_train
 
 
 def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
@@ -23,7 +22,7 @@ def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     named: dict[str, Any] = {}
     for stage in SYSTEM_OF:
         params = chosen.params(stage)
-        if isinstance(params, model_train.Params) and params.backbones:
+        if getattr(params, "backbones", ""):
             found[stage] = _files(f"{stage}.backbones", params.backbones, digest)
             named[stage] = dataclasses.replace(params, backbones=_label(params.backbones))
         if not (_asked(params) and reads_weights(params)):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+from typing import Any
+
 from maps.settings import Settings
 from runner import Graph
 from schemas.files import FileTree
@@ -15,11 +19,17 @@ def record_run(g: Graph, stage: str, files: FileTree) -> FileTree:
     return recorded(g, made, stage)
 
 
-def record_training(g: Graph, stage: str, trained: Trained) -> FileTree:
-    """Curves and sample pictures of a training -> its recording."""
+def record_training(g: Graph, stage: str, trained: Trained, params: Any) -> FileTree:
+    """Curves and sample pictures of a training, and its parameters -> its recording."""
     log, files = g.pick(trained, lambda t: t.log), g.pick(trained, lambda t: t.files)
-    made = g.named(f"record_{stage}").add(training_record.run, log=log, files=files, params=training_record.Params(), ctx=g.ctx)
+    made = g.named(f"record_{stage}").add(training_record.run, log=log, files=files, ctx=g.ctx,
+                                          params=training_record.Params(stage, parameters(**{stage: params})))
     return recorded(g, made, stage)
+
+
+def parameters(**stages: Any) -> tuple[tuple[str, str], ...]:
+    """The parameters of stages as a recording of them carries these."""
+    return tuple((stage, json.dumps(asdict(params), sort_keys=True)) for stage, params in stages.items())
 
 
 def recorded(g: Graph, recording: FileTree, name: str) -> FileTree:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from maps.common import record_run, recorded, reported, weights
+from maps.common import record_run, record_training, recorded, reported, weights
 from maps.settings import Origin, Settings
 from maps.synthetic import videos
 from runner import Graph
@@ -15,6 +15,7 @@ from schemas.benchmark import ClipScores
 from schemas.files import FileTree
 from schemas.masks import CompleteObjects, Tracks
 from schemas.scene import RenderedClip
+from schemas.training import Trained
 from schemas.video import Clip, Frames, Inpainted
 from stages.extraction import (
     affordance_intersect,
@@ -81,16 +82,16 @@ def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> E
 
 def found(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
     """A clip without masks -> the same with hands, what they touch, and that they do."""
-    asked = {"weights": finder(g, p)} if p.extraction.hand_detect.backend == "network" else weights(g, p, "hand_detect")
+    learned = p.extraction.hand_detect.backend == "network"
+    asked   = {"weights": g.pick(finder(g, p), lambda t: t.files)} if learned else weights(g, p, "hand_detect")
     return g.add(hand_detect.run, clip=clip, frames=frames, params=p.extraction.hand_detect, **asked)
 
 
-def finder(g: Graph, p: Settings) -> FileTree:
+def finder(g: Graph, p: Settings) -> Trained:
     """Rendered hands in rendered rooms -> the trained finder; whoever asks for it shares one training."""
     room    = g.each(g.add(hand_plan.run,                                                            params=p.extraction.hand_plan))
     lessons = g.add(hand_lessons.run,       room=room,                                params=p.extraction.hand_lessons, ctx=g.ctx)
-    trained = g.add(hands_train.run,        lessons=g.collect(lessons),               params=p.extraction.hands_train, ctx=g.ctx)
-    return g.pick(trained, lambda t: t.files)
+    return g.add(hands_train.run,           lessons=g.collect(lessons),               params=p.extraction.hands_train, ctx=g.ctx)
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
@@ -168,7 +169,8 @@ def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
 
 def hands(g: Graph, origin: Origin, p: Settings) -> None:
     """a network that finds hands in pictures without masks, from rendered ones"""
-    g.target("hands", finder(g, p))
+    trained = finder(g, p)
+    g.target("hands", g.pick(trained, lambda t: t.files), record_training(g, "hands_train", trained, p.extraction.hands_train))
 
 
 def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:

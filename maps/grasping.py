@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
 from afford.grasping.hand.assets import shadow_files
 from maps import surface, twohands
-from maps.common import record_run, reported, weights
+from maps.common import parameters, record_run, recorded, reported, weights
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train
 from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import LEVELS, GraspObject, GraspTask
-from schemas.hand import GraspTarget, HandModel, ReferenceSet
+from schemas.hand import GraspTarget, HandModel, HandMotion, ReferenceSet, Retargeted
 from schemas.mesh import ObjectSpec
 from schemas.training import Trained, TrainingLog
 from stages.grasping import (
@@ -39,7 +39,7 @@ from stages.grasping import (
     object_solids,
     rl_grasp_refinement,
 )
-from stages.recording import grasp_record
+from stages.recording import grasp_record, motion_record, policy_record, positive_record
 from stages.surface import part_describe, positive_affordance_projection
 from stages.synthetic import object_build, object_plan
 
@@ -109,12 +109,19 @@ def uses(g: Graph, of: str, made: tuple[ObjectSpec, GraspObject], params: grasp_
 def naa(g: Graph, s: Shop, p: Settings) -> tuple[GraspTask, ...]:
     """Tasks of new shapes, told where a hand must not go as the chain of negative affordances predicts it."""
     x       = surface.look_at(g, "naa", s.spec[NEW], p.surface.view_render, p)
-    found   = surface.judge(g, x, surface.teach(g, p), p, "naa_").found
+    found   = surface.judge(g, x, surface.teach(g, p).files(g), p, "naa_").found
     return g.named("naa_tasks").add(grasp_tasks_predicted.run, tasks=s.each[NEW], mesh=x.mesh, negatives=found,
                                     params=grasp_tasks_predicted.Params())
 
 
-def positive(g: Graph, s: Shop, p: Settings) -> tuple[GraspTask, ...]:
+class Positive(NamedTuple):
+    """Handles of tasks that are told where hands belong, and of the recording of it."""
+
+    tasks: tuple[GraspTask, ...]
+    recording: FileTree
+
+
+def positive(g: Graph, s: Shop, p: Settings) -> Positive:
     """Tasks to learn on, told where hands belong as the two-hand model of `run train` predicts it."""
     model   = g.pick(twohands.learn(g, stills_to_train(g, p), p), lambda t: t.files)
     x       = surface.look_at(g, "positive", s.spec[LESSONS], p.surface.view_render, p)
@@ -122,8 +129,12 @@ def positive(g: Graph, s: Shop, p: Settings) -> tuple[GraspTask, ...]:
                                                 **weights(g, p, "part_describe"))
     found   = g.add(positive_affordance_projection.run, mesh=x.mesh, views=x.views, descriptions=told, model=model,
                     params=p.surface.positive_affordance_projection, ctx=g.ctx)
-    return g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
-                                         params=grasp_tasks_predicted.Params())
+    tasks   = g.named("positive_tasks").add(grasp_tasks_predicted.run, tasks=s.each[LESSONS], mesh=x.mesh, positives=found,
+                                            params=grasp_tasks_predicted.Params())
+    mine    = parameters(positive_affordance_projection=p.surface.positive_affordance_projection)
+    shown   = g.named("record_positive_affordance_projection").add(positive_record.run, views=x.views, found=found, ctx=g.ctx,
+                                                                   params=positive_record.Params(mine))
+    return Positive(tasks, recorded(g, shown, "positive_affordance_projection/{clip}"))
 
 
 def hand(g: Graph, p: Settings) -> HandModel:
@@ -131,8 +142,16 @@ def hand(g: Graph, p: Settings) -> HandModel:
     return g.add(hand_model.run,            files=g.leaf("shadow", shadow_files()),                  params=p.grasping.hand_model)
 
 
-def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = "") -> tuple[
-        tuple[GraspTarget, ...], ReferenceSet]:  # fmt: skip
+class People(NamedTuple):
+    """Handles of how people grasp, and of the same in the joints of a robot hand."""
+
+    targets: tuple[GraspTarget, ...]
+    motion: HandMotion
+    clip: Retargeted
+    references: ReferenceSet
+
+
+def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = "") -> People:
     """Objects -> where people could grasp them, and how they do, in the hand's own joints. `of`: of other clips than those that are
     learned from."""
     name    = (lambda stage: f"{of}_{stage}") if of else str
@@ -144,7 +163,16 @@ def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = 
                 hand_retarget.run,  motion=motion, hand=hand,                                       params=p.grasping.hand_retarget)
     report  = g.named(name("motion_report")).add(
                 motion_report.run, clips=g.collect(clip),                                           params=p.grasping.motion_report)
-    return g.collect(target), report
+    return People(g.collect(target), motion, clip, report)
+
+
+def record_motions(g: Graph, hand: HandModel, motion: HandMotion, clip: Retargeted, **stages: Any) -> FileTree:
+    """Some motions and what became of them -> their recording; `stages` are the parameters of the stage that made or read them, and
+    of hand_retarget."""
+    stage   = next(iter(stages))
+    made    = g.named(f"record_{stage}").add(motion_record.run, hand=hand, motions=g.collect(motion), clips=g.collect(clip),
+                                             params=motion_record.Params(stage, parameters=parameters(**stages)), ctx=g.ctx)
+    return recorded(g, made, stage)
 
 
 def follow(g: Graph, s: School, p: Settings) -> list[ClipsFollowed]:
@@ -155,7 +183,7 @@ def follow(g: Graph, s: School, p: Settings) -> list[ClipsFollowed]:
     prior   = g.pick(s.prior, lambda t: t.files)
     out     = list[ClipsFollowed]()
     for level, body in (("train", s.shop.body), ("unseen_object", s.shop.unseen)):
-        clips = people(g, s.hand, body, other, f"{level}_held_out")[1]
+        clips = people(g, s.hand, body, other, f"{level}_held_out").references
         out += [g.named(f"followed_{level}_{engine}").add(
                     imitation_evaluate.run, hand=s.hand, bodies=g.collect(body), references=clips, prior=prior,
                     params=replace(p.grasping.imitation_evaluate, level=level, engine=engine), ctx=g.ctx)
@@ -169,26 +197,47 @@ class School(NamedTuple):
     hand: HandModel
     shop: Shop
     references: ReferenceSet
+    people: People
     prior: Trained
     teachers: dict[tuple[str, int], Trained]
     """by row and seed, for those who learn from them"""
 
 
+def record_policy(g: Graph, s: School, stage: str, trained: Trained, params: Any) -> FileTree:
+    """The curves of a policy's training, and episodes of it -> its recording."""
+    log, files = g.pick(trained, lambda t: t.log), g.pick(trained, lambda t: t.files)
+    mine    = parameters(**{stage: params})
+    made    = g.named(f"record_{stage}").add(policy_record.run, hand=s.hand, tasks=s.shop.tasks[LESSONS], log=log, files=files,
+                                             params=policy_record.Params(stage, parameters=mine), ctx=g.ctx)
+    return recorded(g, made, stage)
+
+
 def school(g: Graph, p: Settings) -> School:
     """A hand, things to grasp, how people do it, and the frozen prior that has learned from them."""
     model, things = hand(g, p), shop(g, p)
-    targets, references = people(g, model, things.body, p)
-    prior   = g.add(hand_imitation.run,     hand=model, bodies=g.collect(things.body), targets=targets, references=references,
+    x       = people(g, model, things.body, p)
+    prior   = g.add(hand_imitation.run,     hand=model, bodies=g.collect(things.body), targets=x.targets, references=x.references,
                     params=p.grasping.hand_imitation, ctx=g.ctx)
-    return School(model, things, references, prior, {})
+    return School(model, things, x.references, x, prior, {})
+
+
+def teacher(row: str, seed: int, p: Settings) -> rl_grasp_refinement.Params:
+    """Parameters of the `seed`th training of a row. What is set for all teachers is the first seed, and times the weight of a row's
+    negative terms."""
+    given   = p.grasping.rl_grasp_refinement
+    first   = replace(given, name=f"{row}-{given.seed + seed}", seed=given.seed + seed)
+    return replace(first, **{**ROWS[row], "lambda_n": ROWS[row]["lambda_n"] * given.lambda_n})
+
+
+def student(row: str, seed: int, p: Settings) -> grasp_student.Params:
+    """The same of a student; its own seeds begin with what is set."""
+    first   = p.grasping.grasp_student.seed + seed
+    return replace(p.grasping.grasp_student, name=f"{row}-{first}", seed=first)
 
 
 def teach(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A teacher of one row, the `seed`th of its trainings, on the prior where the row has one. What is set for all teachers is the
-    first seed, and times the weight of a row's negative terms."""
-    given   = p.grasping.rl_grasp_refinement
-    first   = replace(given, name=f"{row}-{given.seed + seed}", seed=given.seed + seed)
-    params  = replace(first, **{**ROWS[row], "lambda_n": ROWS[row]["lambda_n"] * given.lambda_n})
+    """A teacher of one row, on the prior where the row has one."""
+    params  = teacher(row, seed, p)
     tasks   = s.shop.tasks[POSITIVE if row == POSITIVE else LESSONS]
     prior   = (g.pick(s.prior, lambda t: t.files),) if params.base == "prior" else g.leaf("no_prior", ())
     trained = g.named(f"{row}_{seed}").add(rl_grasp_refinement.run, hand=s.hand, tasks=tasks, prior=prior, params=params,
@@ -217,6 +266,8 @@ class Played:
     """one object, two tasks"""
     shown: list[FileTree]
     """policies that are put where people find them: the first teacher and the first student"""
+    recordings: list[FileTree]
+    """of the same"""
 
 
 def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping[str, Sequence[str]], p: Settings,
@@ -225,13 +276,17 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping
     without negative terms also on one object, two tasks, by `beside` where it is said. All that the slow engine plays comes before
     what the fast one does, so that the last tasks of a run are short and no core waits for another."""
     other, policies, logs = beside or p, list[tuple[str, int, FileTree]](), list[TrainingLog]()
+    recordings = list[FileTree]()
     for row, seed in wanted:
         trained = learn(g, s, row, seed, p) if row in STUDENTS else teach(g, s, row, seed, p)
         policies.append((row, seed, g.pick(trained, lambda t: t.files)))
         logs.append(g.pick(trained, lambda t: t.log))
+        if row in (TEACHER, STUDENT) and seed == 0:
+            stage, params = ("grasp_student", student(row, 0, p)) if row == STUDENT else ("rl_grasp_refinement", teacher(row, 0, p))
+            recordings.append(record_policy(g, s, stage, trained, params))
     shown = [g.publish(files, f"models/{{source}}-{row}", as_=row) for row, seed, files in policies
              if row in (TEACHER, STUDENT) and seed == 0]  # fmt: skip
-    made = Played([], logs, [], shown)
+    made = Played([], logs, [], shown, recordings)
     for engine in p.grasping.grasp_report.engines:
         for row, seed, policy in policies:
             made.episodes.extend(examine(g, s, policy, row, seed, levels.get(row, LEVELS[:1]), within(p, engine)))
@@ -246,11 +301,10 @@ def within(p: Settings, engine: str) -> Settings:
 
 
 def learn(g: Graph, s: School, row: str, seed: int, p: Settings) -> Trained:
-    """A student of its row's teacher of the same number; its own seeds begin with what is set."""
-    first = p.grasping.grasp_student.seed + seed
+    """A student of its row's teacher of the same number."""
     return g.named(f"{row}_{seed}").add(grasp_student.run, hand=s.hand, tasks=s.shop.tasks[LESSONS],
                                         teacher=g.pick(s.teachers[STUDENTS[row], seed], lambda t: t.files),
-                                        params=replace(p.grasping.grasp_student, name=f"{row}-{first}", seed=first), ctx=g.ctx)
+                                        params=student(row, seed, p), ctx=g.ctx)
 
 
 def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settings) -> list[TwoTasksShown]:
@@ -274,10 +328,11 @@ def alone(g: Graph, s: School, p: Settings) -> list[tuple[GraspExam, GraspEpisod
 
 def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     """all rows of the tables of grasping, over several seeds; with --minutes, what is finished by then; go on at will"""
-    s, predicted = school(g, p), {}
+    s, predicted, others = school(g, p), {}, list[Any]()
     if POSITIVE in p.grasping.grasp_report.rows:
-        drawn = positive(g, s.shop, p)
+        drawn, shown = positive(g, s.shop, p)
         s.shop.tasks[POSITIVE], predicted["positives"] = g.collect(drawn), g.collect(drawn, partial=True)
+        others.append(g.collect(shown, partial=True))
     played = rows(g, s, planned(p.grasping.grasp_report.rows, p.grasping.grasp_report.seeds), EXAMINED, p)
     if (TEACHER, 0) in s.teachers:
         policy = g.pick(s.teachers[TEACHER, 0], lambda t: t.files)
@@ -289,7 +344,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
             predicted["predicted"] = g.collect(found, partial=True)
             played.episodes.extend(examine(g, told, policy, f"{TEACHER}_naa", 0, (NEW,), p))
     played.episodes.extend(alone(g, s, p))
-    report(g, "grasp-full", s, played, follow(g, s, p), p, **predicted)
+    report(g, "grasp-full", s, played, follow(g, s, p), p, others, **predicted)
 
 
 def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[GraspJudgement, ...]:
@@ -301,8 +356,9 @@ def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[Gr
 
 
 def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[ClipsFollowed], p: Settings,
-           **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
-    """Tables and curves; a recording, a film and a sheet of the first policy. They are made of what is finished."""
+           others: Iterable[Any] = (), **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
+    """Tables and curves; a recording, a film and a sheet of the first policy; recordings of motions and trainings, and `others`
+    that are made beside them. They are made of what is finished."""
     planned, episodes = zip(*played.episodes, strict=True)
     pairs   = g.finished("pairs", [g.pick(one, lambda t: t.pairs) for one in played.twice])
     sheets  = g.finished("sheets", [g.pick(one, lambda t: t.sheet) for one in played.twice[:1]])
@@ -317,7 +373,11 @@ def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[
     g.publish(shown, "recordings/{source}/grasps", as_="films")
     prior   = g.publish(g.pick(s.prior, lambda t: t.files), "models/{source}-prior", as_="prior")
     rates(g, reported(g, page), played.episodes)
-    g.target(target, page, shown, prior, g.finished("policies", played.shown), record_run(g, "grasp_report", page))
+    moving  = record_motions(g, s.hand, s.people.motion, s.people.clip, motion_synthesise=p.grasping.motion_synthesise,
+                             hand_retarget=p.grasping.hand_retarget)
+    learned = [record_policy(g, s, "hand_imitation", s.prior, p.grasping.hand_imitation), *played.recordings]
+    g.target(target, page, shown, prior, g.finished("policies", played.shown), record_run(g, "grasp_report", page), moving,
+             g.finished("recordings", learned), *others)
 
 
 def rates(g: Graph, page: FileTree, episodes: Iterable[tuple[GraspExam, GraspEpisodes]]) -> None:
@@ -337,4 +397,5 @@ def motions(g: Graph, origin: Origin, p: Settings) -> None:
     found   = g.add(motion_report.run,      clips=g.collect(clip),                                  params=p.grasping.motion_report)
     made    = g.add(motion_files.run,       references=found,        params=motion_files.Params(origin.name), ctx=g.ctx)
     g.measure(g.publish(made, "motions/{source}", as_="report"))
-    g.target("motions", made, record_run(g, "motion_files", made))
+    moving  = record_motions(g, model, motion, clip, motion_read=p.grasping.motion_read, hand_retarget=p.grasping.motion_retarget)
+    g.target("motions", made, record_run(g, "motion_files", made), moving)

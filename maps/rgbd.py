@@ -17,18 +17,20 @@ from stages.recording import interaction_record
 from stages.rgbd import (
     action_pack,
     action_read,
+    boxes_train,
     interaction_pack,
     interaction_read,
     scene_flow,
     scene_flow_score,
     sor3d_evaluate,
+    sor3d_pretrain,
     sor3d_report,
+    sor3d_train,
     static_evaluate,
     static_read,
     static_report,
 )
 from stages.synthetic import interaction_plan, interaction_render
-from stages.twohands import model_train
 
 REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
 """stages that report, in the order of Told: which model, whether it is told the box"""
@@ -85,13 +87,12 @@ def moved(g: Graph, x: Lessons, p: Settings) -> dict[str, Any]:
     return {"flows": g.collect(score)}
 
 
-def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> FileTree:
+def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> Trained:
     """The encoder of appearance, trained on actions: those of UTKinect where it is given, else those of the sequences."""
     if origin.actions:
         clips   = g.add(action_read.run,    files=g.leaf("actions", origin.actions),                 params=p.rgbd.action_read)
         dataset = g.add(action_pack.run,    clips=clips,                             params=p.rgbd.action_pack, ctx=g.ctx)
-    trained = g.named("encoder_train").add(model_train.run, dataset=dataset,         params=p.rgbd.sor3d_pretrain, ctx=g.ctx)
-    return g.pick(trained, lambda t: t.files)
+    return g.add(sor3d_pretrain.run,        dataset=dataset,                         params=p.rgbd.sor3d_pretrain, ctx=g.ctx)
 
 
 def usual(p: Settings) -> tuple[Recipe, ...]:
@@ -105,13 +106,22 @@ def kind(planned: tuple[Recipe, ...]) -> str:
     return "pretrained_" if label(planned[0]) == PRETRAINED else ""
 
 
-def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> Trained:
+class Taught(NamedTuple):
+    """Handles of a training, and of the one before it, if there was one."""
+
+    model: Trained
+    encoder: Trained | None
+
+
+def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> Taught:
     """Recipes of one kind, trained, each in a shard of its own."""
     of      = kind(planned)
-    more: dict[str, Any] = {"encoder": before(g, origin, dataset, p)} if of else {}
+    encoder = before(g, origin, dataset, p) if of else None
+    more    = {"encoder": g.pick(encoder, lambda t: t.files)} if encoder else {}
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
-    return g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe,          params=p.rgbd.sor3d_train,
-                                           ctx=g.ctx, **more, **weights(g, p, "sor3d_train"))
+    model   = g.named(f"{of}sor3d_train").add(sor3d_train.run, dataset=dataset, recipe=recipe,       params=p.rgbd.sor3d_train,
+                                              ctx=g.ctx, **more, **weights(g, p, "sor3d_train"))
+    return Taught(model, encoder)
 
 
 def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings,
@@ -126,15 +136,16 @@ def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe
 def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
     """where things afford what, from RGB-D video of people who use them: flow, training, examination; or from --source"""
     x, planned = lessons(g, origin, p), usual(p)
-    trained = teach(g, origin, x.dataset, planned, p)
+    trained, encoder = teach(g, origin, x.dataset, planned, p)
     scores  = examine(g, x.dataset, trained, planned, p)
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores,             params=p.rgbd.sor3d_report,
                     ctx=g.ctx, **moved(g, x, p))
     files   = g.publish(g.pick(trained, lambda t: t.files), "models/{source}", as_="model")
-    shown   = record_training(g, "model_train", trained)
+    shown   = [record_training(g, "sor3d_train", trained, p.rgbd.sor3d_train),
+               *([record_training(g, "sor3d_pretrain", encoder, p.rgbd.sor3d_pretrain)] if encoder else [])]
     films   = g.add(interaction_record.run, dataset=x.dataset, model=files,        params=p.rgbd.interaction_record, ctx=g.ctx)
     g.publish(films, "recordings/{source}/interactions", as_="films")
-    g.target("sor3d", reported(g, page), files, shown, films, record_run(g, "sor3d_report", page))
+    g.target("sor3d", reported(g, page), files, *shown, films, record_run(g, "sor3d_report", page))
 
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
@@ -146,7 +157,7 @@ def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     planned = recipes(mine.rows, seeds, p.rgbd.sor3d_train.variant)
     q       = p.with_stages(sor3d_train=replace(p.rgbd.sor3d_train, steps=mine.steps or p.rgbd.sor3d_train.steps))
     kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is late) for late in (False, True)]
-    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q), some, q, True) for some in kinds if some]
+    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q).model, some, q, True) for some in kinds if some]
     more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,
                     **moved(g, x, p))
@@ -175,10 +186,9 @@ def pictures(g: Graph, files: FileTree, p: Settings) -> StaticSet:
     return g.add(static_read.run, files=g.leaf("pictures", files),                                   params=wanted)
 
 
-def detector(g: Graph, dataset: FileTree, p: Settings) -> FileTree:
+def detector(g: Graph, dataset: FileTree, p: Settings) -> Trained:
     """The detector, trained on the last frames of the same data set as the model of sequences."""
-    trained = g.named("boxes_train").add(model_train.run, dataset=dataset,           params=p.rgbd.boxes_train, ctx=g.ctx)
-    return g.pick(trained, lambda t: t.files)
+    return g.add(boxes_train.run,           dataset=dataset,                                   params=p.rgbd.boxes_train, ctx=g.ctx)
 
 
 def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
@@ -194,8 +204,9 @@ def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: File
 def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
     """affordances of single pictures, by the model of `sor3d` and by a detector: of rendered interactions, UMD or IIT-AFF"""
     x       = lessons(g, origin, p)
-    model   = g.pick(teach(g, origin, x.dataset, usual(p), p), lambda t: t.files)
-    boxes   = detector(g, x.dataset, p)
+    model   = g.pick(teach(g, origin, x.dataset, usual(p), p).model, lambda t: t.files)
+    trained = detector(g, x.dataset, p)
+    boxes   = g.pick(trained, lambda t: t.files)
     held    = p.with_stages(static_evaluate=replace(p.rgbd.static_evaluate, split=p.rgbd.static_evaluate.split or HELD))
     found   = (told(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else
                told(g, g.collect(x.found.clip), model, boxes, held))  # fmt: skip
@@ -204,4 +215,5 @@ def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
         g.publish(report, f"reports/{{source}}/{name}", as_=name)
     for name, report in zip(REPORTS, found, strict=True):
         g.measure(report, under=f"{name}.")
-    g.target("static-sets", *found, table, *(record_run(g, name, files) for name, files in zip(REPORTS, found, strict=True)))
+    shown   = [record_run(g, name, files) for name, files in zip((*REPORTS, "static_report"), (*found, table), strict=True)]
+    g.target("static-sets", *found, table, *shown, record_training(g, "boxes_train", trained, p.rgbd.boxes_train))

@@ -6,13 +6,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from afford.surface.describe.looks import PARTS
-from maps.common import record_run, recorded, reported, weights
+from maps.common import parameters, record_run, recorded, reported, weights
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
-from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
-from stages.recording import object_record
+from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
+from schemas.training import Trained
+from stages.recording import object_record, scorer_record
 from stages.surface import (
     mask_propose,
     mask_score,
@@ -68,14 +69,34 @@ def given(g: Graph, origin: Origin, p: Settings) -> Looked:
     return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks, (read, mesh, views, masks))
 
 
-def teach(g: Graph, p: Settings) -> FileTree:
+class Taught(NamedTuple):
+    """Handles of the scorer of parts, and of what it was trained on."""
+
+    scorer: Trained
+    lessons: tuple[PartLessons, ...]
+
+    def files(self, g: Graph) -> FileTree:
+        """The scorer alone."""
+        return g.pick(self.scorer, lambda t: t.files)
+
+
+def teach(g: Graph, p: Settings) -> Taught:
     """Objects of the trained categories -> a scorer of parts."""
     spec, x = look(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
                    replace(p.surface.view_render, size_px=256, most=10, directions=128), p)
     lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     params=p.surface.part_lessons)
-    trained = g.add(scorer_train.run,       lessons=g.collect(lessons),               params=p.surface.scorer_train, ctx=g.ctx)
-    return g.pick(trained, lambda t: t.files)
+    every   = g.collect(lessons)
+    trained = g.add(scorer_train.run,       lessons=every,                            params=p.surface.scorer_train, ctx=g.ctx)
+    return Taught(trained, every)
+
+
+def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
+    """The scorer's curves and what it says of objects that judge -> its recording."""
+    log, mine = g.pick(x.scorer, lambda t: t.log), parameters(scorer_train=p.surface.scorer_train)
+    made    = g.named("record_scorer_train").add(scorer_record.run, lessons=x.lessons, log=log, files=x.files(g), ctx=g.ctx,
+                                                 params=scorer_record.Params(parameters=mine))
+    return recorded(g, made, "scorer_train")
 
 
 class Judged(NamedTuple):
@@ -99,7 +120,8 @@ def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> J
 
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
-    scorer  = teach(g, p)
+    taught  = teach(g, p)
+    scorer  = taught.files(g)
     known: dict[str, ObjectSpec] = {}
     if origin.meshes:
         x = given(g, origin, p)
@@ -117,9 +139,12 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())
     g.publish(files, "negative/{source}/{clip}", as_="negative")
+    s       = p.surface
+    mine    = parameters(view_render=s.view_render, mask_propose=s.mask_propose, part_describe=s.part_describe,
+                         mask_score=s.mask_score, negative_affordance_projection=s.negative_affordance_projection)
     record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
-                    params=object_record.Params(), ctx=g.ctx)
+                    mesh=x.mesh, ctx=g.ctx, params=object_record.Params("mesh_texture" if origin.meshes else "object_build", mine))
     report = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.surface.negative_affordance_report, ctx=g.ctx)
     g.cost("cpu_s_per_object", (*x.made, told, fit, found), (reported(g, report), "objects"), shards=scores)
     g.target("negative-affordance", files, recorded(g, record, "{clip}"), report,
-             record_run(g, "negative_affordance_report", report))
+             record_run(g, "negative_affordance_report", report), record_scorer(g, taught, p))

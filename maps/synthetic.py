@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from maps.common import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
@@ -48,7 +49,8 @@ def scenes(g: Graph, origin: Origin, p: Settings) -> None:
 
 def train_set(g: Graph, origin: Origin, p: Settings) -> None:
     """rendered stills with exact labels, packed for training"""
-    g.target("train-set", g.publish(stills_to_train(g, p), "datasets/{source}", as_="dataset"))
+    packed = g.publish(stills_to_train(g, p), "datasets/{source}", as_="dataset")
+    g.target("train-set", packed, record_run(g, "train_pack", packed))
 
 
 def benchmark_stills(g: Graph, origin: Origin, p: Settings) -> None:

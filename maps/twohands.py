@@ -69,7 +69,7 @@ def train(g: Graph, origin: Origin, p: Settings) -> None:
     """a two-hand affordance model, from rendered stills or from --source: a data set, or videos"""
     trained = learn(g, lessons(g, origin, p), p)
     files   = g.publish(g.pick(trained, lambda t: t.files), "models/{source}", as_="model")
-    g.target("train", files, record_training(g, "model_train", trained))
+    g.target("train", files, record_training(g, "model_train", trained, p.twohands.model_train))
 
 
 def measure(g: Graph, origin: Origin, p: Settings) -> None:

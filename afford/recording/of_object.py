@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from afford.common.encode import png
 from afford.common.palette import Palette
 from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
-from afford.recording.spatial import cloud
+from afford.recording.spatial import cloud, entity, scene, triangles
 from afford.recording.topics import channel, image, image_channel, log, stamped
 from afford.surface.negative.files import colours, slug
-from schemas.mesh import ObjectViews
+from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
 VIEW, CANDIDATES, SCORES = "/view_render/image", "/mask_propose/overlay", "/mask_score/scores"
@@ -36,15 +38,17 @@ FRAME = "object"
 
 
 def record(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
-           found: NegativeAffordances) -> Recording:  # fmt: skip
-    """Everything about one object."""
+           found: NegativeAffordances, mesh: ObjectMesh | None = None, made_by: str = "mesh_read") -> Recording:  # fmt: skip
+    """Everything about one object; its mesh, where it is given, below the stage that made it."""
     rooms = [f"{ROOM}/{number}_{slug(one.task)}" for number, one in enumerate(found.tasks)]
     channels: list[Channel] = [image_channel(VIEW, views=list(views.views)), image_channel(CANDIDATES), channel(SCORES, Document),
                                channel(NOTES, Document), channel(NOTES_LOG, Log)]  # fmt: skip
     for room, one in zip(rooms, found.tasks, strict=True):
         channels += [image_channel(f"{room}/overlay", task=one.task), channel(f"{room}/points", PointCloud),
                      channel(f"{room}/N_t", PointCloud)]  # fmt: skip
-    return Recording(tuple(channels), _messages(views, candidates, told, scores, found, rooms))
+    shape = [] if mesh is None else [_shape(f"/{made_by}/mesh", mesh)]
+    channels += [channel(one.topic, SceneUpdate) for one in shape]
+    return Recording(tuple(channels), chain(shape, _messages(views, candidates, told, scores, found, rooms)))
 
 
 def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
@@ -60,6 +64,12 @@ def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescript
         yield _document(SCORES, time_ns, views.views[view], _scored(mine, candidates, told, scores))
         for room, one in zip(rooms, found.tasks, strict=True):
             yield image(f"{room}/overlay", time_ns, _overlay(views.face[view], one))
+
+
+def _shape(topic: str, mesh: ObjectMesh) -> Message:
+    """The triangles of a mesh in the mean colour of its texture."""
+    r, g, b = mesh.texture.reshape(-1, 3).mean(0).round().astype(int).tolist()
+    return scene(topic, EPOCH_NS, [entity(mesh.name, FRAME, [triangles(mesh.vertices, mesh.faces, (r, g, b))])])
 
 
 def _cloud(topic: str, points: np.ndarray, negative: np.ndarray) -> Message:

@@ -1,44 +1,67 @@
-"""TrainingLog and pictures -> /model_train/<curve> as plottable numbers, /model_train/preview what the model said on the way.
+"""TrainingLog and pictures -> /<stage>/<curve> as plottable numbers, /<stage>/preview sample frames, /<stage>/log how it ended.
 
-A training has no media time: log time is the fixed base of all recordings, a millisecond per step.
+A training has no media time: log time is the fixed base of all recordings, a millisecond per step. What the trained model does
+afterwards, such as an episode of a policy, follows the last step at its own pace.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import Scalar
-from afford.recording.topics import PAPER, channel, image, image_channel, stamped
-from schemas.files import FileRef, FileTree
+from afford.recording.topics import PAPER, channel, image, image_channel, log, stamped
+from schemas.files import FileTree
 from schemas.training import TrainingLog
 
-ROOM = "/model_train"
-PREVIEW = f"{ROOM}/preview"
 STEP_NS = 1_000_000
 PICTURE = re.compile(r"previews/step_(\d+)\.jpg")
 
 
-def record(log: TrainingLog, files: FileTree) -> Recording:
-    """One topic per curve (`train.total` is /model_train/train/total), one for the previews."""
-    pictures = [(int(found[1]), file) for file in files.files if (found := PICTURE.fullmatch(file.name))]
-    channels = tuple(channel(_topic(curve.name), Scalar) for curve in log.curves)
-    previews = (image_channel(PREVIEW),) if pictures else ()
-    return Recording((*channels, *previews), sorted(_messages(log, pictures), key=lambda message: message.time_ns))
+class Shown(NamedTuple):
+    """A sample frame, JPEG."""
+
+    time_ns: int
+    """log time"""
+    jpeg: bytes
+    words: str = ""
+    """a line of the log that goes with it"""
 
 
-def _messages(log: TrainingLog, pictures: list[tuple[int, FileRef]]) -> Iterator[Message]:
-    for curve in log.curves:
-        for step, value in zip(curve.step.tolist(), curve.value.tolist(), strict=True):
-            yield stamped(_topic(curve.name), _time(step), Scalar(step=step, value=value))
-    for step, file in pictures:
-        yield image(PREVIEW, _time(step), file.path.read_bytes(), "jpeg", PAPER)
+def record(curves: TrainingLog, stage: str, shown: Iterable[Shown]) -> Recording:
+    """One topic per curve (`train.total` is /<stage>/train/total), one for sample frames where there are any, and a log."""
+    pictures = list(shown)
+    channels = [channel(_topic(stage, curve.name), Scalar) for curve in curves.curves]
+    channels += [channel(f"/{stage}/log", Log), *([image_channel(f"/{stage}/preview")] if pictures else [])]
+    return Recording(tuple(channels), sorted(_messages(curves, stage, pictures), key=lambda message: message.time_ns))
 
 
-def _topic(name: str) -> str:
-    return f"{ROOM}/{name.replace('.', '/')}"
+def previews(files: FileTree) -> list[Shown]:
+    """The pictures that a training drew on its way, each at its step."""
+    found = [(int(step[1]), file) for file in files.files if (step := PICTURE.fullmatch(file.name))]
+    return [Shown(at(step), file.path.read_bytes()) for step, file in found]
 
 
-def _time(step: int) -> int:
+def at(step: int) -> int:
+    """Log time of a step."""
     return EPOCH_NS + step * STEP_NS
+
+
+def _messages(curves: TrainingLog, stage: str, shown: list[Shown]) -> Iterator[Message]:
+    for curve in curves.curves:
+        for step, value in zip(curve.step.tolist(), curve.value.tolist(), strict=True):
+            yield stamped(_topic(stage, curve.name), at(step), Scalar(step=step, value=value))
+    for one in shown:
+        yield image(f"/{stage}/preview", one.time_ns, one.jpeg, "jpeg", PAPER)
+        if one.words:
+            yield log(f"/{stage}/log", one.time_ns, one.words, curves.name)
+    yield log(f"/{stage}/log", at(curves.steps), f"{curves.steps} steps; the weights of step {curves.best_step} were kept",
+              curves.name)  # fmt: skip
+
+
+def _topic(stage: str, name: str) -> str:
+    return f"/{stage}/{name.replace('.', '/')}"

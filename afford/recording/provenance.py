@@ -1,7 +1,8 @@
-"""Where a recording comes from, as metadata: names and content digests, never a clock or a place."""
+"""Where a recording comes from, as metadata: names, content digests and parameters, never a clock or a place."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,26 @@ from schemas.hand import HandModel
 from schemas.mesh import ObjectViews
 from schemas.surface import NegativeAffordances
 from schemas.video import Clip, Frames
+
+Parameters = tuple[tuple[str, str], ...]
+"""(stage, its parameters as a JSON object), for every stage that a recording shows"""
+
+
+def with_parameters(recording: Recording, parameters: Parameters) -> Recording:
+    """The recording with a metadata record `parameters/<stage>` for each of them: a parameter and its value as JSON."""
+    more = {f"parameters/{stage}": {name: json.dumps(value, sort_keys=True) for name, value in json.loads(text).items()}
+            for stage, text in parameters}  # fmt: skip
+    return replace(recording, metadata={**recording.metadata, **more})
+
+
+def of_value(recording: Recording, stage: str, value: Any, one_of: str = "") -> Recording:
+    """The recording with a metadata record `provenance/<stage>` about a named value that it shows; `provenance/<stage>/<one_of>`
+    where it shows several of them."""
+    kind = kind_of(value)
+    record = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
+              "artifact": digest(value)}  # fmt: skip
+    name = f"provenance/{stage}/{one_of}" if one_of else f"provenance/{stage}"
+    return replace(recording, metadata={**recording.metadata, name: record})
 
 
 def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames) -> Recording:
@@ -54,9 +75,4 @@ def of_clip(clip: Clip) -> dict[str, dict[str, str]]:
 
 def of_grasps(recording: Recording, episodes: GraspEpisodes, hand: HandModel) -> Recording:
     """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
-    more = {}
-    for stage, value in (("grasp_evaluate", episodes), ("hand_model", hand)):
-        kind = kind_of(value)
-        more[f"provenance/{stage}"] = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
-                                       "artifact": digest(value)}  # fmt: skip
-    return replace(recording, metadata={**recording.metadata, **more})
+    return of_value(of_value(recording, "grasp_evaluate", episodes), "hand_model", hand)

@@ -1,6 +1,7 @@
 """A contact sheet of recordings: of clips, frame, masks, hands removed, complete objects, affordance and words, side by side; of
 objects, views, candidates and where a hand must not go (object_sheet.py); of grasps, their moments (grasp_strips.py); of
-interactions, frames, motion, what was said and attention (interaction_strips.py)."""
+interactions, frames, motion, what was said and attention (interaction_strips.py); of all others, their pictures and curves
+(picture_strips.py)."""
 
 from __future__ import annotations
 
@@ -23,6 +24,7 @@ from afford.recording import (
     of_inpainted,
     of_labels,
     of_tracks,
+    picture_strips,
 )
 from afford.recording.moments import Moment, moments, tile_of
 
@@ -55,6 +57,8 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
             return write_page(out, [strip for path in own for strip in strips_of(path)])
     each = max(1, rows // len(paths))
     found = [(path, moment) for path in paths for moment in _chosen(path, each)]
+    if not found and (strips := [strip for path in paths for strip in picture_strips.strips_of(path)]):
+        return write_page(out, strips)
     if not found:
         raise ValueError(f"{paths[0]}: expected pictures on {of_frames.IMAGE}, got none")
     strips = [_row(path.stem, moment) for path, moment in found]

@@ -59,9 +59,10 @@ def triangles(vertices: np.ndarray, faces: np.ndarray, colour: Colour) -> Triang
     return out
 
 
-def loop(corners: np.ndarray, colour: Colour) -> LinePrimitive:
-    """A closed line through (k, 3)."""
-    out = LinePrimitive(type=LinePrimitive.Type.Value("LINE_LOOP"), thickness=LINE_M, color=_colour(colour))
+def loop(corners: np.ndarray, colour: Colour, closed: bool = True) -> LinePrimitive:
+    """A line through (k, 3), closed or from the first to the last."""
+    kind = LinePrimitive.Type.Value("LINE_LOOP" if closed else "LINE_STRIP")
+    out = LinePrimitive(type=kind, thickness=LINE_M, color=_colour(colour))
     out.pose.orientation.w = 1.0
     for x, y, z in corners.tolist():
         out.points.add(x=x, y=y, z=z)

@@ -11,7 +11,7 @@ from afford.training.job import Job
 from afford.training.loop import train
 from afford.training.ranks import ALONE, Ranks
 from afford.training.state import State
-from afford.training.task import Progress
+from afford.training.task import Batch, Progress
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Fitted:
     state: State
 
 
-def fit(job: Job, scratch: Path, progress: Progress, ranks: Ranks = ALONE) -> Fitted:
+def fit(job: Job[Batch], scratch: Path, progress: Progress, ranks: Ranks = ALONE) -> Fitted:
     """Train, or go on where `scratch` says that an earlier process stopped. `job.prepare` comes first."""
     task = job.task(scratch, ranks.count)
     state = train(task, job.plan, scratch, progress, ranks)

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from afford.training.ranks import Ranks
+from afford.training.task import Batch
 
-Loss = Callable[[Any], Mapping[str, Tensor]]
+Loss = Callable[[Batch], Mapping[str, Tensor]]
 """a micro-batch -> named scalars, of which `total` is minimised"""
 Gradients = tuple[Tensor | None, ...]
 
 
-def one_by_one(loss: Loss, batches: Sequence[Any], model: nn.Module, ranks: Ranks) -> list[Mapping[str, Tensor]]:
+def one_by_one(loss: Loss[Batch], batches: Sequence[Batch], model: nn.Module, ranks: Ranks) -> list[Mapping[str, Tensor]]:
     """Add the mean gradient of the micro-batches to the parameters, averaged over the processes; returns their scalars."""
     found = []
     for part, batch in enumerate(batches, 1):
@@ -30,14 +30,14 @@ def one_by_one(loss: Loss, batches: Sequence[Any], model: nn.Module, ranks: Rank
     return found
 
 
-def together(loss: Loss, batches: Sequence[Any], model: nn.Module, threads: int) -> list[Mapping[str, Tensor]]:
+def together(loss: Loss[Batch], batches: Sequence[Batch], model: nn.Module, threads: int) -> list[Mapping[str, Tensor]]:
     """The same in one process, `threads` micro-batches at a time. The model must draw nothing at random and keep nothing.
 
     Inside an operation each has as many threads as the caller: a new thread must be told, else OpenMP gives it all there are.
     """
     learned = [parameter for parameter in model.parameters() if parameter.requires_grad]
 
-    def one(batch: Any) -> tuple[Mapping[str, Tensor], Gradients]:
+    def one(batch: Batch) -> tuple[Mapping[str, Tensor], Gradients]:
         found = loss(batch)
         return found, torch.autograd.grad(found["total"] / len(batches), learned, allow_unused=True)
 

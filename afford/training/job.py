@@ -6,17 +6,17 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from torch import nn
 
 from afford.common.registry import load
 from afford.training.state import State
-from afford.training.task import Plan, Task
+from afford.training.task import Batch, Plan, Task
 from schemas.training import TrainingLog
 
 
-class Job(Protocol):
+class Job(Protocol[Batch]):
     """A model, what it learns from, and how."""
 
     @property
@@ -26,7 +26,7 @@ class Job(Protocol):
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """Make ready in `scratch` what `task` reads, from the files of the data set by name. ValueError when a part is empty."""
 
-    def task(self, scratch: Path, processes: int) -> Task:
+    def task(self, scratch: Path, processes: int) -> Task[Batch]:
         """A new model and what it learns from."""
 
     def finish(self, model: nn.Module, state: State) -> None:
@@ -42,7 +42,7 @@ class Job(Protocol):
         """The job as text: its fields, and `job`, the "module:class" that reads them."""
 
     @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Job:
+    def from_fields(cls, fields: dict[str, object]) -> Job[Batch]:
         """The job again, of what its JSON says beside its class."""
 
 
@@ -62,8 +62,8 @@ class Dataset(Protocol):
         """Its licence, 'unknown' where it says none."""
 
 
-def read(text: str) -> Job:
+def read(text: str) -> Job[object]:
     """The job that `to_json` wrote."""
     fields = json.loads(text)
-    found: Job = load({"job": fields.pop("job")}, "job").from_fields(fields)
+    found: Job[object] = load({"job": fields.pop("job")}, "job").from_fields(fields)
     return found

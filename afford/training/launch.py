@@ -9,13 +9,13 @@ from pathlib import Path
 
 from afford.training import rank
 from afford.training.job import Job
-from afford.training.task import Progress
+from afford.training.task import Batch, Progress
 
 DATA_FILES = ()  # ROOT is where the processes start; nothing in it is read as data
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 
-def launch(job: Job, scratch: Path, devices: int, progress: Progress) -> None:
+def launch(job: Job[Batch], scratch: Path, devices: int, progress: Progress) -> None:
     """Bring the checkpoint in `scratch` to its end with `devices` processes. RuntimeError with what they last said when they
     fail."""
     file, errors = scratch / "job.json", scratch / "errors.txt"

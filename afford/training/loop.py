@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 from blake3 import blake3
@@ -21,13 +20,13 @@ from afford.training.precision import mixed
 from afford.training.ranks import ALONE, Ranks
 from afford.training.schedule import warmup_decay
 from afford.training.state import State, resume
-from afford.training.task import Plan, Progress, Task
+from afford.training.task import Batch, Plan, Progress, Task
 
 SAVE_EVERY = 100
 """steps between two checkpoints, beside those at validations"""
 
 
-def train(task: Task, plan: Plan, folder: Path, progress: Progress, ranks: Ranks = ALONE) -> State:
+def train(task: Task[Batch], plan: Plan, folder: Path, progress: Progress, ranks: Ranks = ALONE) -> State:
     """Train `task.model` and leave its best weights in it, in the first process (the last ones without validation).
 
     `folder` keeps checkpoint.safetensors, tensorboard/ and previews/, which may be watched while it goes on.
@@ -56,7 +55,7 @@ def optimiser_of(model: nn.Module, plan: Plan) -> torch.optim.AdamW:
     return torch.optim.AdamW(trainable, plan.lr, betas=plan.betas, weight_decay=plan.weight_decay, fused=True)
 
 
-def _batches(task: Task, plan: Plan, state: State, ranks: Ranks) -> Iterator[tuple[int, list[Any]]]:
+def _batches(task: Task[Batch], plan: Plan, state: State, ranks: Ranks) -> Iterator[tuple[int, list[Batch]]]:
     """(step, its micro-batches of this process) for every step that is left."""
     steps = range(plan.steps if state.stopped else state.step, plan.steps)
     numbers = ((step * plan.accumulate + part) * ranks.count + ranks.rank for step in steps for part in range(plan.accumulate))
@@ -65,14 +64,14 @@ def _batches(task: Task, plan: Plan, state: State, ranks: Ranks) -> Iterator[tup
         yield step, [next(made) for _ in range(plan.accumulate)]
 
 
-def _step(task: Task, model: nn.Module, batches: list[Any], optimiser: torch.optim.Optimizer, plan: Plan, ranks: Ranks,
-          step: int) -> dict[str, Tensor]:
+def _step(task: Task[Batch], model: nn.Module, batches: list[Batch], optimiser: torch.optim.Optimizer, plan: Plan,
+          ranks: Ranks, step: int) -> dict[str, Tensor]:
     """One step of the optimiser; returns the scalars of its losses, averaged over the micro-batches."""
     torch.manual_seed(seed_of(plan.seed, step, ranks.rank))
     model.train()
     optimiser.zero_grad(set_to_none=True)
 
-    def loss(batch: Any) -> Mapping[str, Tensor]:
+    def loss(batch: Batch) -> Mapping[str, Tensor]:
         with mixed(plan.device, plan.bf16):
             return task.loss(model, batch)
 
@@ -86,8 +85,8 @@ def _step(task: Task, model: nn.Module, batches: list[Any], optimiser: torch.opt
     return {**mean, "lr": torch.tensor(lr)}
 
 
-def _keep(task: Task, state: State, scalars: Mapping[str, Tensor], optimiser: torch.optim.Optimizer, plan: Plan, folder: Path,
-          ranks: Ranks) -> None:
+def _keep(task: Task[Batch], state: State, scalars: Mapping[str, Tensor], optimiser: torch.optim.Optimizer, plan: Plan,
+          folder: Path, ranks: Ranks) -> None:
     """Note, validate, save: what is due after this step, in the first process."""
     last = state.step == plan.steps
     if not ranks.first:
@@ -102,7 +101,7 @@ def _keep(task: Task, state: State, scalars: Mapping[str, Tensor], optimiser: to
     state.save(folder, task.model, optimiser)
 
 
-def _validate(task: Task, state: State, plan: Plan, folder: Path) -> None:
+def _validate(task: Task[Batch], state: State, plan: Plan, folder: Path) -> None:
     task.model.eval()
     with torch.no_grad(), mixed(plan.device, plan.bf16):
         found = task.validate()

@@ -5,24 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 from torch import Tensor, nn
 
 Progress = Callable[[int, int], None]
+Batch = TypeVar("Batch")
+"""what one micro-batch is, of which the loop knows nothing"""
 
 
-class Task(Protocol):
+class Task(Protocol[Batch]):
     """A model, what it learns from, and how well it does. Nothing here may depend on anything but its own seed and arguments."""
 
     model: nn.Module
     judged_by: str
     """the scalar of `validate` of which more is better"""
 
-    def batch(self, number: int) -> Any:
+    def batch(self, number: int) -> Batch:
         """Micro-batch `number`, counted over the whole training; called in threads, ahead of its use."""
 
-    def loss(self, model: nn.Module, batch: Any) -> Mapping[str, Tensor]:
+    def loss(self, model: nn.Module, batch: Batch) -> Mapping[str, Tensor]:
         """Named scalars; `total` is minimised. `model` is `self.model`, or what wraps it."""
 
     def validate(self) -> Mapping[str, float]:
@@ -63,8 +65,37 @@ class Plan:
             raise ValueError(f"training: expected steps, accumulate, log_every >= 1 and 0 < warmup <= steps, got {self}")
 
 
-def plan_of(p: Any, parallel: int) -> Plan:
-    """What the parameters `p` of model_train say of the loop, whatever the model."""
+class PlanParams(Protocol):
+    """Parameters of a stage that name what the loop does."""
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def lr(self) -> float: ...
+    @property
+    def warmup(self) -> int: ...
+    @property
+    def decay(self) -> bool: ...
+    @property
+    def weight_decay(self) -> float: ...
+    @property
+    def clip_norm(self) -> float: ...
+    @property
+    def accumulate(self) -> int: ...
+    @property
+    def bf16(self) -> bool: ...
+    @property
+    def validate_every(self) -> int: ...
+    @property
+    def patience(self) -> int: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def device(self) -> str: ...
+
+
+def plan_of(p: PlanParams, parallel: int = 1) -> Plan:
+    """The plan that the parameters of a stage describe, whatever the model."""
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), decay=p.decay, weight_decay=p.weight_decay,
                 clip_norm=p.clip_norm, accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every,
                 patience=p.patience, seed=p.seed, device=p.device, parallel=parallel)  # fmt: skip

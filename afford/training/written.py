@@ -15,6 +15,7 @@ from afford.codecs.identity import digest
 from afford.common.files import empty_folder
 from afford.training.fit import Fitted
 from afford.training.job import Job
+from afford.training.task import Batch
 from schemas.files import FileTree
 from schemas.training import TrainingLog
 
@@ -29,7 +30,8 @@ class Source(NamedTuple):
     licence: str
 
 
-def write(scratch: Path, name: str, dataset: FileTree, job: Job, fitted: Fitted, curves: TrainingLog) -> Path:
+def write(scratch: Path, name: str, dataset: FileTree, job: Job[Batch], fitted: Fitted,
+          curves: TrainingLog) -> Path:  # fmt: skip
     """The folder of files; everything in it is a function of the data set, the job and the weights."""
     root = empty_folder(scratch / "out")
     job.save(fitted.model, root / MODEL, scratch)

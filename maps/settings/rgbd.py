@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from stages.recording import interaction_record
 from stages.rgbd import (
     action_pack,
     action_read,
+    boxes_train,
     interaction_pack,
     interaction_read,
     scene_flow,
     sor3d_evaluate,
+    sor3d_pretrain,
     sor3d_report,
+    sor3d_train,
     static_evaluate,
     static_read,
 )
-from stages.twohands.model_train import SOR3D, SOR3D_PAPER, SOR3D_PAPER_ACTIONS
-from stages.twohands.model_train import Params as Training
 
 
 @dataclass(frozen=True)
@@ -31,17 +32,17 @@ class Rgbd:
     scene_flow: scene_flow.Params = scene_flow.Params()
     action_read: action_read.Params = action_read.Params()
     action_pack: action_pack.Params = action_pack.Params()
-    sor3d_pretrain: Training = replace(SOR3D, backend="sor3d_actions", steps=300, validate_every=150)
-    sor3d_train: Training = SOR3D
+    sor3d_pretrain: sor3d_pretrain.Params = sor3d_pretrain.Params()
+    sor3d_train: sor3d_train.Params = sor3d_train.Params()
     sor3d_evaluate: sor3d_evaluate.Params = sor3d_evaluate.Params()
     sor3d_report: sor3d_report.Params = sor3d_report.Params()
     static_read: static_read.Params = static_read.Params()
     static_evaluate: static_evaluate.Params = static_evaluate.Params()
-    boxes_train: Training = replace(SOR3D, backend="boxes", row="rgbd", batch=8, steps=1000, lr=5e-4, bf16=False)
+    boxes_train: boxes_train.Params = boxes_train.Params()
 
 
 PRESETS: dict[tuple[str, str, str], Any] = {
-    ("sor3d_train", "variant", "paper"): SOR3D_PAPER,
-    ("sor3d_pretrain", "variant", "paper"): SOR3D_PAPER_ACTIONS,
+    ("sor3d_train", "variant", "paper"): sor3d_train.PAPER,
+    ("sor3d_pretrain", "variant", "paper"): sor3d_pretrain.PAPER,
 }
 """stage, parameter, value -> what all parameters of the stage are where it has this value and nothing else is said"""

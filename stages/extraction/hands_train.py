@@ -5,7 +5,7 @@ Writes  Trained: files (config.json, model.safetensors, card.md, previews/, tens
 Method  a small fully convolutional network with skips, normalised over the batch. Every lesson comes in a new disguise: turned,
         cut out, mirrored, before other surroundings, among things of the colour of skin, in other light, soft, noisy,
         compressed. Cross-entropy and overlap. AdamW, linear warm-up and decay; the weights of the best validation are kept.
-        The same loop as model_train: killed, it goes on to the same weights
+        The loop of all trainings: killed, it goes on to the same weights
 Fails   when a split has no pictures with hands, or none without
 Paper   takes the place of annotated hands (VISOR) where a video has none; no paper
 """
@@ -13,10 +13,14 @@ Paper   takes the place of annotated hands (VISOR) where a video has none; no pa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from schemas.scene import HandLessons
 from schemas.spec import Context
 from schemas.training import Trained
+
+if TYPE_CHECKING:
+    from afford.training.task import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -66,7 +70,7 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Train
     return Trained(tree("hands-finder", root), curves.log("hands-finder", state))
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
+def _plan(p: Params) -> Plan:
     from afford.training.task import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,

@@ -48,7 +48,7 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Fil
     from afford.recording.provenance import of_files
     from afford.rgbd.model.predictor import Predictor
     from afford.rgbd.model.sequence_batches import fitted
-    from afford.rgbd.train.sor3d_job import spread
+    from afford.rgbd.train.sequences_job import spread
 
     if params.rate_hz <= 0 or params.shown < 0:
         raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")

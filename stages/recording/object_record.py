@@ -1,7 +1,9 @@
 """views, candidates, scores and negative surfaces of one object -> its recording.
 
-Reads   ObjectViews, PartCandidates, PartDescriptions, PartScores and NegativeAffordances of one object
-Writes  FileTree of one file, <object>.mcap: views, candidates laid over them, scores, what was said, overlays and clouds by task
+Reads   ObjectViews, PartCandidates, PartDescriptions, PartScores and NegativeAffordances of one object; its ObjectMesh, if it is to
+        be recorded as well
+Writes  FileTree of one file, <object>.mcap: views, candidates laid over them, scores, what was said, overlays and clouds by task,
+        the mesh; the parameters
 Method  log time is the fixed base of all recordings, a millisecond per view
 Fails   when the object has no view
 """
@@ -11,30 +13,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from schemas.files import FileTree
-from schemas.mesh import ObjectViews
+from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.spec import Context
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
-LIBRARIES = ("numpy", "trimesh", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf",
-             "zstandard", "blake3")  # fmt: skip
+LIBRARIES = ("numpy", "scipy", "trimesh", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf",
+             "protobuf", "zstandard", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 0.5
 
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    mesh: str = "mesh_read"
+    """the stage that made the mesh; its name is the first word of its topic"""
+    parameters: tuple[tuple[str, str], ...] = ()
+    """(stage, its parameters as JSON)"""
 
 
 def run(views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
-        found: NegativeAffordances, params: Params, ctx: Context) -> FileTree:  # fmt: skip
+        found: NegativeAffordances, params: Params, ctx: Context, mesh: ObjectMesh | None = None) -> FileTree:  # fmt: skip
     """Write the recording of one object; ValueError when there is no view."""
     from afford.recording.files import as_tree, write
     from afford.recording.of_object import record
-    from afford.recording.provenance import of_object
+    from afford.recording.provenance import of_object, of_value, with_parameters
 
     if not views.views:
         raise ValueError(f"{views.name}: expected views to record, got none")
     path = ctx.scratch / f"{views.name}.mcap"
-    write(path, of_object(record(views, candidates, descriptions, scores, found), views, found))
+    recording = of_object(record(views, candidates, descriptions, scores, found, mesh, params.mesh), views, found)
+    recording = recording if mesh is None else of_value(recording, params.mesh, mesh)
+    write(path, with_parameters(recording, params.parameters))
     return as_tree(views.name, path)

@@ -1,7 +1,7 @@
-"""the curves of a training, and its pictures -> its recording.
+"""the curves of a training, and the pictures that it drew on its way -> its recording.
 
 Reads   TrainingLog; FileTree of the same training, for the previews
-Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, the previews as pictures
+Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, the previews as pictures, the parameters
 Method  log time is the fixed base of all recordings, a millisecond per step
 Fails   when the training measured nothing
 """
@@ -22,17 +22,21 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    stage: str = "model_train"
+    """the stage that trained; its name is the first word of every topic"""
+    parameters: tuple[tuple[str, str], ...] = ()
+    """(stage, its parameters as JSON)"""
 
 
 def run(log: TrainingLog, files: FileTree, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one training; ValueError when there is no curve."""
     from afford.recording.files import as_tree, write
-    from afford.recording.of_training import record
-    from afford.recording.provenance import of_files
+    from afford.recording.of_training import previews, record
+    from afford.recording.provenance import of_files, with_parameters
 
     if not log.curves:
         raise ValueError(f"{log.name}: expected curves to record, got none")
     path = ctx.scratch / f"{log.name}.mcap"
-    write(path, of_files(record(log, files), "model_train", files))
+    recording = record(log, params.stage, previews(files))
+    write(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
     return as_tree(log.name, path)

@@ -4,7 +4,7 @@ Reads   PartLessons of objects to learn from and of objects that judge (their `s
 Writes  Trained: files (config.json, model.safetensors, card.md, tensorboard/) and the TrainingLog
 Method  a dual encoder: convolutions over what a candidate shows, hashed pieces of words over what is asked; cross-entropy of the
         share of a candidate that shows the part, and of their IoU. AdamW, linear warm-up and decay; the weights of the best
-        validation are kept. The same loop as model_train: killed, it goes on to the same weights
+        validation are kept. The loop of all trainings: killed, it goes on to the same weights
 Fails   when there is nothing to learn from or nothing that judges
 Paper   takes the place of CLIP (ViT-L/14@336), AffordDex, negative affordance
 """
@@ -12,10 +12,14 @@ Paper   takes the place of CLIP (ViT-L/14@336), AffordDex, negative affordance
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from schemas.spec import Context
 from schemas.surface import PartLessons
 from schemas.training import Trained
+
+if TYPE_CHECKING:
+    from afford.training.task import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -61,7 +65,7 @@ def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Train
     return Trained(tree("part-scorer", root), curves.log("part-scorer", state))
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
+def _plan(p: Params) -> Plan:
     from afford.training.task import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,

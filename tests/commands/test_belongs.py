@@ -13,7 +13,7 @@ from tests.helpers.command import Made, call
 
 @pytest.mark.parametrize(("words", "said"), [
     (("explain", "model_train", "--target", "dataset"),
-     "stage 'model_train' is none of dataset; it belongs to train, benchmark, ablation, sor3d"),
+     "stage 'model_train' is none of dataset; it belongs to train, benchmark, ablation"),
     (("explain", "model-train", "--target", "dataset"), "it belongs to train"),
     (("explain", "rl_grasp_refinement", "--target", "dataset"), "it belongs to grasp (as teacher_0, "),
     (("run", "dataset", "--only", "model_train"), "it belongs to train"),

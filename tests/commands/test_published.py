@@ -22,12 +22,15 @@ from tests.helpers.made_files import artifact
 REPORT = {"report": "reports/{source}"}
 FILMS = {"films": "recordings/{source}/grasps", "prior": "models/{source}-prior", "teacher": "models/{source}-teacher"}
 STATIC = ("static_sor3d", "static_boxes", "static_true_boxes")
+GRASPING = ("motion_synthesise", "hand_imitation", "rl_grasp_refinement")
 RECORDED: dict[str, tuple[str, ...]] = {
     "dataset": ("{clip}", "dataset_pack"), "train": ("model_train",), "benchmark": ("benchmark",), "ablation": ("ablation_report",),
-    "hands": (), "negative-affordance": ("{clip}", "negative_affordance_report"), "motions": ("motion_files",),
-    "grasp": ("grasp_report",), "grasp-full": ("grasp_report",), "interactions": (), "sor3d": ("model_train", "sor3d_report"),
-    "sor3d-ablation": ("sor3d_report",), "static-sets": STATIC, "extraction-report": ("extraction_report",),
-    "recordings": ("{clip}",), "scenes": (), "train-set": (), "benchmark-set": ()}  # fmt: skip
+    "hands": ("hands_train",), "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
+    "motions": ("motion_files", "motion_read"), "grasp": ("grasp_report", *GRASPING),
+    "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "interactions": (),
+    "sor3d": ("sor3d_train", "sor3d_report"), "sor3d-ablation": ("sor3d_report",),
+    "static-sets": (*STATIC, "static_report", "boxes_train"), "extraction-report": ("extraction_report",),
+    "recordings": ("{clip}",), "scenes": (), "train-set": ("train_pack",), "benchmark-set": ()}  # fmt: skip
 """target -> files of recordings/{source}"""
 PLACES: dict[str, dict[str, str]] = {
     "dataset": {"dataset": "datasets/{source}"}, "train": {"model": "models/{source}"}, "benchmark": REPORT, "ablation": REPORT,

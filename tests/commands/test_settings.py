@@ -13,7 +13,7 @@ from commands.errors import UsageError
 from commands.settings import settings
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 from stages.extraction import extraction_report
-from stages.twohands.model_train import SOR3D_PAPER
+from stages.rgbd import sor3d_train
 from tests.helpers.command import call
 
 
@@ -42,13 +42,13 @@ def test_a_variant_brings_its_schedule() -> None:
     """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
     besides holds, from the command line as from a file."""
     paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
-    assert paper.rgbd.sor3d_train == dataclasses.replace(SOR3D_PAPER, steps=7, device="cpu")
+    assert paper.rgbd.sor3d_train == dataclasses.replace(sor3d_train.PAPER, steps=7, device="cpu")
     assert paper.rgbd.sor3d_pretrain.variant == "small"
     usual = settings(["sor3d_train.variant=paper"], None).rgbd.sor3d_train
     assert (usual.lr, usual.batch, usual.steps, usual.turn, usual.decay) == (2e-5, 2, 200 * 481, 0.75, False)
     assert (usual.dice_weight, usual.foreground_weight, usual.static_share, usual.height_px) == (0.0, 1.0, 0.0, 300)
     before = settings(["sor3d_pretrain.variant=paper"], None).rgbd.sor3d_pretrain
-    assert (before.backend, before.steps * before.batch) == ("sor3d_actions", 50 * 160)
+    assert before.steps * before.batch == 50 * 160
     assert settings(["sor3d_train.variant=small"], None) == Settings()
 
 
@@ -155,3 +155,10 @@ def test_a_stage_belongs_to_one_system() -> None:
     assert dataclasses.replace(changed, extraction=Settings().extraction) == Settings()
     with pytest.raises(TypeError, match="expected names of stages, got extraction_repord"):
         Settings.of(extraction_repord=few)
+
+
+def test_what_was_one_stage_for_all_trainings_names_the_others() -> None:
+    """A backend that model_train had is a stage of its own, and the error names it."""
+    for backend, stage in (("sor3d", "sor3d_train"), ("sor3d_actions", "sor3d_pretrain"), ("boxes", "boxes_train")):
+        with pytest.raises(UsageError, match=f"{backend} is trained by {stage}"):
+            settings([f"model_train.backend={backend}"], None)

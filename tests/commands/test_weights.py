@@ -90,11 +90,12 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
     found = weighed(chosen, digest)
     assert found.twohands.model_train.backbones == found.rgbd.sor3d_train.backbones == "model"
     for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
-        trainings = [node for node in build(target, Origin("x"), found).stages() if node.name.endswith("model_train")]
+        every = build(target, Origin("x"), found).stages()
+        trainings = [node for node in every if node.name.endswith(("model_train", "sor3d_train"))]
         assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
     assert not any("weights" in dict(node.inputs) for node in plain.stages())
-    with pytest.raises(UsageError, match=r"boxes_train\.backbones: .*got nothing there"):
-        weighed(settings(["boxes_train.backbones=/no/such/place"], None), digest)
+    with pytest.raises(UsageError, match=r"sor3d_train\.backbones: .*got nothing there"):
+        weighed(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
 @pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])

@@ -33,8 +33,8 @@ from stages.grasping import (
     motion_synthesise,
     object_solids,
 )
-from stages.recording import grasp_record, interaction_record
-from stages.rgbd import action_read, interaction_pack, static_evaluate, static_read, static_report
+from stages.recording import grasp_record, interaction_record, motion_record, positive_record
+from stages.rgbd import action_read, boxes_train, interaction_pack, static_evaluate, static_read, static_report
 from stages.surface import mask_propose, mesh_read, mesh_texture, positive_affordance_projection, view_render
 from stages.synthetic import object_build, object_plan
 from stages.twohands import ablation_report, model_train
@@ -174,7 +174,10 @@ def motions(store: Path, folder: Path) -> None:
         everything = graph.collect(fitted)
         told = graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params())
         params = motion_files.Params()
-        graph.target(name, graph.named(f"files_{name}").add(motion_files.run, references=told, params=params, ctx=graph.ctx))
+        film = motion_record.Params(f"motion_{name}", clips=1, pictures_hz=2.0, width=64, height=48)
+        shown = graph.named(f"record_{name}").add(motion_record.run, hand=hand, motions=graph.collect(graph.each(found)),
+                                                  clips=everything, params=film, ctx=graph.ctx)  # fmt: skip
+        graph.target(name, shown, graph.named(f"files_{name}").add(motion_files.run, references=told, params=params, ctx=graph.ctx))
         run(store, name, graph)
 
 
@@ -214,12 +217,13 @@ def from_masks(store: Path, folder: Path) -> None:
     views = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64, directions=32, share=0.0))
     positive = graph.add(positive_affordance_projection.run, mesh=mesh, views=views, descriptions=said, model=model, ctx=graph.ctx,
                          params=positive_affordance_projection.Params(points=8, mirror=False))  # fmt: skip
+    seen = graph.add(positive_record.run, views=views, found=positive, params=positive_record.Params(), ctx=graph.ctx)
     hand = graph.add(hand_model.run, files=graph.leaf("hand", shadow_files()), params=hand_model.Params())
     tried = graph.add(grasp_compare.run, hand=hand, mesh=mesh, parts=parts, body=graph.leaf("body", body), descriptions=said,
                       model=model, params=grasp_compare.Params(("mujoco",), 1, places=8), ctx=graph.ctx)  # fmt: skip
     every = graph.leaf("comparisons", (made_up("a", [1.0, 0.0]), made_up("b", [1.0, 1.0])))
     table = graph.add(grasp_compare_report.run, comparisons=every, params=grasp_compare_report.Params(), ctx=graph.ctx)
-    graph.target("from_masks", grasps, positive, tried, table)
+    graph.target("from_masks", grasps, seen, tried, table)
     run(store, "from_masks", graph)
 
 
@@ -262,6 +266,17 @@ def told(store: Path, folder: Path) -> None:
     with_fonts(store)
 
 
+def boxed(store: Path, folder: Path) -> None:
+    """A detector of single pictures has hardly learned anything."""
+    graph = Graph()
+    clips, flows = zip(*(made_sequences.interaction(n, split) for n, split in enumerate(("train", "train", "val"))), strict=True)
+    packed = graph.add(interaction_pack.run, clips=graph.leaf("clips", clips), flows=graph.leaf("flows", flows),
+                       params=interaction_pack.Params(licence="cc0-1.0"), ctx=graph.ctx)  # fmt: skip
+    few = boxes_train.Params(steps=2, warmup=1, validate_every=2, batch=2, height_px=made_sequences.SIZE, val_samples=1)
+    graph.target("boxed", graph.add(boxes_train.run, dataset=packed, params=few, ctx=graph.ctx))
+    run(store, "boxed", graph)
+
+
 MAKERS: dict[Maker, tuple[str, ...]] = {
     rendered: ("scene_render",),
     stills: ("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"),
@@ -270,17 +285,21 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     meshes: ("view_render", "mask_propose"),
     read_meshes: ("mesh_read", "mesh_texture"),
     negatives: ("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
-                "negative_affordance_files", "object_record", "negative_affordance_score", "negative_affordance_report"),
+                "negative_affordance_files", "object_record", "scorer_record", "negative_affordance_score",
+                "negative_affordance_report"),
     found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
     hands: ("hand_model",),
-    motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files"),
+    motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files", "motion_record"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
-               "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks"),
+               "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),
-    from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection"),
+    from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection",
+                 "positive_record"),
     interacted: ("interaction_plan", "interaction_render", "interaction_read", "static_read", "action_read"),
-    afforded: ("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_evaluate", "sor3d_report"),
+    afforded: ("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_pretrain", "sor3d_train",
+               "sor3d_evaluate", "sor3d_report"),
+    boxed: ("boxes_train",),
     told: ("interaction_record", "static_evaluate", "static_report"),
 }  # fmt: skip
 """what fills a store, and the stages of which it holds a run"""

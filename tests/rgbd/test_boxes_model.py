@@ -23,13 +23,12 @@ from afford.training.job import read
 from schemas.files import FileTree
 from schemas.interaction import BACKGROUND
 from schemas.training import Trained
-from stages.rgbd import interaction_pack, static_evaluate
-from stages.twohands import model_train
+from stages.rgbd import boxes_train, interaction_pack, static_evaluate
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_sequences import SIZE, interaction
 
 CONFIG = Sor3dConfig(widths=(8, 8, 16, 16), size_px=SIZE, flow="none", attention=False)
-PARAMS = replace(model_train.SOR3D, backend="boxes", steps=4, warmup=1, validate_every=2, batch=2, height_px=SIZE, val_samples=3)
+PARAMS = boxes_train.Params(steps=4, warmup=1, validate_every=2, batch=2, height_px=SIZE, val_samples=3, lr=3e-3)
 
 
 def test_aligned_on_a_ramp() -> None:
@@ -117,17 +116,17 @@ def packed(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
 
 @pytest.fixture(scope="module")
 def trained(packed: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trained:
-    return model_train.run(packed, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
+    return boxes_train.run(packed, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
 
 
 def test_trained_by_the_one_loop(packed: FileTree, trained: Trained, tmp_path: Path) -> None:
     """Weights, card and curves are there; the same again gives the same files; the job survives its JSON."""
-    again = model_train.run(packed, PARAMS, Scratch(tmp_path))
+    again = boxes_train.run(packed, PARAMS, Scratch(tmp_path))
     assert [(f.name, f.digest) for f in again.files.files] == [(f.name, f.digest) for f in trained.files.files]
     curves = {curve.name for curve in trained.log.curves}
     assert {"train.box", "train.mask", "train.thing", "val.iou", "val.true_boxes.iou"} <= curves
     assert "after AffordanceNet" in trained.files.find("card.md").path.read_text()
-    job = model_train._job(PARAMS, None)
+    job = boxes_train._job(PARAMS)
     assert read(job.to_json()) == job
 
 
@@ -161,4 +160,4 @@ def _iou(model: Boxes, batch: Learned, told: bool) -> float:
 def test_a_gpu_is_refused(packed: FileTree, tmp_path: Path) -> None:
     """In a sentence that says what to do; not in the middle of the first step."""
     with pytest.raises(ValueError, match="expected device=cpu for the detector"):
-        model_train.run(packed, replace(PARAMS, device="cuda"), Scratch(tmp_path))
+        boxes_train.run(packed, replace(PARAMS, device="cuda"), Scratch(tmp_path))

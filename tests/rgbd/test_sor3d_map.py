@@ -28,13 +28,13 @@ def stages(target: str, place: Origin, p: Settings) -> dict[str, set[str]]:
 
 def test_actions_are_learned_before_only_where_a_row_asks_for_it() -> None:
     """From the sequences themselves, or from clips of actions where they are given."""
-    before = {"encoder_train", "pretrained_model_train", "pretrained_sor3d_evaluate"}
+    before = {"sor3d_pretrain", "pretrained_sor3d_train", "pretrained_sor3d_evaluate"}
     plain = stages("sor3d", Origin("x"), Settings())
-    assert not plain.keys() & before and "encoder" not in plain["model_train"]
+    assert not plain.keys() & before and "encoder" not in plain["sor3d_train"]
     asked = Settings.of(sor3d_report=replace(Settings.rgbd.sor3d_report, pretrained=True))
     alone = stages("sor3d", Origin("x"), asked)
-    assert alone.keys() >= before and not alone.keys() & {"model_train", "action_read"}
-    assert "encoder" in alone["pretrained_model_train"]
+    assert alone.keys() >= before and not alone.keys() & {"sor3d_train", "action_read"}
+    assert "encoder" in alone["pretrained_sor3d_train"]
     given = stages("sor3d", Origin("x", actions=FileTree("a", ())), asked)
     assert given.keys() >= before | {"action_read", "action_pack"}
 
@@ -42,11 +42,11 @@ def test_actions_are_learned_before_only_where_a_row_asks_for_it() -> None:
 def test_the_ablation_trains_the_rows_that_are_asked_for() -> None:
     """Pretrained ones apart; the steps of its own where it has some."""
     both = stages("sor3d-ablation", Origin("x"), FEW)
-    assert both.keys() >= {"model_train", "pretrained_model_train"} and "more" in both["sor3d_report"]
+    assert both.keys() >= {"sor3d_train", "pretrained_sor3d_train"} and "more" in both["sor3d_report"]
     few = FEW.with_stages(sor3d_report=replace(FEW.rgbd.sor3d_report, rows=("rgb",), steps=1))
     graph = build("sor3d-ablation", Origin("x"), few)
-    assert "pretrained_model_train" not in {node.name for node in graph.stages()}
-    (training,) = [node for node in graph.stages() if node.name == "model_train"]
+    assert "pretrained_sor3d_train" not in {node.name for node in graph.stages()}
+    (training,) = [node for node in graph.stages() if node.name == "sor3d_train"]
     assert training.params.steps == 1
     later = few.with_stages(sor3d_report=replace(few.rgbd.sor3d_report, seeds=2, first_seed=3))
     (recipes,) = [node for node in build("sor3d-ablation", Origin("x"), later).nodes if node.name == "planned"]
@@ -85,8 +85,8 @@ def test_a_second_run_does_no_work_and_the_ablation_takes_what_is_trained(tmp_pa
     use_kernel_cache(ROOT, tmp_path)
     runner = Runner(tmp_path, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
     first = runner.run(build("sor3d", Origin("tiny"), FEW), "sor3d")
-    assert first.ok and first.ran["model_train"] == 1, first.failures
+    assert first.ok and first.ran["sor3d_train"] == 1, first.failures
     assert runner.run(build("sor3d", Origin("tiny"), FEW), "sor3d").ran == {}
     few = FEW.with_stages(sor3d_report=replace(FEW.rgbd.sor3d_report, rows=("rgb", WHOLE)))
     more = runner.run(build("sor3d-ablation", Origin("tiny"), few), "sor3d-ablation")
-    assert more.ok and (more.ran["model_train"], more.cached["model_train"]) == (1, 1)
+    assert more.ok and (more.ran["sor3d_train"], more.cached["sor3d_train"]) == (1, 1)

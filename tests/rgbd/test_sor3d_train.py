@@ -1,9 +1,10 @@
-"""SOR3D-AFF's model through model_train: the loop, the files, resuming and rows are those of the other model."""
+"""The stages that train SOR3D-AFF's model and its encoder: the loop, the files, resuming and rows."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,17 +16,15 @@ from afford.rgbd.model import files
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import build
 from afford.rgbd.model.sequence_batches import Changes, changed, last, mirrored, stack
-from afford.training.job import read
+from afford.training.job import Job, read
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip
 from schemas.training import Recipe, Trained
-from stages.rgbd import action_pack, interaction_pack
-from stages.twohands import model_train
+from stages.rgbd import action_pack, interaction_pack, sor3d_pretrain, sor3d_train
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_sequences import SIZE, interaction
 
-PARAMS = replace(model_train.SOR3D, steps=6, warmup=2, validate_every=3, batch=2, accumulate=2, height_px=SIZE, seed=5,
-                 val_samples=4)  # fmt: skip
+PARAMS = sor3d_train.Params(steps=6, warmup=2, validate_every=3, batch=2, accumulate=2, height_px=SIZE, seed=5, val_samples=4)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
 
 @pytest.fixture(scope="module")
 def trained(dataset: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trained:
-    return model_train.run(dataset, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
+    return sor3d_train.run(dataset, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
 
 
 class Killed(Scratch):
@@ -66,8 +65,8 @@ def test_a_sequence_comes_back(dataset: FileTree) -> None:
 def test_killed_and_run_again_gives_the_same_files(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
     """Interrupted after a checkpoint and a step more, in another folder: every file is the same to the byte."""
     with pytest.raises(KeyboardInterrupt):
-        model_train.run(dataset, PARAMS, Killed(tmp_path))
-    assert refs(model_train.run(dataset, PARAMS, Scratch(tmp_path)).files) == refs(trained.files)
+        sor3d_train.run(dataset, PARAMS, Killed(tmp_path))
+    assert refs(sor3d_train.run(dataset, PARAMS, Scratch(tmp_path)).files) == refs(trained.files)
 
 
 def test_it_leaves_a_model_a_card_and_curves(trained: Trained) -> None:
@@ -85,19 +84,34 @@ def test_it_leaves_a_model_a_card_and_curves(trained: Trained) -> None:
 def test_a_recipe_is_a_row(dataset: FileTree, tmp_path: Path) -> None:
     """Its row and seed decide; the model is named after it."""
     recipe = Recipe("rgb-1", "rgb", "small", 1, False, 1, "affordance", 1, "interactions")
-    made = model_train.run(dataset, replace(PARAMS, steps=2, validate_every=2), Scratch(tmp_path), recipe)
+    made = sor3d_train.run(dataset, replace(PARAMS, steps=2, validate_every=2), Scratch(tmp_path), recipe)
     assert made.log.name == "rgb-1" and files.load(made.files.find("model/config.json").path.parent).motion is None
 
 
-def test_a_job_travels_as_text() -> None:
+@pytest.mark.parametrize("job", [sor3d_train._job(PARAMS), sor3d_pretrain._job(sor3d_pretrain.Params())])
+def test_a_job_travels_as_text(job: Job[Any]) -> None:
     """What a process reads is what was sent."""
-    job = model_train._job(PARAMS)
     assert read(job.to_json()) == job
+
+
+def test_a_card_lists_what_was_read(dataset: FileTree, tmp_path: Path) -> None:
+    """A pre-training knows nothing of pixels, of pictures or of sizes of batches, and its card says nothing of them."""
+    params = sor3d_pretrain.Params(steps=1, warmup=1, batch=2, height_px=SIZE, val_samples=2, validate_every=0)
+    card = sor3d_pretrain.run(dataset, params, Scratch(tmp_path)).files.find("card.md").path.read_text()
+    assert '"changes"' in card and not [word for word in ("loss", "static_share", "coarse_share", "vgg") if f'"{word}"' in card]
+
+
+def test_the_paper_is_a_preset() -> None:
+    """Of both stages: its rate, its batch, Adam without decay and nothing that is ours."""
+    for params in (sor3d_train.PAPER, sor3d_pretrain.PAPER):
+        assert (params.variant, params.lr, params.batch, params.decay, params.weight_decay) == ("paper", 2e-5, 2, False, 0.0)
+        assert (params.flip_share, params.crop_share, params.colour_share, params.height_px) == (0.0, 0.0, 0.0, 300)
+    assert (sor3d_train.PAPER.dice_weight, sor3d_train.PAPER.turn, sor3d_train.PAPER.static_share) == (0.0, 0.75, 0.0)
 
 
 def test_batches_are_a_function_of_their_number(dataset: FileTree, tmp_path: Path) -> None:
     """In any order; the last frames of some are learned beside them as pictures."""
-    job = replace(model_train._job(PARAMS), static_share=0.5, batch=4, coarse_share=0.0)
+    job = replace(sor3d_train._job(PARAMS), static_share=0.5, batch=4, coarse_share=0.0)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     batches = job.task(tmp_path, 1).batch
     first = {n: batches(n) for n in range(8)}
@@ -113,7 +127,7 @@ def test_batches_are_a_function_of_their_number(dataset: FileTree, tmp_path: Pat
 
 def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path) -> None:
     """A share of them; their labels too."""
-    job = replace(model_train._job(PARAMS), coarse_share=0.5)
+    job = replace(sor3d_train._job(PARAMS), coarse_share=0.5)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     batches, half = job.task(tmp_path, 1).batch, PARAMS.steps * PARAMS.accumulate // 2
     sides = [(batch.label.shape[-1], batch.groups[0].appearance.shape[-1]) for batch in (batches(half - 1), batches(half))]
@@ -140,7 +154,7 @@ def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
 def test_a_picture_has_no_past(dataset: FileTree) -> None:
     """The last frame alone, without motion, with the label."""
     one = sequences.read(dataset.find("train/train_000.safetensors").path, "3d")
-    learned = stack([[last(one)]], model_train._job(PARAMS).config)
+    learned = stack([[last(one)]], sor3d_train._job(PARAMS).config)
     assert learned.groups[0].appearance.shape[1] == 1 and (learned.groups[0].motion == 0).all()
     assert learned.action.item() == AFFORDANCES.index("push")
 
@@ -149,11 +163,11 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
     """No validation part; an unknown row; flows of other clips; a file that is none."""
     lonely = FileTree("d", dataset.under("train"))
     with pytest.raises(ValueError, match=r"expected sequences val/\*.safetensors, found none"):
-        model_train.run(lonely, PARAMS, Scratch(tmp_path))
+        sor3d_train.run(lonely, PARAMS, Scratch(tmp_path))
     with pytest.raises(ValueError, match="batch of 2 or more for small, which normalises over it, got 1"):
-        model_train.run(dataset, replace(PARAMS, batch=1), Scratch(tmp_path))
+        sor3d_train.run(dataset, replace(PARAMS, batch=1), Scratch(tmp_path))
     with pytest.raises(ValueError, match="row of rgb, rgb_attention"):
-        model_train.run(dataset, replace(PARAMS, row="grey"), Scratch(tmp_path))
+        sor3d_train.run(dataset, replace(PARAMS, row="grey"), Scratch(tmp_path))
     (first, flow), (second, _) = interaction(0, "train"), interaction(1, "train")
     with pytest.raises(ValueError, match="one clip and one scene flow for each name, got otherwise for train_001"):
         interaction_pack.run((first, second), (flow,), interaction_pack.Params(), Scratch(tmp_path))
@@ -166,7 +180,7 @@ def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -
     """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
     first and stays at chance."""
     paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
-    model = model_train._job(PARAMS).config
+    model = sor3d_train._job(PARAMS).config
     learned = stack([[sequences.read(path, "3d") for path in paths]], model)
     net = build(model, seed=0)
     optimiser = torch.optim.Adam(net.parameters(), 2e-3)
@@ -179,7 +193,7 @@ def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -
 
 def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
     """Before anything is learned, the model says of every pixel and every sequence how common each class is in the data."""
-    job = model_train._job(replace(PARAMS, foreground_weight=3.0))
+    job = sor3d_train._job(replace(PARAMS, foreground_weight=3.0))
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     task = job.task(tmp_path, 1)
     labels = np.stack([interaction(n, "train")[0].label for n in range(12)])
@@ -195,7 +209,7 @@ def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp
 def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> None:
     """The square rests the same way whether it was pushed or lifted: videos are told apart, pictures cannot be."""
     params = replace(PARAMS, steps=150, warmup=20, validate_every=75, batch=6, static_share=0.1, lr=2e-3, foreground_weight=4.0)
-    made = model_train.run(dataset, params, Scratch(tmp_path))
+    made = sor3d_train.run(dataset, params, Scratch(tmp_path))
     said = {curve.name: float(curve.value[-1]) for curve in made.log.curves}
     assert said["val.iou"] > 0.8 and said["val.action"] == 1.0 and said["val.static.iou"] < 0.7
 
@@ -208,18 +222,17 @@ def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None
     packed = action_pack.run(actions, action_pack.Params(val_share=0.4), scratch(tmp_path, "packed"))
     assert {file.name.split("/")[0] for file in packed.files} == {"train", "val", "README.md"}
     few = replace(PARAMS, steps=2, validate_every=2)
-    before = model_train.run(packed, replace(few, backend="sor3d_actions"), scratch(tmp_path, "before"))
+    early = sor3d_pretrain.Params(steps=2, warmup=2, validate_every=2, batch=2, accumulate=2, height_px=SIZE, seed=5, val_samples=4)
+    before = sor3d_pretrain.run(packed, early, scratch(tmp_path, "before"))
     assert "val.action" in {curve.name for curve in before.log.curves}
-    job = model_train._job(few).starting_from(before.files)
+    job = sor3d_train._job(few).starting_from(before.files)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     weights = load_file(before.files.find("model/encoder.safetensors").path)
     assert all(torch.equal(tensor, weights[name]) for name, tensor in job.task(tmp_path, 1).model.appearance.state_dict().items())
-    after = model_train.run(dataset, few, scratch(tmp_path, "after"), encoder=before.files)
+    after = sor3d_train.run(dataset, few, scratch(tmp_path, "after"), encoder=before.files)
     assert str(tmp_path) not in after.files.find("card.md").path.read_text()
-    with pytest.raises(ValueError, match="expected backend sor3d"):
-        model_train.run(dataset, replace(few, backend="twohands"), Scratch(tmp_path), encoder=before.files)
     with pytest.raises(ValueError, match=r"expected model/encoder.safetensors of a pre-training"):
-        model_train.run(dataset, few, Scratch(tmp_path), encoder=after.files)
+        sor3d_train.run(dataset, few, Scratch(tmp_path), encoder=after.files)
 
 
 def scratch(folder: Path, name: str) -> Scratch:

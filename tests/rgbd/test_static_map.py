@@ -18,6 +18,7 @@ from pipeline import build
 from runner import Graph, Runner
 from runner.graph import Node
 from schemas.files import FileTree
+from stages.rgbd import boxes_train
 from tests.helpers.made_interactions import iit_aff, umd
 from tests.helpers.made_sor3d import FEW, STEPS
 
@@ -35,7 +36,8 @@ def test_three_reports_on_the_same_pictures() -> None:
     """The detector is trained once; own and true boxes are asked of the same weights, all of the same pictures."""
     g, p = Graph(), Settings()
     samples = pictures(g, FileTree("umd", ()), p)
-    found = told(g, samples, g.leaf("model", FileTree("sor3d", ())), detector(g, g.leaf("dataset", FileTree("made", ())), p), p)
+    boxes = g.pick(detector(g, g.leaf("dataset", FileTree("made", ())), p), lambda trained: trained.files)
+    found = told(g, samples, g.leaf("model", FileTree("sor3d", ())), boxes, p)
     g.target("static", *found)
     stages = {node.name: node for node in g.stages()}
     assert set(stages) == {"static_read", "boxes_train", *REPORTS}
@@ -44,18 +46,19 @@ def test_three_reports_on_the_same_pictures() -> None:
     assert inputs["static_boxes"]["model"] == inputs["static_true_boxes"]["model"] != inputs["static_sor3d"]["model"]
     how = {name: (stages[name].params.backend, stages[name].params.boxes.true_boxes) for name in REPORTS}
     assert how == {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
-    assert stages["boxes_train"].params.backend == "boxes"
+    assert stages["boxes_train"].value is boxes_train.run
 
 
 def test_what_learns_is_what_target_sor3d_trains() -> None:
     """The same stages with the same parameters; no examination, and no score of the motion, which nothing here reads."""
     ours, theirs = stages("static-sets", Origin("x"), Settings()), stages("sor3d", Origin("x"), Settings())
     shared = ours.keys() & theirs.keys()
-    assert {"interaction_render", "scene_flow", "interaction_pack", "model_train"} <= shared
+    assert {"interaction_render", "scene_flow", "interaction_pack", "sor3d_train"} <= shared
     assert all(ours[name].params == theirs[name].params and ours[name].value is theirs[name].value for name in shared)
-    assert ours.keys() - shared == {"boxes_train", "static_report", *REPORTS, *(f"record_{name}" for name in REPORTS)}
+    assert ours.keys() - shared == {
+        "boxes_train", "static_report", *REPORTS, *(f"record_{name}" for name in (*REPORTS, "boxes_train", "static_report"))}
     asked = Settings.of(sor3d_report=replace(Settings.rgbd.sor3d_report, pretrained=True))
-    assert stages("static-sets", Origin("x"), asked).keys() >= {"encoder_train", "pretrained_model_train"}
+    assert stages("static-sets", Origin("x"), asked).keys() >= {"sor3d_pretrain", "pretrained_sor3d_train"}
 
 
 def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
@@ -100,9 +103,9 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
     store = tmp_path / "store"
     use_kernel_cache(ROOT, store)
     runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
-    assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["model_train"] == 1
+    assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["sor3d_train"] == 1
     report = runner.run(build("static-sets", Origin("tiny"), SMALL), "static-sets")
-    assert report.ok and "model_train" not in report.ran and report.ran["boxes_train"] == 1, report.failures
+    assert report.ok and "sor3d_train" not in report.ran and report.ran["boxes_train"] == 1, report.failures
     (tmp_path / "few.json").write_text(json.dumps(changed(SMALL)))
     request = Request("static-sets", umd(tmp_path / "umd") and tmp_path / "umd", params=tmp_path / "few.json", jobs=1, store=store,
                       json=True)  # fmt: skip

@@ -1,43 +1,61 @@
-"""What trainings share that learn from the sequences of SOR3D-AFF's model, but another network."""
+"""What trainings share that learn from the sequences of an RGB-D data set, whatever network learns."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from torch import nn
 
+from afford.dataset.sor3d import sequences
+from afford.rgbd.model.config import ROWS, VARIANTS, Sor3dConfig, row
+from afford.rgbd.model.losses import LossParams
+from afford.rgbd.model.sequence_batches import Changes
 from afford.rgbd.train import sor3d_card
-from afford.rgbd.train.sor3d_job import Sor3dJob, kinds_of
 from afford.training.job import Dataset
+from afford.training.order import Order
 from afford.training.state import State
-from afford.training.task import Plan
+from afford.training.task import Plan, PlanParams, plan_of
 from schemas.training import TrainingLog
+
+FILES = "sequences.json"
+ADAM = (0.9, 0.999)
+"""the moments of Adam, which the paper uses as they are"""
 
 
 @dataclass(frozen=True)
 class SequencesJob:
-    """A training (`afford.training.job.Job`) on what `whole` would learn from; its network and files are those of the class."""
+    """A network, what it learns from, and how (`afford.training.job.Job`); each subclass brings its task and its files."""
 
     JOB: ClassVar[str]
     """"module:class" of the class, which reads its JSON"""
     WHAT: ClassVar[str]
     """what its card says that was trained"""
 
-    whole: Sor3dJob
-
-    @property
-    def plan(self) -> Plan:
-        """How the loop trains."""
-        return self.whole.plan
+    config: Sor3dConfig
+    plan: Plan
+    changes: Changes
+    batch: int
+    """sequences per micro-batch and process"""
+    balance: float
+    """0: sequences as they are; 1: every affordance of every object type as often as any other"""
+    val_samples: int
+    """sequences that judge, spread over all of them"""
+    seed: int
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
-        """As for the model of sequences."""
-        self.whole.prepare(data, scratch)
+        """Note where the sequences of both parts are; they are read when they are drawn."""
+        found = {split: [str(path.absolute()) for path in sequences.part(data, split)] for split in ("train", "val")}
+        (scratch / FILES).write_text(json.dumps(found), encoding="utf-8")
+
+    def order(self, paths: list[Path]) -> Order:
+        """Which sequence of training comes when."""
+        return Order([sequences.kind(path) for path in paths], self.balance, self.seed)
 
     def finish(self, model: nn.Module, state: State) -> None:
         """Validation decides nothing but which weights are kept."""
@@ -45,13 +63,51 @@ class SequencesJob:
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """The card, Markdown."""
         count = sum(parameter.numel() for parameter in model.parameters())
-        return sor3d_card.text(name, dataset, kinds_of(scratch), dataclasses.asdict(self.whole), count, curves, self.WHAT)
+        return sor3d_card.text(name, dataset, kinds_of(scratch), dataclasses.asdict(self), count, curves, self.WHAT)
 
     def to_json(self) -> str:
         """The job as text."""
-        return json.dumps({**json.loads(self.whole.to_json()), "job": self.JOB})
+        return json.dumps({"job": self.JOB, **dataclasses.asdict(self)})
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
         """The job again."""
-        return cls(Sor3dJob.from_fields(fields))
+        kinds: dict[str, type] = {"config": Sor3dConfig, "plan": Plan, "loss": LossParams, "changes": Changes}
+        return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in fields.items()})
+
+
+def config_of(stage: str, variant: str, of_row: str, size_px: int, batch: int) -> Sor3dConfig:
+    """The model of a variant and a row. ValueError, which names the stage, for one of them that is not known, and for a batch too
+    small to normalise over."""
+    if variant not in VARIANTS or of_row not in ROWS:
+        raise ValueError(f"{stage}: expected variant of {', '.join(VARIANTS)} and row of {', '.join(ROWS)}, got {variant!r}, "
+                         f"{of_row!r}")
+    if variant == "small" and batch < 2:
+        raise ValueError(f"{stage}: expected a batch of 2 or more for small, which normalises over it, got {batch}")
+    return row(replace(VARIANTS[variant](), size_px=size_px), of_row)
+
+
+def adam_plan(p: PlanParams) -> Plan:
+    """The plan that the parameters of a stage describe, with the moments of the paper."""
+    return replace(plan_of(p), betas=ADAM)
+
+
+def spread(paths: list[Path], count: int) -> list[Path]:
+    """At most `count` of them, spread over all."""
+    count = min(count, len(paths))
+    return [paths[round(n * (len(paths) - 1) / max(count - 1, 1))] for n in range(count)]
+
+
+def kinds_of(scratch: Path) -> dict[str, Counter[str]]:
+    """Sequences of both parts by '<object type> <affordance>'."""
+    return {split: Counter(" ".join(sequences.kind(path)).strip() for path in paths) for split, paths in parts_of(scratch).items()}
+
+
+def parts_of(scratch: Path) -> dict[str, list[Path]]:
+    """The files of both parts, as `prepare` found them."""
+    found = json.loads((scratch / FILES).read_text(encoding="utf-8"))
+    return {split: [Path(path) for path in paths] for split, paths in found.items()}
+
+
+def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}

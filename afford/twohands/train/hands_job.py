@@ -16,7 +16,7 @@ from afford.dataset.load import Item
 from afford.training.job import Dataset
 from afford.training.order import Order
 from afford.training.state import State
-from afford.training.task import Plan, plan_of
+from afford.training.task import Plan
 from afford.twohands.model import files, known
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
@@ -27,7 +27,7 @@ from afford.twohands.train.batches import Batches, Boxes
 from afford.twohands.train.divide import Division
 from afford.twohands.train.hands import Hands, judged_batches
 from afford.twohands.train.views import Seen, Views, cropped, whole
-from schemas.training import Recipe, TrainingLog
+from schemas.training import TrainingLog
 
 
 @dataclass(frozen=True)
@@ -104,30 +104,6 @@ class HandsJob:
         kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Division,
                                   "views": Views}
         return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in fields.items()})
-
-
-def job(p: Any, recipe: Recipe | None, threads: int) -> HandsJob:
-    """What the stage's parameters `p` say, where a recipe does not say otherwise."""
-    if recipe is not None:
-        p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
-                    target=recipe.target, seed=recipe.seed)
-    small = p.variant == "small"
-    return HandsJob(
-        config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
-                           size_px=(p.height_px, p.width_px if small else p.height_px), frozen=bool(p.backbones)),
-        plan=plan_of(p, _parallel(p, threads)),
-        loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
-                        object_weight=p.object_weight, centre_weight=p.centre_weight),
-        division=Division(p.split_by, p.val_fraction, p.seed),
-        views=Views(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
-                    colour_share=p.colour_share),
-        coarse_share=p.coarse_share if small else 0.0,
-        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
-
-
-def _parallel(p: Any, threads: int) -> int:
-    """Micro-batches computed at the same time: each takes a thread, which serves it better than half of two threads would."""
-    return min(threads, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1
 
 
 def about(scratch: Path) -> dict[str, dict[str, Any]]:

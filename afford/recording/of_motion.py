@@ -1,0 +1,110 @@
+"""Motions of people and what became of them -> /<stage>/..., the person's hand; /hand_retarget/..., the robot's.
+
+Clips follow each other, a second apart, each at its own rate. The person's keypoints hang on the frame `source`, the world of the
+recording; links of the robot hand hang on `world`, where `source` lies as retargeting has put it. Of a clip that was dropped only
+the person is shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from afford.common.pictures import jpeg
+from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
+from afford.grasping.env.studio import hand_colour
+from afford.grasping.hand.kinematics import forward
+from afford.grasping.hand.skin import skins
+from afford.recording.content import EPOCH_NS, Channel, Message, Recording
+from afford.recording.own_types import Scalar
+from afford.recording.spatial import cloud, entity, loop, pose, scene, transforms, triangles
+from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
+from schemas.hand import PHASES, HandModel, HandMotion, HandReference, Retargeted
+
+ROOM = "/hand_retarget"
+IMAGE, TRANSFORMS, SCENE, SAID = f"{ROOM}/image", f"{ROOM}/transforms", f"{ROOM}/scene", f"{ROOM}/log"
+ERROR, BONES = f"{ROOM}/error_mm", f"{ROOM}/bone_error_deg"
+SOURCE = "source"
+"""frame_id of what a person did: the world of the recording"""
+GAP_NS = SECOND_NS
+
+
+class Clip(NamedTuple):
+    """A motion, and what became of it."""
+
+    motion: HandMotion
+    fitted: Retargeted
+
+
+def record(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_hz: float) -> Recording:
+    """The clips in their order; `stage` read or made the motions, `pictures_hz` is the rate of pictures at most."""
+    kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, SAID: Log, ERROR: Scalar, BONES: Scalar,
+             f"/{stage}/keypoints": PointCloud, f"/{stage}/bones": SceneUpdate, f"/{stage}/log": Log}  # fmt: skip
+    if any(len(clip.motion.object_pose) for clip in clips):
+        kinds[f"/{stage}/object"] = PoseInFrame
+    channels: list[Channel] = [channel(topic, kind) for topic, kind in kinds.items()]
+    pictures = [image_channel(IMAGE)] if any(clip.fitted.references for clip in clips) else []
+    return Recording((*channels, *pictures), _messages(stage, clips, studio, pictures_hz))
+
+
+def _messages(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_hz: float) -> Iterator[Message]:
+    yield _links(studio.hand)
+    start = EPOCH_NS
+    for clip in clips:
+        found = list(_person(stage, clip.motion, start)) + [_verdict(clip, start)]
+        for reference in clip.fitted.references:
+            found += _robot(clip.motion, reference, studio, pictures_hz, start)
+        yield from sorted(found, key=lambda message: message.time_ns)
+        start = max(message.time_ns for message in found) + GAP_NS
+
+
+def _links(hand: HandModel) -> Message:
+    """The meshes of links, which do not change."""
+    colour = hand_colour(hand)
+    return scene(SCENE, EPOCH_NS, [entity(_frame(hand, skin.link), _frame(hand, skin.link),
+                                          [triangles(skin.vertices, skin.faces, colour)]) for skin in skins(hand)])  # fmt: skip
+
+
+def _person(stage: str, motion: HandMotion, start: int) -> Iterator[Message]:
+    grey = np.tile(np.array([*PERSON, 255], np.uint8), (motion.keypoints_m.shape[1], 1))
+    phase = -1
+    for row, points in enumerate(motion.keypoints_m):
+        time_ns = start + round(row * SECOND_NS / motion.rate_hz)
+        yield cloud(f"/{stage}/keypoints", time_ns, SOURCE, points, grey)
+        yield scene(f"/{stage}/bones", time_ns, [entity("person", SOURCE, lines=[loop(points[list(chain)], PERSON, False)
+                                                                                 for chain in CHAINS])])  # fmt: skip
+        if len(motion.object_pose):
+            yield pose(f"/{stage}/object", time_ns, motion.object_pose[row], SOURCE)
+        if motion.phase[row] != phase:
+            phase = int(motion.phase[row])
+            yield log(f"/{stage}/log", time_ns, f"{motion.name}, {motion.side} hand: {PHASES[phase]}", motion.object_name)
+
+
+def _verdict(clip: Clip, start: int) -> Message:
+    one = clip.fitted.verdict
+    text = f"kept, {1000 * one.error_mean_m:.1f} mm off on average" if one.kept else f"dropped: {one.reason}, {one.detail}"
+    return log(SAID, start, f"{one.name}: {text}", one.source, "INFO" if one.kept else "WARNING")
+
+
+def _robot(motion: HandMotion, reference: HandReference, studio: MotionStudio, pictures_hz: float, start: int) -> Iterator[Message]:
+    hand, theirs = studio.hand, keypoints_of(motion, reference)
+    T, every = forward(hand.joints, reference.q), max(1, round(reference.rate_hz / pictures_hz))
+    for row in range(len(reference.q)):
+        time_ns = start + round(row * SECOND_NS / reference.rate_hz)
+        frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
+        yield transforms(TRANSFORMS, time_ns, {**frames, SOURCE: reference.T_world_source})
+        yield stamped(ERROR, time_ns, Scalar(step=row, value=1000 * reference.error_m[row]))
+        yield stamped(BONES, time_ns, Scalar(step=row, value=float(np.rad2deg(reference.bone_error_rad[row]))))
+        if row % every == 0:
+            yield image(IMAGE, time_ns, jpeg(studio.draw(reference, theirs, row)), "jpeg")
+
+
+def _frame(hand: HandModel, link: int) -> str:
+    return f"hand/{hand.links[link]}"

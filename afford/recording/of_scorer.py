@@ -1,0 +1,28 @@
+"""A trained scorer of parts -> its curves, then what it says of candidates, as in a recording of a training."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from afford.common.pictures import jpeg
+from afford.recording.content import Recording
+from afford.recording.of_training import Shown, at, record
+from afford.recording.topics import SECOND_NS
+from afford.surface.parts.model import Parts
+from afford.surface.parts.shown import answers, right, sheet
+from schemas.surface import PartLessons
+from schemas.training import TrainingLog
+
+
+def scorer(curves: TrainingLog, stage: str, model: Parts, judged: Sequence[PartLessons], count: int) -> Recording:
+    """The recording of the training `stage`; a sheet for each of at most `count` objects, a second apart, follows its last step."""
+    chosen = dict.fromkeys(np.linspace(0, len(judged) - 1, min(count, len(judged))).round().astype(int).tolist())
+    return record(curves, stage, _sheets(curves, model, [judged[n] for n in chosen]))
+
+
+def _sheets(curves: TrainingLog, model: Parts, judged: Sequence[PartLessons]) -> Iterator[Shown]:
+    for n, one in enumerate(judged, 1):
+        share = right(answers(model, one), one)
+        yield Shown(at(curves.steps) + n * SECOND_NS, jpeg(sheet(model, one)), f"{one.name}: {share:.0%} of candidates named right")

@@ -1,0 +1,85 @@
+"""The contact sheet of a recording with pictures of its own: a strip for each topic of pictures, moments spread evenly, and, of a
+training, its curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from PIL import Image, ImageDraw, ImageFont
+
+from afford.common.tiles import BACK, INK, TILE_W, framed, titles
+from afford.recording.moments import IMAGE, Moment, moments, tile_of
+
+SHOWN, TOPICS = 4, 6
+"""moments of a topic, topics at most"""
+SCALAR = "affordance.v1.Scalar"
+PLOT_H, CURVES, MARGIN = 150, 12, 22
+LINE = (86, 180, 233)
+
+
+def strips_of(path: Path) -> list[np.ndarray]:
+    """A line of words and a strip of pictures for each topic, then curves; [] for a recording with neither."""
+    kinds = _kinds(path)
+    strips: list[np.ndarray] = []
+    for topic in sorted(topic for topic, kind in kinds.items() if kind == IMAGE)[:TOPICS]:
+        found = list(moments(path, [topic]))
+        chosen = [found[k] for k in dict.fromkeys(np.linspace(0, len(found) - 1, SHOWN).round().astype(int).tolist())]
+        width = SHOWN * TILE_W // max(2, len(chosen))
+        tiles = [tile for moment in chosen if (tile := tile_of(moment, topic, "", width, False)) is not None]
+        strips += [titles([f"{path.stem}   {topic}"], SHOWN * TILE_W), _row(tiles)]
+    curves = sorted(topic for topic, kind in kinds.items() if kind == SCALAR)[:CURVES]
+    plots = _plots(path, curves) if curves else []
+    if plots and not strips:
+        strips = [titles([f"{path.stem}   curves"], SHOWN * TILE_W)]
+    return strips + [_row(plots[n : n + SHOWN]) for n in range(0, len(plots), SHOWN)]
+
+
+def _row(tiles: list[np.ndarray]) -> np.ndarray:
+    """Tiles side by side, each on a ground as high as the highest."""
+    height = max(tile.shape[0] for tile in tiles)
+    padded = []
+    for tile in tiles:
+        ground = np.full((height, tile.shape[1], 3), BACK, np.uint8)
+        ground[: tile.shape[0]] = tile[..., :3] if tile.ndim == 3 else tile[..., None]
+        padded.append(framed(ground))
+    return np.concatenate(padded, axis=1)
+
+
+def _plots(path: Path, topics: list[str]) -> list[np.ndarray]:
+    found: dict[str, list[tuple[float, float]]] = {topic: [] for topic in topics}
+    for moment in moments(path, topics):
+        for topic in moment.values:
+            found[topic].append(_point(moment, topic))
+    return [_plot(topic, np.array(points)) for topic, points in found.items() if points]
+
+
+def _point(moment: Moment, topic: str) -> tuple[float, float]:
+    return moment.time_ns / 1e9, float(moment.one(topic).value)
+
+
+def _plot(topic: str, points: np.ndarray) -> np.ndarray:
+    """(PLOT_H, TILE_W, 3) uint8: a curve over media time, between its smallest and its largest value."""
+    page = Image.new("RGB", (TILE_W, PLOT_H), BACK)
+    draw, letters = ImageDraw.Draw(page), ImageFont.load_default(12)
+    points = points[np.isfinite(points).all(1)]
+    draw.text((8, 4), topic, fill=INK, font=letters)
+    if len(points):
+        low, high = points.min(0), points.max(0)
+        share = (points - low) / np.maximum(high - low, 1e-12)
+        x = 8 + share[:, 0] * (TILE_W - 16)
+        y = PLOT_H - 8 - share[:, 1] * (PLOT_H - 8 - 2 * MARGIN)
+        draw.line(list(zip(x.tolist(), y.tolist(), strict=True)), fill=LINE, width=2)
+        draw.text((8, MARGIN), f"{low[1]:.4g} to {high[1]:.4g}", fill=LINE, font=letters)
+    return np.asarray(page)
+
+
+def _kinds(path: Path) -> dict[str, str]:
+    """Topic -> schema of its messages, of topics that have any."""
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    if summary is None or summary.statistics is None:
+        return {}
+    counts = summary.statistics.channel_message_counts
+    return {one.topic: summary.schemas[one.schema_id].name for one in summary.channels.values() if counts.get(one.id)}

@@ -1,0 +1,65 @@
+"""the curves of a policy's training, and what the policy does -> its recording.
+
+Reads   HandModel; GraspTasks to show it on; TrainingLog and FileTree of hand_imitation, rl_grasp_refinement or grasp_student
+Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, then an episode of some tasks as pictures; the
+        parameters
+Method  log time is the fixed base of all recordings, a millisecond per step; the episodes follow at their own pace. MuJoCo,
+        the policy's mean action, a software renderer
+Fails   when the training measured nothing, without tasks, for files that are no policy
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.hand import HandModel
+from schemas.spec import Context
+from schemas.training import TrainingLog
+
+LIBRARIES = ("numpy", "numba", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "safetensors", "pillow",
+             "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf", "protobuf", "zstandard",
+             "blake3")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 1.5
+
+
+@dataclass(frozen=True)
+class Params:
+    stage: str = "rl_grasp_refinement"
+    """the stage that trained; its name is the first word of every topic"""
+    episodes: int = 2
+    """tasks of which an episode is shown, spread over all; 0 for curves alone"""
+    width: int = 320
+    """of the pictures, px"""
+    height: int = 240
+    """of the pictures, px"""
+    supersample: int = 1
+    """samples of a pixel, each way"""
+    seed: int = 0
+    """of where objects lie and hands begin"""
+    parameters: tuple[tuple[str, str], ...] = ()
+    """(stage, its parameters as JSON)"""
+
+
+def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
+        ctx: Context) -> FileTree:  # fmt: skip
+    """Let the policy act, draw it, and write the recording."""
+    from afford.grasping.env.studio import Studio
+    from afford.grasping.evaluate.rehearsal import rehearsed, spread
+    from afford.recording.files import as_tree, write
+    from afford.recording.of_policy import policy
+    from afford.recording.provenance import of_files, with_parameters
+
+    known = [one for some in tasks for one in some]
+    if not log.curves or not known:
+        raise ValueError(f"policy_record, {log.name}: expected curves and tasks to record, got {len(log.curves)} curves and "
+                         f"{len(known)} tasks")
+    chosen = spread(known, params.episodes)
+    traces = rehearsed(hand, chosen, files, params.seed) if chosen else []
+    shown = [Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
+             for task, trace in zip(chosen, traces, strict=True)]  # fmt: skip
+    path = ctx.scratch / f"{log.name}.mcap"
+    write(path, with_parameters(of_files(policy(log, params.stage, shown), params.stage, files), params.parameters))
+    return as_tree(log.name, path)

@@ -1,0 +1,42 @@
+"""views of one object, and where hands belong on it -> its recording.
+
+Reads   ObjectViews and PositiveAffordances of one object
+Writes  FileTree of one file, <object>.mcap: views, the regions of both hands laid over them and A_t as a cloud, task by task; the
+        parameters
+Method  log time is the fixed base of all recordings, a millisecond per view
+Fails   when the object has no view
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.files import FileTree
+from schemas.mesh import ObjectViews
+from schemas.spec import Context
+from schemas.surface import PositiveAffordances
+
+LIBRARIES = ("numpy", "scipy", "trimesh", "opencv-python-headless", "mcap", "mcap-protobuf-support", "foxglove-schemas-protobuf",
+             "protobuf", "zstandard", "blake3")  # fmt: skip
+THREADS = 1
+MEMORY_GIB = 0.5
+
+
+@dataclass(frozen=True)
+class Params:
+    parameters: tuple[tuple[str, str], ...] = ()
+    """(stage, its parameters as JSON)"""
+
+
+def run(views: ObjectViews, found: PositiveAffordances, params: Params, ctx: Context) -> FileTree:
+    """Write the recording of one object; ValueError when there is no view."""
+    from afford.recording.files import as_tree, write
+    from afford.recording.of_positive import record
+    from afford.recording.provenance import of_value, with_parameters
+
+    if not views.views:
+        raise ValueError(f"{views.name}: expected views to record, got none")
+    path = ctx.scratch / f"{views.name}.mcap"
+    recording = of_value(record(views, found), "view_render", views)
+    write(path, with_parameters(of_value(recording, "positive_affordance_projection", found), params.parameters))
+    return as_tree(views.name, path)

@@ -1,0 +1,123 @@
+"""a data set of RGB-D interactions -> SOR3D-AFF's model: where an object affords what, with its card and its curves.
+
+Reads   FileTree that interaction_pack wrote; a Recipe, for a row of the ablation; the files of a pre-training (sor3d_pretrain), if
+        there was one; the VGG16 checkpoint that `backbones` names, if any
+Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
+        TrainingLog
+Method  Adam, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that a
+        training that was killed goes on to the same weights; the weights of the best validation are kept; several devices by
+        torch.distributed.run
+Fails   when a part of the data set is empty, when the variant or the row is not known, when the loss is not finite any more
+Paper   SOR3D-AFF, training (`PAPER`: its rate, batch and epochs)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from schemas.files import FileTree
+from schemas.spec import Context
+from schemas.training import Recipe, Trained
+
+if TYPE_CHECKING:
+    from afford.rgbd.train.sor3d_job import Sor3dJob
+
+LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow", "blake3", "protobuf")
+THREADS = 2
+MEMORY_GIB = 2.0
+MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single precision
+
+
+@dataclass(frozen=True)
+class Params:
+    variant: str = "small"
+    """small (from nothing, on a CPU) or paper"""
+    row: str = "rgbd_attention_flow3d"
+    """what the model has: rgb, rgb_attention, rgb_attention_flow2d, rgbd, rgbd_attention, rgbd_attention_flow3d"""
+    static_share: float = 0.5
+    """the last frames of this share of a batch are learned beside it, as pictures; 0 in the paper"""
+    foreground_weight: float = 3.0
+    """weight of pixels that afford something, against background; 1 in the paper"""
+    turn: float = 0.5
+    """share of the steps after which regions count as much as the action (before: a quarter of it); 0.75 in the paper"""
+    dice_weight: float = 2.0
+    """weight of the Dice loss; 0 in the paper"""
+    seed: int = 0
+    """seed of weights, order and augmentation"""
+    backbones: str = ""
+    """a VGG16 checkpoint for the stream of motion: a file, or a hub id"""
+    height_px: int = 72
+    """height and width of the model's input"""
+    steps: int = 1300
+    """steps of the optimiser, unless validation ends it earlier"""
+    coarse_share: float = 0.45
+    """share of the steps that come first, at half the size"""
+    batch: int = 16
+    """sequences per micro-batch and device"""
+    accumulate: int = 1
+    """micro-batches per step"""
+    lr: float = 3e-3
+    """learning rate after the warm-up"""
+    warmup: int = 20
+    """steps of linear warm-up"""
+    decay: bool = True
+    """whether the learning rate falls linearly to 0 after the warm-up; false in the paper"""
+    weight_decay: float = 0.01
+    """of AdamW"""
+    clip_norm: float = 1.0
+    """largest norm of the gradient, 0 for any"""
+    bf16: bool = True
+    """mixed precision, where the device has instructions for it: GPUs, and CPUs with AMX or AVX512-BF16"""
+    validate_every: int = 325
+    """steps between two validations"""
+    patience: int = 0
+    """validations without a better one that end the training, 0 for never"""
+    val_samples: int = 256
+    """sequences that judge, spread over all of them"""
+    balance: float = 0.0
+    """0: sequences as they are; 1: every affordance of every object type equally often"""
+    flip_share: float = 0.5
+    """share of sequences that are mirrored"""
+    crop_share: float = 0.8
+    """share of sequences that are cropped"""
+    colour_share: float = 0.5
+    """share of sequences whose colours are changed"""
+    device: str = "cpu"
+    """cpu or cuda"""
+    devices: int = 1
+    """processes that train together, each with a device of its own"""
+
+
+PAPER = Params(variant="paper", height_px=300, steps=96200, batch=2, lr=2e-5, warmup=1, decay=False, weight_decay=0.0,
+               clip_norm=0.0, bf16=False, validate_every=4810, static_share=0.0, coarse_share=0.0, foreground_weight=1.0,
+               turn=0.75, dice_weight=0.0, flip_share=0.0, crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
+"""the paper's: 200 epochs of 962 sequences"""
+
+
+def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None, encoder: FileTree | None = None,
+        weights: FileTree | None = None) -> Trained:  # fmt: skip
+    """Train the model, from the `encoder` that a pre-training left, if any."""
+    from afford.models.weights import placed
+    from afford.training.train import train
+
+    job = _job(placed(params, weights, "backbones"), recipe)
+    if encoder is not None:
+        job = job.starting_from(encoder)
+    return train(job, dataset, recipe.name if recipe else "sor3d", ctx, THREADS, params.devices)
+
+
+def _job(p: Params, recipe: Recipe | None = None) -> Sor3dJob:
+    """What the parameters say, where a recipe (its row, its seed) does not."""
+    from afford.rgbd.model.losses import LossParams
+    from afford.rgbd.model.sequence_batches import Changes
+    from afford.rgbd.train.sequences_job import adam_plan, config_of
+    from afford.rgbd.train.sor3d_job import Sor3dJob
+
+    if recipe is not None:
+        p = replace(p, row=recipe.row, seed=recipe.seed)
+    return Sor3dJob(
+        config=config_of("sor3d_train", p.variant, p.row, p.height_px, p.batch), plan=adam_plan(p),
+        loss=LossParams(turn=p.turn, dice=p.dice_weight, foreground=p.foreground_weight),
+        changes=Changes(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, static_share=p.static_share,
+        coarse_share=p.coarse_share, balance=p.balance, val_samples=p.val_samples, vgg=p.backbones, seed=p.seed)  # fmt: skip
