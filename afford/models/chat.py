@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from afford.models.api_key import harmless
+
 
 @dataclass(frozen=True)
 class Chat:
@@ -46,8 +48,6 @@ class Endpoint:
 
     def __post_init__(self) -> None:
         """What might be a key is not shown, and is refused before anything is written."""
-        from afford.models.api_key import harmless
-
         harmless(self.url, self.key_variable)
         if self.new_tokens < 1 or self.retries < 0 or self.timeout_s <= 0 or self.pause_s < 0:
             raise ValueError("expected new_tokens of 1 or more, timeout_s above 0, retries and pause_s of 0 or more, got "
