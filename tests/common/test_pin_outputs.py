@@ -39,7 +39,7 @@ def test_what_is_gone_or_new_differs() -> None:
 
 
 def test_every_target_is_pinned() -> None:
-    assert set(TARGETS) == {run.target for run in RUNS.values()}
+    assert set(TARGETS) - {"all"} == {run.target for run in RUNS.values()}
     pinned = json.loads(PINNED.read_text())["targets"]
     assert list(pinned) == list(RUNS)
     assert {stage for row in pinned.values() for stage in row["outputs"]} >= NAMES_CODE.keys()
