@@ -61,7 +61,7 @@ def settings() -> Settings:
     return usual.with_stages(
         hand_detect=replace(usual.extraction.hand_detect, backend="network"),
         sor3d_report=replace(usual.rgbd.sor3d_report, pretrained=True),
-        grasp_judge=replace(judge, endpoint=replace(judge.endpoint, url="http://localhost")),
+        grasp_judge=replace(judge, backend="endpoint", endpoint=replace(judge.endpoint, url="http://localhost")),
         grasp_report=replace(usual.grasping.grasp_report, rows=("teacher", "student", "positive")))  # fmt: skip
 
 
