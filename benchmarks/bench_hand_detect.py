@@ -191,7 +191,7 @@ def compare(shot: Shot, tracks: Tracks, t: int, tally: Tally) -> None:
 def _alone(shot: Shot, rgb: np.ndarray, params: hand_detect.Params, finder: FileTree) -> int:
     """Hands of one frame that the network finds by itself, whatever their side."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
-    said = find(np.ascontiguousarray(rgb[None, turn, turn]), params, finder)[0, turn, turn]
+    said = find(np.ascontiguousarray(rgb[None, turn, turn]), None, finder)[0, turn, turn]
     hand, left = said[..., :2].sum(-1) > 0.5, said[..., 0] > said[..., 1]
     parts = [hand & left, hand & ~left, hand]
     return sum(max(iou(part, truth) for part in parts) >= GOOD_IOU for truth in shot.hands.values())

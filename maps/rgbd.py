@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.rgbd.boxes import Boxes
+from afford.rgbd.boxes import BoxesParams
 from afford.rgbd.evaluate.recipes import PRETRAINED, label, recipes
 from maps.common import record_run, record_training, reported, weights
 from maps.settings import Origin, Settings
@@ -197,7 +197,7 @@ def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: File
     models  = {"sor3d": model, "boxes": boxes}
     return Told(*(g.named(name).add(
         static_evaluate.run, samples=samples, model=models[backend],
-        params=replace(p.rgbd.static_evaluate, name=name, backend=backend, boxes=Boxes(true)), ctx=g.ctx)
+        params=replace(p.rgbd.static_evaluate, name=name, backend=backend, boxes=BoxesParams(true)), ctx=g.ctx)
         for name, (backend, true) in REPORTS.items()))  # fmt: skip
 
 

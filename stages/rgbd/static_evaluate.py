@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.rgbd.boxes import Boxes
+from afford.rgbd.boxes import BoxesParams
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSet
 from schemas.spec import Context
@@ -43,7 +43,7 @@ class Params:
     """pictures in the sheet, spread evenly"""
     device: str = "cpu"
     """cpu, or cuda for a GPU"""
-    boxes: Boxes = Boxes()
+    boxes: BoxesParams = BoxesParams()
     """parameters of boxes"""
 
 

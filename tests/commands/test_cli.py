@@ -284,7 +284,7 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
         in_force = reduce(getattr, row["name"].split("."), Settings().params(row["stage"]))
         assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
     assert Settings.rgbd.sor3d_train != type(Settings.rgbd.sor3d_train)()
-    shown = re.findall(r"^mask_densify\.(\S+)", call("params", "mask-densify").words, re.MULTILINE)
+    shown = re.findall(r"^mask_densify\.(\S+)", call("params", "mask-densify").out, re.MULTILINE)
     named = [row["name"] for row in rows if row["stage"] == "mask_densify"]
     assert [name for name in shown if name not in ("flow", "sam2")] == named and {"flow", "sam2"} <= {*shown}
 

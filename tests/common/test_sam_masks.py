@@ -10,7 +10,9 @@ import pytest
 import torch
 
 from afford.models.sam_masks import Grid, everything, grid_points, load_model, stability
+from afford.surface.candidates import Sam
 from stages.surface import mask_propose
+from tests.helpers.blocks import changed
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones
 
@@ -59,11 +61,11 @@ def test_stability_is_the_overlap_of_two_cuts() -> None:
 def test_the_stage_keeps_masks_on_the_object(folder: Path) -> None:
     """None beside it, none of them twice; without a model the sentence says what is missing."""
     x = looked()
-    params = mask_propose.Params("sam", model=str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5)
+    params = mask_propose.Params("sam", sam=Sam(str(folder), 6, least_iou=-9.0, least_stability=0.0, least_px=5))
     found = mask_propose.run(x.mesh, x.views, params)
     for view, mask in zip(found.view, found.masks, strict=True):
         assert not mask[x.views.face[view] < 0].any() and mask.sum() >= 5
     assert (np.diff(found.view) >= 0).all()
     for name, said in (("", "needs a model"), ("/nowhere", "expected a SamModel in a local folder")):
         with pytest.raises(ValueError, match=said):
-            mask_propose.run(x.mesh, x.views, replace(params, model=name))
+            mask_propose.run(x.mesh, x.views, changed(params, model=name))

@@ -11,6 +11,7 @@ import pytest
 import torch
 from torch.nn.functional import one_hot
 
+from afford.rgbd.boxes import BoxesParams
 from afford.rgbd.boxes.align import labels_inside, pasted, roi_align
 from afford.rgbd.boxes.losses import extents, losses
 from afford.rgbd.boxes.model import MOST, Boxes, Seen, build, load, overlap, painted, proposals
@@ -133,7 +134,7 @@ def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:
     """From own boxes and from true ones; a model of sequences is refused as a detector, and the other way round."""
     clips = tuple(interaction(n, "val")[0] for n in range(3))
     for told in (False, True):
-        params = static_evaluate.Params(backend="boxes", boxes=Boxes(true_boxes=told))
+        params = static_evaluate.Params(backend="boxes", boxes=BoxesParams(true_boxes=told))
         found = static_evaluate.run(clips, trained.files, params, Scratch(tmp_path / str(told)))
         assert 0 <= json.loads(found.find("metrics.json").path.read_text())["iou"] <= 1
     folder = trained.files.find("model/config.json").path.parent

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Boxes:
+class BoxesParams:
     """Parameters of `boxes` in static evaluation."""
 
     true_boxes: bool = False

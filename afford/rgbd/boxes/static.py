@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from afford.rgbd.boxes import Boxes
+from afford.rgbd.boxes import BoxesParams
 from afford.rgbd.boxes.losses import extents
 from afford.rgbd.boxes.model import load, painted, proposals
 from afford.rgbd.model.inputs import frames
@@ -15,7 +15,7 @@ from afford.rgbd.model.static import Teller, Told, seen, square
 from schemas.interaction import StaticSample
 
 
-def teller(folder: Path, device: str, params: Boxes) -> Teller:
+def teller(folder: Path, device: str, params: BoxesParams) -> Teller:
     """Answers of the model in `folder`; with `params.true_boxes` it is told the extent of the label, and says what is inside."""
     model = load(folder).to(device)
 
