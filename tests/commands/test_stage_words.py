@@ -8,9 +8,9 @@ import pytest
 
 from commands.only import recorders
 from commands.stages import home, named, target_named
+from tests.commands.test_published import usual
 from tests.helpers.command import RECORDED, Made, call
 from tests.helpers.tiny_source import VIDEOS
-from tests.commands.test_published import usual
 
 CARD = {"frame_decode": "dataset", "mask_densify": "dataset", "hand_inpaint": "dataset", "object_completion": "dataset",
         "affordance_intersect": "dataset", "narration_labelling": "dataset", "dataset_pack": "dataset",
@@ -70,7 +70,8 @@ def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:
     graph = usual("negative-affordance")
     node = {one.name: one for one in graph.stages()}
     assert [one.name for one in recorders(graph, node["negative_affordance_projection"])] == ["object_record"]
-    assert recorders(graph, node["scorer_train"]) == []
+    assert [one.name for one in recorders(graph, node["scorer_train"])] == ["record_scorer_train"]
+    assert recorders(graph, node["lesson_masks"]) == []
     data = usual("dataset")
     for stage in RECORDED:
         found = next(one for one in data.stages() if one.name == stage)
