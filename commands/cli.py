@@ -259,8 +259,8 @@ def predict(
     json: Json = False,
 ) -> None:
     """Where the hands go for a task, or (sor3d) what affords what: masks, an overlay and a JSON object for every picture."""
-    from commands.predict import Options
     from commands.predict import predict as ask
+    from commands.predict_options import Options
 
     options = Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json, depth, intrinsics,
                       focal_px, rate_hz, frames)  # fmt: skip

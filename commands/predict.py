@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import UsageError, unknown
+from commands.predict_options import Options, usable
 from commands.progress import Shown, observer
 from commands.session import STORE
 from runner import Reason
@@ -27,28 +28,6 @@ STAGE = "predict"
 GPU_BATCH = 8
 SHOWN = 20
 """predictions that are listed; of more, the index tells"""
-
-
-@dataclass(frozen=True)
-class Options:
-    """What was asked for beside the picture and the task."""
-
-    out: Path
-    model: Path | None = None
-    hands: str = "auto"
-    threshold: float | None = None
-    all_hypotheses: bool = False
-    every: int = 10
-    batch: int | None = None
-    device: str = "cpu"
-    force: bool = False
-    store: Path | None = None
-    json: bool = False
-    depth: Path | None = None
-    intrinsics: Path | None = None
-    focal_px: float | None = None
-    rate_hz: float = 10.0
-    frames: int = 10
 
 
 @dataclass
@@ -108,18 +87,6 @@ def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Sto
         return found, Predictor(found.folder, usable(device))
     except ValueError as error:
         raise UsageError(str(error)) from error
-
-
-def usable(device: str) -> str:
-    """The device that was asked for. UsageError when there is none such."""
-    if device not in ("cpu", "cuda"):
-        raise unknown("--device", device, ("cpu", "cuda"))
-    if device == "cuda":
-        import torch
-
-        if not torch.cuda.is_available():
-            raise UsageError("--device cuda: expected a GPU that torch can use, got none; leave --device away")
-    return device
 
 
 def _check(task: str, options: Options) -> None:

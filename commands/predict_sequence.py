@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.markup import escape
 
 from commands.errors import UsageError
+from commands.predict_options import Options, usable
 from commands.session import STORE
 
 if TYPE_CHECKING:
     from afford.rgbd.model.predictor import Predictor
     from afford.rgbd.predict.footage import Footage
     from afford.twohands.predict.stored import Stored
-    from commands.predict import Options
     from schemas.interaction import SceneFlow
 
 NAME = "sor3d"
@@ -69,7 +69,6 @@ def open_model(options: Options) -> tuple[Stored, Predictor]:
     from afford.rgbd.model.files import FORMAT
     from afford.rgbd.model.predictor import Predictor
     from afford.twohands.predict import stored
-    from commands.predict import usable
 
     models = (options.store or STORE) / "models"
     folder = stored.last(models, FORMAT) if str(options.model) == NAME else options.model

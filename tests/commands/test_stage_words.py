@@ -70,7 +70,8 @@ def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:
     graph = usual("negative-affordance")
     node = {one.name: one for one in graph.stages()}
     assert [one.name for one in recorders(graph, node["negative_affordance_projection"])] == ["object_record"]
-    assert recorders(graph, node["scorer_train"]) == []
+    assert [one.name for one in recorders(graph, node["scorer_train"])] == ["record_scorer_train"]
+    assert recorders(graph, node["lesson_masks"]) == []
     data = usual("dataset")
     for stage in RECORDED:
         found = next(one for one in data.stages() if one.name == stage)

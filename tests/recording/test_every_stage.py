@@ -57,10 +57,11 @@ ELSEWHERE = {"grasp_candidates", "grasp_compare", "grasp_compare_report"}
 def settings() -> Settings:
     """With everything that a setting adds to a graph."""
     usual = Settings()
+    judge = usual.grasping.grasp_judge
     return usual.with_stages(
         hand_detect=replace(usual.extraction.hand_detect, backend="network"),
         sor3d_report=replace(usual.rgbd.sor3d_report, pretrained=True),
-        grasp_judge=replace(usual.grasping.grasp_judge, url="http://localhost"),
+        grasp_judge=replace(judge, backend="endpoint", endpoint=replace(judge.endpoint, url="http://localhost")),
         grasp_report=replace(usual.grasping.grasp_report, rows=("teacher", "student", "positive")))  # fmt: skip
 
 

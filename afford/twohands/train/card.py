@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from afford.training.curves import at_best, table
 from schemas.affordance import TAXONOMY
 from schemas.training import TrainingLog
-
-if TYPE_CHECKING:
-    from afford.twohands.train.hands_job import HandsJob
 
 LIMITS = """- It has learned to find regions in pictures like those it was trained on. Rendered pictures are tidier than kitchens.
 - A region says where hands were seen to act, in the image; it promises neither a stable grasp nor that touching is safe.
@@ -31,8 +28,10 @@ class Source:
     """train and val -> what they hold"""
 
 
-def text(name: str, source: Source, job: HandsJob, threshold: float, count: int, curves: TrainingLog) -> str:
-    """The whole card, Markdown with the header that model hubs read."""
+def text(name: str, source: Source, job: Mapping[str, Any], threshold: float, count: int,
+         curves: TrainingLog) -> str:  # fmt: skip
+    """The whole card, Markdown with the header that model hubs read; `job` is the job as a tree of its fields."""
+    config, division, plan = job["config"], job["division"], job["plan"]
     return f"""---
 license: {source.licence}
 library_name: afford
@@ -44,8 +43,8 @@ tags:
 
 # {name}
 
-A two-hand affordance model of afford, variant `{job.config.variant}` with {count:,} parameters: an image and a task in words go
-in; where the left and the right hand act, whether both are needed, and {job.config.hypotheses} hypotheses for each hand come out.
+A two-hand affordance model of afford, variant `{config["variant"]}` with {count:,} parameters: an image and a task in words go
+in; where the left and the right hand act, whether both are needed, and {config["hypotheses"]} hypotheses for each hand come out.
 
 ```python
 from afford.twohands.model.predictor import Predictor
@@ -55,7 +54,7 @@ said.mask("left"), said.mask("right"), said.taxonomy
 
 ## Data
 
-`{source.name}`, content digest `{source.digest}`, divided by `{job.division.by}` (seed {job.division.seed}).
+`{source.name}`, content digest `{source.digest}`, divided by `{division["by"]}` (seed {division["seed"]}).
 
 | | {' | '.join(source.parts)} |
 |---|{'--:|' * len(source.parts)}
@@ -63,19 +62,19 @@ said.mask("left"), said.mask("right"), said.taxonomy
 
 ## Training
 
-{curves.steps} of {job.plan.steps} steps of {job.batch * job.plan.accumulate} samples a process, seed {job.seed}; the weights of
-step {curves.best_step} were kept. Learns the {job.target} of each hand.
+{curves.steps} of {plan["steps"]} steps of {job["batch"] * plan["accumulate"]} samples a process, seed {job["seed"]}; the weights of
+step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 ```json
-{json.dumps(dataclasses.asdict(job), indent=1, sort_keys=True)}
+{json.dumps(job, indent=1, sort_keys=True)}
 ```
 
 ## Validation
 
 {table(at_best(curves))}
 
-On {min(job.val_samples, source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
-{job.config.size_px[1]} x {job.config.size_px[0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
+On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
+{config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
 hand by the model's own taxonomy. The threshold {threshold} was chosen here.
 
 ## Limits

@@ -92,7 +92,7 @@ class HandsJob:
         """The card, Markdown."""
         source = card.Source(dataset.name, dataset.digest, dataset.licence, about(scratch))
         count = sum(parameter.numel() for parameter in model.parameters())
-        return card.text(name, source, self, _own(model).config.threshold, count, curves)
+        return card.text(name, source, dataclasses.asdict(self), _own(model).config.threshold, count, curves)
 
     def to_json(self) -> str:
         """The job as text."""
