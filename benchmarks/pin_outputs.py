@@ -31,6 +31,8 @@ from benchmarks.pin_sources import written  # noqa: E402
 from commands.run import Request  # noqa: E402
 from commands.session import seen_runner  # noqa: E402
 from commands.store import planned  # noqa: E402
+from commands.targets import use  # noqa: E402
+from pipeline import TARGETS, build  # noqa: E402
 from runner import Runner  # noqa: E402
 from runner.keys import machine_kind  # noqa: E402
 
@@ -280,6 +282,7 @@ def write(found: Mapping[str, Outputs]) -> None:
 
 def asked(argv: Sequence[str] | None) -> argparse.Namespace:
     """The command line."""
+    use(TARGETS, build)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="pin what is made; default: compare it with what is pinned")
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts" / "pinned", help="where the runs keep what they make")
