@@ -283,6 +283,7 @@ def write(found: Mapping[str, Outputs]) -> None:
 
 def asked(argv: Sequence[str] | None) -> argparse.Namespace:
     """The command line."""
+    use(TARGETS, build)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="pin what is made; default: compare it with what is pinned")
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts" / "pinned", help="where the runs keep what they make")
