@@ -1,4 +1,4 @@
-"""The contact sheet of an object: its six views, the candidates of each, and where a hand must not go, task by task."""
+"""The contact sheet of an object: its six views, the candidates of each, and where a hand must not go, or belongs, task by task."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ import numpy as np
 from mcap.reader import make_reader
 
 from afford.common.tiles import framed, titles
+from afford.recording import of_object, of_positive
 from afford.recording.moments import moments, tile_of
-from afford.recording.of_object import CANDIDATES, ROOM, VIEW
+from afford.recording.of_object import CANDIDATES, VIEW
 
 SIX, SIDE, TASKS = 6, 190, 4
 """views, width of a tile in px, tasks at most"""
+ROOMS = {of_object.ROOM: "not to be touched", of_positive.ROOM: "to be touched"}
+"""first word of topics -> what is shown there"""
 
 
 def is_object(path: Path) -> bool:
@@ -23,11 +26,13 @@ def is_object(path: Path) -> bool:
 def strips_of(path: Path) -> list[np.ndarray]:
     """A line of titles, then for views, candidates and each task a strip of six views."""
     shown = list(moments(path))[:SIX]
-    tasks = sorted(topic for topic in _topics(path) if topic.startswith(f"{ROOM}/") and topic.endswith("/overlay"))[:TASKS]
-    layers = {path.stem: "", "candidates": CANDIDATES, **{_task(topic): topic for topic in tasks}}
+    there = _topics(path)
+    tasks = sorted(topic for topic in there if _room(topic) in ROOMS and topic.endswith("/overlay"))[:TASKS]
+    candidates = {"candidates": CANDIDATES} if CANDIDATES in there else {}
+    layers = {path.stem: "", **candidates, **{_task(topic): topic for topic in tasks}}
     strips = []
     for title, overlay in layers.items():
-        shades = overlay.startswith(ROOM)
+        shades = _room(overlay) in ROOMS
         tiles = [framed(t) for moment in shown if (t := tile_of(moment, VIEW, overlay, SIDE, not shades)) is not None]
         strip = np.concatenate(tiles, axis=1)
         strips += [titles([title], strip.shape[1], SIDE), strip]
@@ -35,8 +40,12 @@ def strips_of(path: Path) -> list[np.ndarray]:
 
 
 def _task(topic: str) -> str:
-    """/negative_affordance/0_cut_bread/overlay -> not to be touched to: cut bread."""
-    return "not to be touched: " + topic.split("/")[2].partition("_")[2].replace("_", " ")
+    """/negative_affordance/0_cut_bread/overlay -> not to be touched: cut bread."""
+    return f"{ROOMS[_room(topic)]}: " + topic.split("/")[2].partition("_")[2].replace("_", " ")
+
+
+def _room(topic: str) -> str:
+    return "/" + topic.split("/")[1] if topic else ""
 
 
 def _topics(path: Path) -> set[str]:
