@@ -1,11 +1,18 @@
 """Register afford's environments when gymnasium is imported. Lies in site-packages; a `.pth` file imports it when Python starts.
 
-It imports nothing of afford before gymnasium is there, so that a script in another checkout still gets that checkout's afford.
+It reads nothing of afford: an entry point is a name, which gymnasium imports when somebody makes the environment. So a script in
+another checkout gets that checkout's afford, and a stage that imports gymnasium opens no file that is not in its key.
 """
 
 import sys
 
 REGISTRY = "gymnasium.envs.registration"
+ENVIRONMENTS = {
+    "afford/AffordanceGrasp-v0": ("afford.grasping.env.env:AffordanceGrasp", "afford.grasping.env.env:AffordanceGraspVector"),
+    "afford/HandImitation-v0": ("afford.grasping.imitation.imitate_env:HandImitation",
+                                "afford.grasping.imitation.imitate_env:HandImitationVector"),
+}
+"""as in afford/environments.py"""
 
 
 class _Finder:
@@ -26,12 +33,9 @@ def _append(loader):
 
     def exec_module(module):
         load(module)
-        try:
-            from afford.environments import register
-        except ImportError as error:  # the checkout is gone, or a folder of the user's hides it; gymnasium works all the same
-            sys.stderr.write(f"afford's environments are not registered with gymnasium: {error}\n")
-        else:
-            register(module)
+        for name, (one, many) in ENVIRONMENTS.items():
+            if name not in module.registry:
+                module.register(id=name, entry_point=one, vector_entry_point=many)
 
     loader.exec_module = exec_module
 

@@ -119,8 +119,9 @@ def test_a_task_survives_its_description() -> None:
 
 
 def test_names_are_registered_once() -> None:
-    """Again, and nothing happens; every entry point is there."""
+    """Again, and nothing happens; every entry point is there, and is that of the table, also where the install registered it."""
     before = {name: gymnasium.registry[name] for name in ENVIRONMENTS}
+    assert {name: (one.entry_point, one.vector_entry_point) for name, one in before.items()} == ENVIRONMENTS
     register()
     assert {name: gymnasium.registry[name] for name in ENVIRONMENTS} == before
     for spec in before.values():
