@@ -283,7 +283,7 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     for row in rows:
         in_force = reduce(getattr, row["name"].split("."), Settings().params(row["stage"]))
         assert row["default"] == json.loads(json.dumps(in_force)), (row["stage"], row["name"])
-    assert Settings.rgbd.sor3d_train != type(Settings.rgbd.sor3d_train)()
+    assert Settings.grasping.motion_synthesise != type(Settings.grasping.motion_synthesise)()
     shown = re.findall(r"^mask_densify\.(\S+)", call("params", "mask-densify").out, re.MULTILINE)
     named = [row["name"] for row in rows if row["stage"] == "mask_densify"]
     assert [name for name in shown if name not in ("flow", "sam2")] == named and {"flow", "sam2"} <= {*shown}

@@ -24,10 +24,9 @@ from afford.grasping.candidates.read import read_mask
 from afford.models.archive import read_tensors
 from afford.rgbd.model import vgg
 from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder
-from afford.rgbd.readers import iit_aff, umd
+from afford.rgbd.readers import Umd, iit_aff, umd
 from afford.rgbd.readers.static_set import Listed
 from afford.twohands.model.published import read_weights
-from schemas.files import FileTree
 from schemas.interaction import StaticSample
 from tests.helpers import made_interactions
 from tests.helpers.bombs import Bomb
@@ -125,10 +124,10 @@ def write_iit(folder: Path, where: str) -> Path:
     return folder / where
 
 
-def read_static(path: Path, listed: Callable[[FileTree, int, str, int], tuple[Listed, ...]]) -> list[StaticSample]:
+def read_static(path: Path, listed: Callable[..., tuple[Listed, ...]], own: Umd | None = None) -> list[StaticSample]:
     """Every picture of the root that a file is in; one that cannot be used is an error here."""
     root = next(parent for parent in path.parents if any((parent / name).is_dir() for name in ("tools", "affordances_labels")))
-    return [one.read() for one in listed(made_interactions.folder(root), 16, "category_split.txt", 1)]
+    return [one.read() for one in listed(made_interactions.folder(root), 16, 1, own)]
 
 
 def write_picture(folder: Path, ending: str, *, deep: bool = False) -> Path:
@@ -165,10 +164,10 @@ READERS: list[FuzzedReader] = [
     weights("VGG .pth", partial(write_vgg, zipped=True), lambda path: vgg.fill(encoder(), path)),
     weights("VGG .pth of old", partial(write_vgg, zipped=False), lambda path: vgg.fill(encoder(), path)),
     weights("config of a finder", write_config, lambda path: hands_files.read(path.parent)),
-    source("UMD splits", partial(write_umd, ending="split.txt"), partial(read_static, listed=umd.listed)),
-    source("UMD .mat", partial(write_umd, ending=".mat"), partial(read_static, listed=umd.listed)),
-    source("UMD depth", partial(write_umd, ending=".png"), partial(read_static, listed=umd.listed)),
-    source("UMD picture", partial(write_umd, ending=".jpg"), partial(read_static, listed=umd.listed)),
+    source("UMD splits", partial(write_umd, ending="split.txt"), partial(read_static, listed=umd.listed, own=Umd())),
+    source("UMD .mat", partial(write_umd, ending=".mat"), partial(read_static, listed=umd.listed, own=Umd())),
+    source("UMD depth", partial(write_umd, ending=".png"), partial(read_static, listed=umd.listed, own=Umd())),
+    source("UMD picture", partial(write_umd, ending=".jpg"), partial(read_static, listed=umd.listed, own=Umd())),
     *(source(f"IIT-AFF {where}", partial(write_iit, where=where), partial(read_static, listed=iit_aff.listed))
       for where in ("affordances_labels/a.txt", "depth/a.txt", "object_labels/a.txt", "val.txt")),
     *(source(f"picture to predict {ending}", partial(write_picture, ending=ending), read_image)
@@ -237,5 +236,5 @@ BOMBS: list[Bomb] = [
          (SourceError,)),
     Bomb("picture of 30000 x 30000", written("one.png", lambda: black_png(30_000, 30_000)), read_image, (SourceError,)),
     *(Bomb(f"UMD label of 2.5 GB that states {stated} bytes", partial(large_label, stated=stated),
-           partial(read_static, listed=umd.listed), (SourceError,)) for stated in (ZEROS, 1000)),
+           partial(read_static, listed=umd.listed, own=Umd()), (SourceError,)) for stated in (ZEROS, 1000)),
 ]  # fmt: skip
