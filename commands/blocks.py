@@ -81,5 +81,6 @@ def _docs(of: type) -> dict[str, str]:
         for field, after in zip(body.body, [*body.body[1:], None], strict=True):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                 literal = after.value if isinstance(after, ast.Expr) else None
-                found[field.target.id] = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
+                doc = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
+                found[field.target.id] = doc or found.get(field.target.id, "")  # another default alone keeps the doc line
     return found

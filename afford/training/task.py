@@ -9,6 +9,8 @@ from typing import Protocol, TypeVar
 
 from torch import Tensor, nn
 
+from afford.training.params import Optimisation
+
 Progress = Callable[[int, int], None]
 Batch = TypeVar("Batch")
 """what one micro-batch is, of which the loop knows nothing"""
@@ -65,36 +67,7 @@ class Plan:
             raise ValueError(f"training: expected steps, accumulate, log_every >= 1 and 0 < warmup <= steps, got {self}")
 
 
-class PlanParams(Protocol):
-    """Parameters of a stage that name what the loop does."""
-
-    @property
-    def steps(self) -> int: ...
-    @property
-    def lr(self) -> float: ...
-    @property
-    def warmup(self) -> int: ...
-    @property
-    def decay(self) -> bool: ...
-    @property
-    def weight_decay(self) -> float: ...
-    @property
-    def clip_norm(self) -> float: ...
-    @property
-    def accumulate(self) -> int: ...
-    @property
-    def bf16(self) -> bool: ...
-    @property
-    def validate_every(self) -> int: ...
-    @property
-    def patience(self) -> int: ...
-    @property
-    def seed(self) -> int: ...
-    @property
-    def device(self) -> str: ...
-
-
-def plan_of(p: PlanParams, parallel: int = 1) -> Plan:
+def plan_of(p: Optimisation, parallel: int = 1) -> Plan:
     """The plan that the parameters of a stage describe, whatever the model."""
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), decay=p.decay, weight_decay=p.weight_decay,
                 clip_norm=p.clip_norm, accumulate=p.accumulate, bf16=p.bf16, validate_every=p.validate_every,

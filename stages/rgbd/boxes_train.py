@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from afford.rgbd.train.params import InteractionTraining
 from schemas.files import FileTree
 from schemas.spec import Context
 from schemas.training import Trained
@@ -28,51 +29,14 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(InteractionTraining):
     variant: str = "small"
     """widths of the encoder: small, or paper"""
     row: str = "rgbd"
     """what is seen of a picture: rows of sor3d_train with rgbd see depth, those with rgb see colours alone"""
-    seed: int = 0
-    """seed of weights, order and augmentation"""
-    height_px: int = 72
-    """height and width of the model's input"""
-    steps: int = 1000
-    """steps of the optimiser, unless validation ends it earlier"""
-    batch: int = 8
-    """pictures per micro-batch and device"""
-    accumulate: int = 1
-    """micro-batches per step"""
     lr: float = 5e-4
-    """learning rate after the warm-up"""
-    warmup: int = 20
-    """steps of linear warm-up"""
-    decay: bool = True
-    """whether the learning rate falls linearly to 0 after the warm-up"""
-    weight_decay: float = 0.01
-    """of AdamW"""
-    clip_norm: float = 1.0
-    """largest norm of the gradient, 0 for any"""
-    bf16: bool = False
-    """mixed precision, where the CPU has instructions for it: AMX or AVX512-BF16"""
-    validate_every: int = 325
-    """steps between two validations"""
-    patience: int = 0
-    """validations without a better one that end the training, 0 for never"""
-    val_samples: int = 256
-    """pictures that judge, spread over all of them"""
-    balance: float = 0.0
-    """0: pictures as they are; 1: every affordance of every object type equally often"""
-    flip_share: float = 0.5
-    """share of pictures that are mirrored"""
-    crop_share: float = 0.8
-    """share of pictures that are cropped"""
-    colour_share: float = 0.5
-    """share of pictures whose colours are changed"""
     device: str = "cpu"
     """cpu; a GPU has no kernel that learns through samples inside of boxes and gives the same result twice"""
-    devices: int = 1
-    """processes that train together"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:

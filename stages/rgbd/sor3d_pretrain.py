@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from afford.rgbd.train.params import InteractionTraining
 from schemas.files import FileTree
 from schemas.spec import Context
 from schemas.training import Trained
@@ -27,51 +28,14 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 
 @dataclass(frozen=True)
-class Params:
-    variant: str = "small"
-    """small (from nothing, on a CPU) or paper"""
+class Params(InteractionTraining):
     row: str = "rgbd_attention_flow3d"
     """the model whose encoder it is (sor3d_train); only those without depth have another"""
-    seed: int = 0
-    """seed of weights, order and augmentation"""
-    height_px: int = 72
-    """height and width of the model's input"""
     steps: int = 300
-    """steps of the optimiser, unless validation ends it earlier"""
     batch: int = 16
-    """clips per micro-batch and device"""
-    accumulate: int = 1
-    """micro-batches per step"""
     lr: float = 3e-3
-    """learning rate after the warm-up"""
-    warmup: int = 20
-    """steps of linear warm-up"""
-    decay: bool = True
-    """whether the learning rate falls linearly to 0 after the warm-up; false in the paper"""
-    weight_decay: float = 0.01
-    """of AdamW"""
-    clip_norm: float = 1.0
-    """largest norm of the gradient, 0 for any"""
     bf16: bool = True
-    """mixed precision, where the device has instructions for it: GPUs, and CPUs with AMX or AVX512-BF16"""
     validate_every: int = 150
-    """steps between two validations"""
-    patience: int = 0
-    """validations without a better one that end the training, 0 for never"""
-    val_samples: int = 256
-    """clips that judge, spread over all of them"""
-    balance: float = 0.0
-    """0: clips as they are; 1: every action equally often"""
-    flip_share: float = 0.5
-    """share of clips that are mirrored"""
-    crop_share: float = 0.8
-    """share of clips that are cropped"""
-    colour_share: float = 0.5
-    """share of clips whose colours are changed"""
-    device: str = "cpu"
-    """cpu or cuda"""
-    devices: int = 1
-    """processes that train together, each with a device of its own"""
 
 
 PAPER = Params(variant="paper", height_px=300, steps=4000, batch=2, lr=2e-5, warmup=1, decay=False, weight_decay=0.0, clip_norm=0.0,

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from afford.rgbd.train.params import InteractionTraining
 from schemas.files import FileTree
 from schemas.spec import Context
 from schemas.training import Recipe, Trained
@@ -30,11 +31,7 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 
 @dataclass(frozen=True)
-class Params:
-    variant: str = "small"
-    """small (from nothing, on a CPU) or paper"""
-    row: str = "rgbd_attention_flow3d"
-    """what the model has: rgb, rgb_attention, rgb_attention_flow2d, rgbd, rgbd_attention, rgbd_attention_flow3d"""
+class Params(InteractionTraining):
     static_share: float = 0.5
     """the last frames of this share of a batch are learned beside it, as pictures; 0 in the paper"""
     foreground_weight: float = 3.0
@@ -43,50 +40,14 @@ class Params:
     """share of the steps after which regions count as much as the action (before: a quarter of it); 0.75 in the paper"""
     dice_weight: float = 2.0
     """weight of the Dice loss; 0 in the paper"""
-    seed: int = 0
-    """seed of weights, order and augmentation"""
-    backbones: str = ""
-    """a VGG16 checkpoint for the stream of motion: a file, or a hub id"""
-    height_px: int = 72
-    """height and width of the model's input"""
-    steps: int = 1300
-    """steps of the optimiser, unless validation ends it earlier"""
     coarse_share: float = 0.45
     """share of the steps that come first, at half the size"""
+    backbones: str = ""
+    """a VGG16 checkpoint for the stream of motion: a file, or a hub id"""
+    steps: int = 1300
     batch: int = 16
-    """sequences per micro-batch and device"""
-    accumulate: int = 1
-    """micro-batches per step"""
     lr: float = 3e-3
-    """learning rate after the warm-up"""
-    warmup: int = 20
-    """steps of linear warm-up"""
-    decay: bool = True
-    """whether the learning rate falls linearly to 0 after the warm-up; false in the paper"""
-    weight_decay: float = 0.01
-    """of AdamW"""
-    clip_norm: float = 1.0
-    """largest norm of the gradient, 0 for any"""
     bf16: bool = True
-    """mixed precision, where the device has instructions for it: GPUs, and CPUs with AMX or AVX512-BF16"""
-    validate_every: int = 325
-    """steps between two validations"""
-    patience: int = 0
-    """validations without a better one that end the training, 0 for never"""
-    val_samples: int = 256
-    """sequences that judge, spread over all of them"""
-    balance: float = 0.0
-    """0: sequences as they are; 1: every affordance of every object type equally often"""
-    flip_share: float = 0.5
-    """share of sequences that are mirrored"""
-    crop_share: float = 0.8
-    """share of sequences that are cropped"""
-    colour_share: float = 0.5
-    """share of sequences whose colours are changed"""
-    device: str = "cpu"
-    """cpu or cuda"""
-    devices: int = 1
-    """processes that train together, each with a device of its own"""
 
 
 PAPER = Params(variant="paper", height_px=300, steps=96200, batch=2, lr=2e-5, warmup=1, decay=False, weight_decay=0.0,

@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from afford.training.params import Optimisation
 from schemas.files import FileTree
 from schemas.spec import Context
 from schemas.training import Recipe, Trained
@@ -33,7 +34,7 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(Optimisation):
     variant: str = "small"
     """small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
     hypotheses: int = 3
@@ -44,8 +45,6 @@ class Params:
     """2, or 1: one region for whichever hand, as LISA has it"""
     target: str = "affordance"
     """what is learned: affordance, or object (the complete object of each hand)"""
-    seed: int = 0
-    """seed of weights, order and augmentation"""
     backbones: str = ""
     """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without"""
     height_px: int = 128
@@ -53,29 +52,13 @@ class Params:
     width_px: int = 160
     """width of the model's input; clip and vlm are square, as high as wide"""
     steps: int = 4500
-    """steps of the optimiser, unless validation ends it earlier"""
     coarse_share: float = 0.53
     """share of the steps that come first, at half the size, with twice as many samples; of small alone"""
-    batch: int = 8
-    """samples per micro-batch and device"""
     accumulate: int = 2
     """micro-batches per step; those of small are computed at the same time on a CPU"""
     lr: float = 2e-3
-    """learning rate after the warm-up"""
     warmup: int = 100
-    """steps of linear warm-up"""
-    decay: bool = True
-    """whether the learning rate falls linearly to 0 after the warm-up"""
-    weight_decay: float = 0.01
-    """of AdamW"""
-    clip_norm: float = 1.0
-    """largest norm of the gradient, 0 for any"""
-    bf16: bool = False
-    """mixed precision, where the device has instructions for it: GPUs, and CPUs with AMX or AVX512-BF16"""
     validate_every: int = 1500
-    """steps between two validations"""
-    patience: int = 0
-    """validations without a better one that end the training, 0 for never"""
     val_samples: int = 256
     """samples that judge, every second one cropped to its objects"""
     split_by: str = "given"
@@ -109,10 +92,6 @@ class Params:
     centre_weight: float = 1.0
     """weight of telling where in the whole picture the things are, of which a crop shows a part: left or right hand is a matter
     of that; small tells it beside its regions; 0 for the paper's losses"""
-    device: str = "cpu"
-    """cpu or cuda"""
-    devices: int = 1
-    """processes that train together, each with a device of its own"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,

@@ -19,8 +19,9 @@ from afford.rgbd.model.sequence_batches import Changes
 from afford.rgbd.train import sor3d_card
 from afford.training.job import Dataset
 from afford.training.order import Order
+from afford.training.params import Optimisation
 from afford.training.state import State
-from afford.training.task import Plan, PlanParams, plan_of
+from afford.training.task import Plan, plan_of
 from schemas.training import TrainingLog
 
 FILES = "sequences.json"
@@ -87,7 +88,7 @@ def config_of(stage: str, variant: str, of_row: str, size_px: int, batch: int) -
     return row(replace(VARIANTS[variant](), size_px=size_px), of_row)
 
 
-def adam_plan(p: PlanParams) -> Plan:
+def adam_plan(p: Optimisation) -> Plan:
     """The plan that the parameters of a stage describe, with the moments of the paper."""
     return replace(plan_of(p), betas=ADAM)
 
