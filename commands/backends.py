@@ -20,6 +20,7 @@ from commands.errors import UsageError, unknown
 from commands.registries import Backend, everywhere, third_party
 from commands.settings import settings
 from maps.settings import SYSTEM_OF, Settings
+from runner.selection import selector
 
 PIPED_WIDTH = 100
 """columns where no terminal says how many"""
@@ -73,7 +74,7 @@ def markdown(found: list[Row]) -> str:
 
 
 def _row(backend: Backend, params: Any) -> Row:
-    owner, field = backend.stage, backend.registry.lower().removesuffix("s").replace("policie", "policy")
+    owner, field = backend.stage, selector(backend.registry)
     chosen_by = f"{owner}.{field}" if backend.owner != owner else f"{owner}:{backend.registry}"
     wants = [f"weights: {backend.weights}"] if backend.weights else []
     wants += [f"server: {backend.server}"] if backend.server else []

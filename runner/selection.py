@@ -47,8 +47,9 @@ def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
 
 
 def selector(registry: str) -> str:
-    """The field of Params that selects from a registry: `backend` from BACKENDS."""
-    return registry.lower().removesuffix("s")
+    """The field of Params that selects from a registry: `backend` from BACKENDS, `policy` from POLICIES."""
+    name = registry.lower()
+    return f"{name.removesuffix('ies')}y" if name.endswith("ies") else name.removesuffix("s")
 
 
 def select_of(params: object) -> dict[str, object]:

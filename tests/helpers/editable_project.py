@@ -14,13 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass
-class House:
+class EditableProject:
     """Code in a folder. `main.py` runs a graph and prints tasks that ran, the text that came out, and reasons, | between them."""
 
     root: Path
 
     @classmethod
-    def build(cls, root: Path, files: Mapping[str, str]) -> House:
+    def build(cls, root: Path, files: Mapping[str, str]) -> EditableProject:
         for name, text in files.items():
             (root / name).parent.mkdir(exist_ok=True)
             (root / name).write_text(text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,22 +10,23 @@ from typing import Any
 import pytest
 
 from runner.canonical import canonical
+from runner.fingerprint import fingerprint
 from runner.keys import seed_of
 from runner.modules import Modules
 from runner.selection import Unselected, declarations, selected, unselected, without
-from tests.helpers.house import House
+from tests.helpers.editable_project import EditableProject
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """
 import json
 from pathlib import Path
 from runner import Graph, Runner, keys
-from house.stage import *
-from house.values import Word
+from pkg.stage import *
+from pkg.values import Word
 keys._versions.update(json.loads(Path("versions.json").read_text()))
 g = Graph()
 g.target("all", g.add(run, word=g.leaf("w", Word("w", "ab")), params=Params()))
-runner = Runner(Path("store"), Path("."), "house.values:CODEC", jobs=JOBS)
+runner = Runner(Path("store"), Path("."), "pkg.values:CODEC", jobs=JOBS)
 plans = [str(plan.reason) for plan in runner.plan(g, "all") if plan.status == "run"]
 report = runner.run(g, "all")
 said = report.failures[0].message if report.failures else runner.load(report.outputs["stage"][0][1]).text
@@ -34,12 +35,12 @@ print(sum(report.ran.values()), said, *plans, sep="|")
 STAGE = """
 from __future__ import annotations
 from dataclasses import dataclass
-from house.flow import Flow
-from house.load import load
-from house.sam2 import Sam2
-from house.values import Word
+from pkg.flow import Flow
+from pkg.load import load
+from pkg.sam2 import Sam2
+from pkg.values import Word
 
-BACKENDS = {"flow": "house.flow:mark", "sam-2": "house.sam2:mark"}
+BACKENDS = {"flow": "pkg.flow:mark", "sam-2": "pkg.sam2:mark"}
 LIBRARIES = ("one",)
 BACKEND_LIBRARIES = {"sam-2": ("two",), "flow": ("three",)}
 
@@ -69,18 +70,18 @@ def mark(text: str, params: {name}) -> str:
     return text + params.twice()
 """
 FILES = {
-    "main.py": MAIN.replace("JOBS", "0"), "versions.json": '{"one": "1", "two": "1", "three": "1"}', "house/__init__.py": "",
-    "house/stage.py": STAGE, "house/flow.py": BLOCK.format(name="Flow", sign="~"),
-    "house/sam2.py": BLOCK.format(name="Sam2", sign="#"),
-    "house/values.py": (ROOT / "tests/toy_domain/toy/values.py").read_text(),
-    "house/load.py": "import importlib\n\nDYNAMIC = ()\n\n\ndef load(entry):\n    module, name = entry.split(':')\n"
+    "main.py": MAIN.replace("JOBS", "0"), "versions.json": '{"one": "1", "two": "1", "three": "1"}', "pkg/__init__.py": "",
+    "pkg/stage.py": STAGE, "pkg/flow.py": BLOCK.format(name="Flow", sign="~"),
+    "pkg/sam2.py": BLOCK.format(name="Sam2", sign="#"),
+    "pkg/values.py": (ROOT / "tests/toy_domain/toy/values.py").read_text(),
+    "pkg/load.py": "import importlib\n\nDYNAMIC = ()\n\n\ndef load(entry):\n    module, name = entry.split(':')\n"
                      "    return getattr(importlib.import_module(module), name)\n"}
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> House:
+def project(tmp_path: Path) -> EditableProject:
     """The project, run once with the backend `flow`."""
-    made = House.build(tmp_path, FILES)
+    made = EditableProject.build(tmp_path, FILES)
     assert made.play()[:2] == (1, "ab~~.")
     return made
 
@@ -94,58 +95,58 @@ EDITS = {
 
 
 @pytest.mark.parametrize("case", EDITS)
-def test_an_edit_of_a_block_runs_again_only_what_selects_it(case: str, house: House) -> None:
+def test_an_edit_of_a_block_runs_again_only_what_selects_it(case: str, project: EditableProject) -> None:
     """0 tasks for the unselected backend; for the selected one the task, and the reason names what changed."""
     old, new = EDITS[case]
-    house.edit("house/sam2.py", old, new)
-    assert house.play() == (0, "ab~~.", [])
-    house.edit("house/flow.py", old.replace("#", "~").replace("Sam2", "Flow"), new.replace("Sam2", "Flow"))
-    ran, _, reasons = house.play()
+    project.edit("pkg/sam2.py", old, new)
+    assert project.play() == (0, "ab~~.", [])
+    project.edit("pkg/flow.py", old.replace("#", "~").replace("Sam2", "Flow"), new.replace("Sam2", "Flow"))
+    ran, _, reasons = project.play()
     assert ran == 1 and reasons[0].startswith(("code changed: ", "parameter changed: flow."))
 
 
-def test_a_new_value_of_a_block_runs_again_only_what_selects_it(house: House) -> None:
+def test_a_new_value_of_a_block_runs_again_only_what_selects_it(project: EditableProject) -> None:
     """The reason names the parameter as 'block.name'."""
-    house.edit("house/stage.py", "= Sam2()", "= Sam2('&')")
-    assert house.play() == (0, "ab~~.", [])
-    house.edit("house/stage.py", "= Flow()", "= Flow('&')")
-    assert house.play() == (1, "ab&&.", ['parameter changed: flow.sign "~" -> "&"'])
+    project.edit("pkg/stage.py", "= Sam2()", "= Sam2('&')")
+    assert project.play() == (0, "ab~~.", [])
+    project.edit("pkg/stage.py", "= Flow()", "= Flow('&')")
+    assert project.play() == (1, "ab&&.", ['parameter changed: flow.sign "~" -> "&"'])
 
 
-def test_a_library_of_a_backend_runs_again_only_what_selects_it(house: House) -> None:
+def test_a_library_of_a_backend_runs_again_only_what_selects_it(project: EditableProject) -> None:
     """LIBRARIES count always, BACKEND_LIBRARIES for the selected entry."""
-    house.edit("versions.json", '"two": "1"', '"two": "2"')
-    assert house.play()[0] == 0
-    house.edit("versions.json", '"three": "1"', '"three": "2"')
-    assert house.play()[2] == ['library version changed: three "1" -> "2"']
-    house.edit("versions.json", '"one": "1"', '"one": "2"')
-    assert house.play()[2] == ['library version changed: one "1" -> "2"']
+    project.edit("versions.json", '"two": "1"', '"two": "2"')
+    assert project.play()[0] == 0
+    project.edit("versions.json", '"three": "1"', '"three": "2"')
+    assert project.play()[2] == ['library version changed: three "1" -> "2"']
+    project.edit("versions.json", '"one": "1"', '"one": "2"')
+    assert project.play()[2] == ['library version changed: one "1" -> "2"']
 
 
-def test_a_new_backend_with_a_block_runs_nothing(house: House) -> None:
+def test_a_new_backend_with_a_block_runs_nothing(project: EditableProject) -> None:
     """Nor does the place of its field among the others."""
-    house.edit("house/stage.py", '"sam-2": "house.sam2:mark"}', '"sam-2": "house.sam2:mark", "new": "house.new:mark"}')
-    house.edit("house/stage.py", "    flow: Flow = Flow()", "    new: New = New()\n    flow: Flow = Flow()")
-    house.edit("house/stage.py", "from house.load", "from house.new import New\nfrom house.load")
-    (house.root / "house/new.py").write_text(BLOCK.format(name="New", sign="%"))
-    assert house.play() == (0, "ab~~.", [])
+    project.edit("pkg/stage.py", '"sam-2": "pkg.sam2:mark"}', '"sam-2": "pkg.sam2:mark", "new": "pkg.new:mark"}')
+    project.edit("pkg/stage.py", "    flow: Flow = Flow()", "    new: New = New()\n    flow: Flow = Flow()")
+    project.edit("pkg/stage.py", "from pkg.load", "from pkg.new import New\nfrom pkg.load")
+    (project.root / "pkg/new.py").write_text(BLOCK.format(name="New", sign="%"))
+    assert project.play() == (0, "ab~~.", [])
 
 
-def test_another_backend_has_another_key_and_its_own_block(house: House) -> None:
+def test_another_backend_has_another_key_and_its_own_block(project: EditableProject) -> None:
     """Back again, nothing runs."""
-    house.edit("house/stage.py", 'backend: str = "flow"', 'backend: str = "sam-2"')
-    ran, text, reasons = house.play()
+    project.edit("pkg/stage.py", 'backend: str = "flow"', 'backend: str = "sam-2"')
+    ran, text, reasons = project.play()
     assert (ran, text) == (1, "ab##.") and reasons[0].startswith('parameter changed: backend "flow" -> "sam-2", flow.sign "~" -> (')
-    house.edit("house/stage.py", 'backend: str = "sam-2"', 'backend: str = "flow"')
-    assert house.play()[0] == 0
+    project.edit("pkg/stage.py", 'backend: str = "sam-2"', 'backend: str = "flow"')
+    assert project.play()[0] == 0
 
 
 @pytest.mark.parametrize("jobs", [0, 1])
 def test_a_stage_cannot_read_a_block_that_is_not_selected(jobs: int, tmp_path: Path) -> None:
     """It is in no key, so that an output could not follow it."""
-    house = House.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
-    house.edit("house/stage.py", "+ params.end", "+ params.sam_2.sign")
-    assert house.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is in no key; read only")
+    project = EditableProject.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
+    project.edit("pkg/stage.py", "+ params.end", "+ params.sam_2.sign")
+    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is in no key; read only")
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ def test_an_unselected_block_is_not_in_the_parameters(tmp_path: Path) -> None:
     tree = without(canonical(params), params, {"b", "n", "gone"})
     assert tree == {"of": "Params", "fields": {"backend": "a", "a": {"of": "Block", "fields": {"size": 1}}, "n": 3}}
     assert seed_of(tree, {}) == seed_of(without(canonical(Params(b=Block(5))), params, {"b"}), {})
-    given = pickle.loads(pickle.dumps(selected(params, {"b", "n"})))
+    given = deepcopy(selected(params, {"b", "n"}))
     assert (given.a, given.n, repr(given.b)) == (Block(), 3, "<b is not selected>")
     with pytest.raises(ValueError, match=r"params\.b\.size belongs to a backend"):
         given.b.size  # noqa: B018
@@ -228,3 +229,10 @@ def test_registries_that_a_stage_imports_select_too(tmp_path: Path) -> None:
     assert unselected(modules, "stage", {"backend": "a", "refine": "b"}) == {"c_1"}
     assert unselected(modules, "stage", {"backend": "a"}) == {"b"}
     assert unselected(modules, "stage", {}) == unselected(modules, "gone", {"backend": "a"}) == frozenset()
+
+
+def test_a_plural_in_ies_selects_too() -> None:
+    """`policy` selects from POLICIES: the code of the other entries is not in the fingerprint."""
+    found = fingerprint(Modules(ROOT), "stages.extraction.narration_labelling:run", {"policy": "last"}).definitions
+    names = {name.partition(":")[2] for name in found if name.startswith("afford.extraction.labels.overlap:")}
+    assert "last" in names and not names & {"shortest", "every"}

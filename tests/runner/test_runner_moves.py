@@ -8,20 +8,20 @@ import pytest
 
 from runner import Graph, Runner, StoreError
 from runner.fingerprint import changed
-from tests.helpers.house import House
+from tests.helpers.editable_project import EditableProject
 
 ROOT = Path(__file__).resolve().parents[2]
 MAIN = """
 import sys
 from pathlib import Path
 from runner import Graph, Runner
-from house.shout import Params, run
-from house.values import Word
+from pkg.shout import Params, run
+from pkg.values import Word
 g = Graph()
 word = g.leaf("w", Word("w", "ab"))
 one = g.named("shout").add(run, word=word, params=Params())
 g.target("all", g.named("sign").add(run, word=one, params=Params()))
-runner = Runner(Path("store"), Path("."), "house.values:CODEC", jobs=0)
+runner = Runner(Path("store"), Path("."), "pkg.values:CODEC", jobs=0)
 plans = [str(plan.reason) for plan in runner.plan(g, "all") if plan.status == "run"]
 report = runner.run(g, "all")
 assert report.ok, report.failures
@@ -30,114 +30,114 @@ print(sum(report.ran.values()), runner.load(report.outputs["sign"][0][1]).text, 
 SHOUT = """
 from __future__ import annotations
 from dataclasses import dataclass
-from house.helper import end, loud
-from house.values import Word
-BACKENDS = {"up": "house.upper:up", "down": "house.lower:down"}
+from pkg.helper import end, loud
+from pkg.values import Word
+BACKENDS = {"up": "pkg.upper:up", "down": "pkg.lower:down"}
 
 @dataclass(frozen=True)
 class Params:
     backend: str = "up"
 
 def run(word: Word, params: Params) -> Word:
-    from house.mark import MARK
-    from house.load import load
+    from pkg.mark import MARK
+    from pkg.load import load
     return Word(word.name, load(BACKENDS[params.backend])(end(loud(word.text))) + MARK)
 """
 FILES = {
-    "main.py": MAIN, "house/__init__.py": "", "house/shout.py": SHOUT,
-    "house/values.py": (ROOT / "tests/toy_domain/toy/values.py").read_text(),
-    "house/helper.py": "def loud(text: str) -> str:\n    return text + '!'\n\n\n"
+    "main.py": MAIN, "pkg/__init__.py": "", "pkg/shout.py": SHOUT,
+    "pkg/values.py": (ROOT / "tests/toy_domain/toy/values.py").read_text(),
+    "pkg/helper.py": "def loud(text: str) -> str:\n    return text + '!'\n\n\n"
                        "def end(text: str) -> str:\n    return text + '.'\n",
-    "house/mark.py": "MARK = '?'\n",
-    "house/load.py": "import importlib\n\nDYNAMIC = ()\n\n\ndef load(entry):\n    module, name = entry.split(':')\n"
+    "pkg/mark.py": "MARK = '?'\n",
+    "pkg/load.py": "import importlib\n\nDYNAMIC = ()\n\n\ndef load(entry):\n    module, name = entry.split(':')\n"
                      "    return getattr(importlib.import_module(module), name)\n",
-    "house/upper.py": "def up(text: str) -> str:\n    return text.upper()\n",
-    "house/lower.py": "def down(text: str) -> str:\n    return text.lower()\n"}
+    "pkg/upper.py": "def up(text: str) -> str:\n    return text.upper()\n",
+    "pkg/lower.py": "def down(text: str) -> str:\n    return text.lower()\n"}
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> House:
+def project(tmp_path: Path) -> EditableProject:
     """The project, run once."""
-    made = House.build(tmp_path, FILES)
+    made = EditableProject.build(tmp_path, FILES)
     assert made.play()[:2] == (2, "AB!.?!.?".upper())
     return made
 
 
 MOVES = {
-    "a stage": [("house/shout.py", "house/deep/words/shout.py")],
-    "a helper": [("house/helper.py", "house/text/helper.py")],
-    "what a function imports": [("house/mark.py", "house/signs/mark.py")],
-    "a backend": [("house/upper.py", "house/backends/other_name.py")],
-    "the codec and the schemas": [("house/values.py", "house/nouns.py")],
-    "a whole folder": [("house", "palace/of/words")],
+    "a stage": [("pkg/shout.py", "pkg/deep/words/shout.py")],
+    "a helper": [("pkg/helper.py", "pkg/text/helper.py")],
+    "what a function imports": [("pkg/mark.py", "pkg/signs/mark.py")],
+    "a backend": [("pkg/upper.py", "pkg/backends/other_name.py")],
+    "the codec and the schemas": [("pkg/values.py", "pkg/nouns.py")],
+    "a whole folder": [("pkg", "palace/of/words")],
     "everything, one after the other": [
-        ("house/helper.py", "house/a/helper.py"), ("house/upper.py", "house/b/upper.py"), ("house/shout.py", "house/c/loud.py"),
-        ("house/values.py", "house/d/values.py"), ("house", "castle")]}
+        ("pkg/helper.py", "pkg/a/helper.py"), ("pkg/upper.py", "pkg/b/upper.py"), ("pkg/shout.py", "pkg/c/loud.py"),
+        ("pkg/values.py", "pkg/d/values.py"), ("pkg", "castle")]}
 
 
 @pytest.mark.parametrize("case", MOVES)
-def test_code_that_moves_runs_nothing(case: str, house: House) -> None:
+def test_code_that_moves_runs_nothing(case: str, project: EditableProject) -> None:
     """0 tasks, and nothing is planned."""
     for old, new in MOVES[case]:
-        house.move(old, new)
-    assert house.play() == (0, "AB!.?!.?", [])
+        project.move(old, new)
+    assert project.play() == (0, "AB!.?!.?", [])
 
 
-def test_a_module_that_is_split_in_two_runs_nothing(house: House) -> None:
+def test_a_module_that_is_split_in_two_runs_nothing(project: EditableProject) -> None:
     """So do two modules that become one."""
-    loud, end = FILES["house/helper.py"].split("\n\n\n")
-    (house.root / "house/helper.py").write_text(loud)
-    (house.root / "house/ends.py").write_text(end)
-    house.edit("house/shout.py", "from house.helper import end, loud", "from house.ends import end\nfrom house.helper import loud")
-    assert house.play()[0] == 0
-    (house.root / "house/ends.py").write_text(end + "\n" + FILES["house/mark.py"] + FILES["house/upper.py"])
-    (house.root / "house/mark.py").unlink()
-    (house.root / "house/upper.py").unlink()
-    house.edit("house/shout.py", "house.mark", "house.ends")
-    house.edit("house/shout.py", "house.upper", "house.ends")
-    assert house.play() == (0, "AB!.?!.?", [])
+    loud, end = FILES["pkg/helper.py"].split("\n\n\n")
+    (project.root / "pkg/helper.py").write_text(loud)
+    (project.root / "pkg/ends.py").write_text(end)
+    project.edit("pkg/shout.py", "from pkg.helper import end, loud", "from pkg.ends import end\nfrom pkg.helper import loud")
+    assert project.play()[0] == 0
+    (project.root / "pkg/ends.py").write_text(end + "\n" + FILES["pkg/mark.py"] + FILES["pkg/upper.py"])
+    (project.root / "pkg/mark.py").unlink()
+    (project.root / "pkg/upper.py").unlink()
+    project.edit("pkg/shout.py", "pkg.mark", "pkg.ends")
+    project.edit("pkg/shout.py", "pkg.upper", "pkg.ends")
+    assert project.play() == (0, "AB!.?!.?", [])
 
 
 CHANGES = {
-    "two helpers swap what they do": ("house/helper.py", [("'!'", "'#'"), ("'.'", "'!'"), ("'#'", "'.'")], "AB.!?.!?",
-                                      "~house.helper:end, ~house.helper:loud"),
-    "two imports swap their names": ("house/shout.py", [("import end, loud", "import end as loud, loud as end")], "AB.!?.!?",
+    "two helpers swap what they do": ("pkg/helper.py", [("'!'", "'#'"), ("'.'", "'!'"), ("'#'", "'.'")], "AB.!?.!?",
+                                      "~pkg.helper:end, ~pkg.helper:loud"),
+    "two imports swap their names": ("pkg/shout.py", [("import end, loud", "import end as loud, loud as end")], "AB.!?.!?",
                                      "the same definitions, reached by other names"),
-    "a constant": ("house/mark.py", [("?", "+")], "AB!.+!.+", "~house.mark:MARK"),
-    "the entry of a registry": ("house/shout.py", [("house.upper:up", "house.lower:down")], "ab!.?!.?",
-                                "+house.lower:down, -house.upper:up"),
-    "a default of a parameter": ("house/shout.py", [('= "up"', '= "down"')], "ab!.?!.?", "")}
+    "a constant": ("pkg/mark.py", [("?", "+")], "AB!.+!.+", "~pkg.mark:MARK"),
+    "the entry of a registry": ("pkg/shout.py", [("pkg.upper:up", "pkg.lower:down")], "ab!.?!.?",
+                                "+pkg.lower:down, -pkg.upper:up"),
+    "a default of a parameter": ("pkg/shout.py", [('= "up"', '= "down"')], "ab!.?!.?", "")}
 
 
 @pytest.mark.parametrize("case", CHANGES)
-def test_names_that_lead_elsewhere_run_again(case: str, house: House) -> None:
+def test_names_that_lead_elsewhere_run_again(case: str, project: EditableProject) -> None:
     """The output is that of the new code, and the reason names the definitions."""
     file, edits, text, reason = CHANGES[case]
     for old, new in edits:
-        house.edit(file, old, new)
-    ran, found, plans = house.play()
+        project.edit(file, old, new)
+    ran, found, plans = project.play()
     assert (ran, found) == (2, text)
     assert plans[0] == (f"code changed: {reason}" if reason else 'parameter changed: backend "up" -> "down"')
 
 
-def test_an_edit_after_a_move_is_named_at_its_new_place(house: House) -> None:
+def test_an_edit_after_a_move_is_named_at_its_new_place(project: EditableProject) -> None:
     """The move is no part of the reason."""
-    house.move("house/helper.py", "house/text/helper.py")
-    house.edit("house/text/helper.py", "'.'", "';'")
-    assert house.play()[2][0] == "code changed: ~house.text.helper:end"
+    project.move("pkg/helper.py", "pkg/text/helper.py")
+    project.edit("pkg/text/helper.py", "'.'", "';'")
+    assert project.play()[2][0] == "code changed: ~pkg.text.helper:end"
 
 
-def test_another_name_on_the_map_runs_nothing(house: House) -> None:
+def test_another_name_on_the_map_runs_nothing(project: EditableProject) -> None:
     """The name is a label outside the key: two names for one function share what they made."""
-    house.edit("main.py", 'g.named("shout")', 'g.named("call")')
-    assert house.play() == (0, "AB!.?!.?", [])
+    project.edit("main.py", 'g.named("shout")', 'g.named("call")')
+    assert project.play() == (0, "AB!.?!.?", [])
 
 
-def test_two_functions_that_are_the_same_share_what_they_made(house: House) -> None:
+def test_two_functions_that_are_the_same_share_what_they_made(project: EditableProject) -> None:
     """A copy of a stage in another module is the stage again."""
-    (house.root / "house/copy.py").write_text(FILES["house/shout.py"])
-    house.edit("main.py", "from house.shout", "from house.copy")
-    assert house.play()[0] == 0
+    (project.root / "pkg/copy.py").write_text(FILES["pkg/shout.py"])
+    project.edit("main.py", "from pkg.shout", "from pkg.copy")
+    assert project.play()[0] == 0
 
 
 @pytest.mark.parametrize(("old", "new", "names"), [
