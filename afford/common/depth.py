@@ -56,7 +56,7 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def matrix_of(path: Path) -> np.ndarray:
-    """K (3, 3) of a camera as JSON. SourceError for a file that is none."""
+    """Intrinsic matrix K (3, 3), px, of a camera file in JSON. SourceError when the file holds no such matrix."""
     content = read_json(path, "a camera (JSON)")
     expected = 'fx, fy, cx, cy, or "K" with three rows of three numbers'
     if isinstance(content, dict) and {"fx", "fy", "cx", "cy"} <= set(content):

@@ -30,9 +30,15 @@ def sources(room: str) -> list[Path]:
     return [ROOT / "pipeline.py"] if room == "pipeline" else sorted((ROOT / room).rglob("*.py"))
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text())
+
+
 def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
     """Full names of everything a file imports, also inside functions; imports for type checkers apart when asked."""
-    tree = ast.parse(path.read_text())
+    tree = parsed(path)
     skipped = set()
     if runtime_only:
         for node in ast.walk(tree):
@@ -192,7 +198,7 @@ def arrows(root: Path, registries: bool = True) -> dict[Path, set[Path]]:
 
 def named(path: Path) -> set[str]:
     """Modules that a file names as strings, "module:attribute"."""
-    texts = {node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)}
+    texts = {node.value for node in ast.walk(parsed(path)) if isinstance(node, ast.Constant)}
     return {text.partition(":")[0] for text in texts if isinstance(text, str) and ":" in text and " " not in text}
 
 

@@ -16,7 +16,7 @@ from schemas.interaction import StaticSample
 
 
 def teller(folder: Path, device: str, params: BoxesParams) -> Teller:
-    """Answers of the model in `folder`; with `params.true_boxes` it is told the extent of the label, and says what is inside."""
+    """Predictions of the model in `folder`; with `params.true_boxes` the boxes are those of the label."""
     model = load(folder).to(device)
 
     @torch.inference_mode()

@@ -46,10 +46,10 @@ class Describer(Protocol[Own]):
     """What every backend of this folder looks like."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, task: str, params: Own) -> PartDescription:
-        """Describe an object, said to be a `mesh.category` ('' when nobody said) and looking as `views` show it, for `task` in
-        words ('' for any use). `params` are those of this backend.
+        """Describe the parts of an object of `mesh.category` ('' where it is not known), rendered in `views`, for `task` in words
+        ('' for any use). `params` are those of this backend.
 
-        Category 'unknown' and no notes for what it does not know: a describer never guesses. ValueError in one sentence when no
-        description can be had (no model, no server, an answer that is none).
+        The result has category 'unknown' and no notes for an object that the backend does not know. ValueError, one sentence,
+        when there is no model or no server, or when its output does not fit the form.
         """
         ...
