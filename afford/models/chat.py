@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from afford.models.api_key import harmless
+from afford.models.params import Pretrained
 
 
 @dataclass(frozen=True)
-class Chat:
+class Chat(Pretrained):
     """A vision-language model on this machine."""
 
     model: str = ""
     """local folder or hub id"""
     new_tokens: int = 1024
     """longest answer"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
 
     def __post_init__(self) -> None:
         if self.new_tokens < 1:

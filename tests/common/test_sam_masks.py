@@ -61,7 +61,7 @@ def test_stability_is_the_overlap_of_two_cuts() -> None:
 def test_the_stage_keeps_masks_on_the_object(folder: Path) -> None:
     """None beside it, none of them twice; without a model the sentence says what is missing."""
     x = looked()
-    params = mask_propose.Params("sam", sam=Sam(str(folder), 6, least_iou=-9.0, least_stability=0.0, least_px=5))
+    params = mask_propose.Params("sam", sam=Sam(str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5))
     found = mask_propose.run(x.mesh, x.views, params)
     for view, mask in zip(found.view, found.masks, strict=True):
         assert not mask[x.views.face[view] < 0].any() and mask.sum() >= 5

@@ -23,7 +23,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def params(folder: Path, **more: Any) -> mask_propose.Params:
     """Everything that the model says is a mask."""
-    return mask_propose.Params("sam", sam=Sam(str(folder), 6, least_iou=-9.0, least_stability=0.0, least_px=5, **more))
+    return mask_propose.Params("sam", sam=Sam(str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5, **more))
 
 
 def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from afford.common.registry import Own
+from afford.models.params import Pretrained
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,15 +16,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Sam2:
+class Sam2(Pretrained):
     """Parameters of `sam2`."""
 
     model: str = ""
     """local folder or hub id of a Sam2VideoModel, or sam2*_hiera_*.pt"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from afford.common.registry import Own
+from afford.models.params import Pretrained
 
 if TYPE_CHECKING:
     import numpy as np
@@ -72,17 +73,13 @@ class Detection:
 
 
 @dataclass(frozen=True)
-class Sam3:
+class Sam3(Pretrained):
     """Parameters of `sam3`."""
 
     model: str = ""
     """local folder or hub id of a Sam3Model"""
     threshold: float = 0.5
     """least score of what counts as a hand"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
 
 
 class Find(Protocol[Own]):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from afford.common.registry import Own
+from afford.models.params import Pretrained
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,15 +16,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class VidmParams:
+class VidmParams(Pretrained):
     """Parameters of `vidm`."""
 
-    model: str = ""
-    """file or folder of the weights"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
     batch: int = 4
     """holes that are filled at once, as many as memory has room for"""
     window_px: int = 0
@@ -39,15 +34,9 @@ class VidmParams:
 
 
 @dataclass(frozen=True)
-class LamaParams:
+class LamaParams(Pretrained):
     """Parameters of `lama`."""
 
-    model: str = ""
-    """file or folder of the weights"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
     batch: int = 4
     """holes that are filled at once, as many as memory has room for"""
     window_px: int = 0

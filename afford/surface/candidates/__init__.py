@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from afford.common.registry import Own
+from afford.models.params import Pretrained
 
 if TYPE_CHECKING:
     from schemas.mesh import ObjectMesh, ObjectViews
@@ -29,7 +30,7 @@ class Regions:
 
 
 @dataclass(frozen=True)
-class Sam:
+class Sam(Pretrained):
     """Parameters of `sam`."""
 
     model: str = ""
@@ -52,10 +53,6 @@ class Sam:
     """pixels of a mask"""
     batch: int = 64
     """points in one pass; 0.3 GB at the published sizes"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
 
 
 @dataclass(frozen=True)

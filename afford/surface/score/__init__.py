@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from afford.common.registry import Own
+from afford.models.params import Pretrained
 
 if TYPE_CHECKING:
     from schemas.files import FileTree
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Clip:
+class Clip(Pretrained):
     """Parameters of `clip`."""
 
     model: str = ""
@@ -23,10 +24,6 @@ class Clip:
     """a candidate that fits no part better fits nothing; -1 for none"""
     batch: int = 32
     """candidates in one pass; 0.6 GB at the published size"""
-    device: str = "cpu"
-    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
-    dtype: str = "float32"
-    """float32, bfloat16 or float16"""
 
 
 class Score(Protocol[Own]):
