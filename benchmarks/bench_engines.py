@@ -81,7 +81,8 @@ def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
 
 def _rollouts(core: Grasping, n: int) -> tuple[float, float, float, np.ndarray]:
     """CPU seconds, seconds, share of objects at their goals at the end, depths in mm. A first step, which compiles, is not
-    counted."""
+    counted.
+    """
     rngs = [np.random.default_rng(k) for k in range(n)]
     core.reset(range(n), rngs)
     core.step(np.zeros((n, core.motors)), rngs)

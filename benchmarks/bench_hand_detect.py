@@ -54,7 +54,8 @@ Viewpoint = Literal["ego", "facing"]
 @dataclass
 class Shot:
     """What is true of one annotated frame: a mask for each side in sight, and for each what it touches: None for nothing, absent
-    where that is not known."""
+    where that is not known.
+    """
 
     frame: int
     hands: dict[str, np.ndarray]

@@ -1,6 +1,6 @@
 """Rendered interactions: one of every kind as a sheet (docs/pictures/interactions.jpg), and what the set is like, for the docs.
 
-    python benchmarks/bench_interactions.py [--rows 12]
+python benchmarks/bench_interactions.py [--rows 12]
 """
 
 from __future__ import annotations

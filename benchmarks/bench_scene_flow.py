@@ -1,6 +1,6 @@
 """Scene flow of rendered interactions against their truth, and how long a pair of frames takes; writes scene_flow.md.
 
-    PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
+PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
 """
 
 from __future__ import annotations

@@ -39,7 +39,8 @@ class Known(NamedTuple):
 
 def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -> Kept:
     """What is known, and now what a report's scores.json tells of the policies, or of all. It replaces what was known of the same
-    seeds; a seed that is part of a mean whose other seeds are not there stays as it is in that mean, and is said to."""
+    seeds; a seed that is part of a mean whose other seeds are not there stays as it is in that mean, and is said to.
+    """
     known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
     told: dict[str, dict[str, float]] = json.loads(scores.read_text())
     fresh: Kept = {name: {"commit": commit, "figures": figures} for name, figures in told.items()

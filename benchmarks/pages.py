@@ -30,7 +30,8 @@ def into(page: Path, name: str, by: str, block: str) -> None:
 
 def took(page: Path, name: str, by: str, line: str) -> str:
     """`line`, which says how long a target took; where it is empty, since nothing was made anew, that which the block begins with,
-    or nothing. SystemExit without marks."""
+    or nothing. SystemExit without marks.
+    """
     kept = TOOK.match(_parts(page, name, by)[1])
     return line or (kept.group() if kept else "")
 

@@ -163,7 +163,8 @@ def make(run: Run, store: Path) -> float:
 
 def outputs(run: Run, store: Path) -> Outputs:
     """The digest of everything that a run has made, stage by stage in the order of the graph. SystemExit where something is not
-    there."""
+    there.
+    """
     found: Outputs = {}
     for plan in planned(request(run, store)):
         if plan.status != "cached":

@@ -42,7 +42,8 @@ class Row:
 
 def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, out: Path | None) -> int:
     """Print the table, or write it as Markdown to `out`; settings may name models, which are then looked at. Nothing heavy is
-    imported, nothing fetched. UsageError for an unknown stage."""
+    imported, nothing fetched. UsageError for an unknown stage.
+    """
     found = rows(settings(sets, file), (stage or "").replace("-", "_"))
     if out:
         _write(out, markdown(found))

@@ -42,7 +42,8 @@ def _watching(params: Any, read: set[str]) -> Any:
 def laid_out(target: str, source: Path | None, clips: tuple[str, ...], sets: Iterable[str], columns: Mapping[str, Settings],
              digest: Callable[[Path], str]) -> tuple[Graph, Names, Origin, Source | None]:  # fmt: skip
     """The graph of a target with these settings, the names of its stages in a comparison, and what it is made of. UsageError when
-    one of them does not fit, also for a `--set` that the target does not read."""
+    one of them does not fit, also for a `--set` that the target does not read.
+    """
     watching = {name: watched(column) for name, column in columns.items()}
     seen = {name: settings for name, (settings, _) in watching.items()}
     place, found = origin(target, source, next(iter(seen.values())), digest, clips)

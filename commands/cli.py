@@ -322,7 +322,8 @@ STOPPED = "stopped; what was finished is kept, run again to go on\n"
 
 def main(targets: Mapping[str, str], build: Callable[..., Any], arguments: list[str] | None = None) -> int:
     """Run a command on these targets, whose graphs `build` makes; 0 done, 1 something failed, 2 the call does not fit, 130 stopped
-    by the user, 143 by SIGTERM."""
+    by the user, 143 by SIGTERM.
+    """
     use(targets, build)
     try:
         with terminating():

@@ -21,7 +21,8 @@ Names = Mapping[str, Mapping[str, str]]
 
 def built(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
     """The graph of a target, or of the comparison where there are several columns, and the names of its stages then. UsageError for
-    parameters of which no graph can be made."""
+    parameters of which no graph can be made.
+    """
     if len(columns) == 1:
         return _single(target, place, next(iter(columns.values()))), {}
     if target != "extraction-report":
@@ -42,7 +43,8 @@ def _single(target: str, place: Origin, chosen: Settings) -> Graph:
 
 def publish_columns(to: Publisher, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:
     """The report of every column that was made, one page about all, and the metrics of all, each under its column's name; all in a
-    folder of a part where one of the reports is one. Errors as `publish`."""
+    folder of a part where one of the reports is one. Errors as `publish`.
+    """
     folder = to.together((stages[REPORT] for stages in names.values()), folder)
     metrics: dict[str, dict[str, float]] = {}
     for label, stages in names.items():

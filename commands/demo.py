@@ -52,7 +52,8 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
 
 def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
     """Pictures to begin with: stills of a benchmark, else of the data set that the model learned from. What cannot be read is named
-    and left out, and so it is said where there are none."""
+    and left out, and so it is said where there are none.
+    """
     from afford.twohands.demo.examples import examples, held_out
 
     try:

@@ -36,7 +36,8 @@ class Options:
 
 def grasp(files: Files, options: Options) -> int:
     """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
-    and options that do not fit."""
+    and options that do not fit.
+    """
     _check(files, options)
     from afford.grasping.candidates.read import check_regions, read
     from afford.grasping.candidates.write import write

@@ -132,7 +132,8 @@ def _views(files: list[Path], options: Options) -> None:
 
 def _show(path: Path) -> None:
     """Open the viewer that is installed beside this Python, whose environment need not be activated; UsageError without a viewer
-    or a display."""
+    or a display.
+    """
     program = shutil.which(VIEWER, path=str(Path(sys.executable).parent)) or shutil.which(VIEWER)
     if program is None:
         raise UsageError(f"--rerun: expected the program {VIEWER} beside {sys.executable}, found none; `make setup` installs it")

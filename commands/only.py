@@ -83,7 +83,8 @@ def recorders(graph: Graph, node: Node) -> list[Node]:
 
 def publish_recordings(runner: Runner, graph: Graph, stage: str, place: Origin, report: RunReport) -> Path | None:
     """Publish recordings of one stage that are else only parts of those of clips, in a folder of its own; the folder, None where
-    there are none."""
+    there are none.
+    """
     folder, recorder = runner.place.store / RECORDINGS / place.name / stage, RECORDS + stage
     if recorder not in report.outputs or _is_recording(graph, _node(graph, recorder)):
         return None

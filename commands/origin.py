@@ -32,7 +32,8 @@ PART = re.compile(r"_s\d+")
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str],
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
     """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
-    only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError."""
+    only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError.
+    """
     if target == ALL:
         return _everything(source, clips, settings, digest), None
     if target == "negative-affordance" and source is not None:

@@ -16,7 +16,8 @@ CLIP = "{clip}"
 
 def published(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
     """Publish what was made and has a place; name -> path. Where `every` clip was asked for and none failed, recordings of clips
-    that are no more go. Errors as `publish`."""
+    that are no more go. Errors as `publish`.
+    """
     out: dict[str, str] = {}
     for one in graph.published:
         stage = graph.nodes[one.node].name

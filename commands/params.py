@@ -20,7 +20,8 @@ COLUMNS = ("system", "stage", "name", "type", "default", "doc", "selected")
 
 def show(word: str | None, json: bool) -> int:
     """Print name, type, what holds when nothing is said, and meaning: of all, of a system or of a stage; UsageError for a word that
-    is neither."""
+    is neither.
+    """
     asked = (word or "").replace("-", "_")
     if word and asked not in (*SYSTEMS, *SYSTEM_OF):
         raise unknown("stage", word, SYSTEM_OF)
@@ -37,7 +38,8 @@ def show(word: str | None, json: bool) -> int:
 
 def _print(system: str, rows: list[tuple[str, Described]]) -> None:
     """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe. Each block of a backend has a
-    line that says whether this backend is selected."""
+    line that says whether this backend is selected.
+    """
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
     console.print(f"[bold underline]{system}[/]", highlight=False)
     before = ""

@@ -72,7 +72,8 @@ class Publisher:
 
 def parts(graph: Graph, report: RunReport, clips: tuple[str, ...], refused: int) -> dict[str, str]:
     """Stage of the target -> why what it made is a part, for those of which it is true. `refused`: videos that the source has and
-    that could not be read."""
+    that could not be read.
+    """
     out: dict[str, str] = {}
     for stage in report.outputs:
         feeding = {node.name for node in graph.upstream(node for node in graph.nodes if node.name == stage)}

@@ -97,7 +97,8 @@ class _Task:
 
 class Lines:
     """A plain line for every task that ran or failed. One over the whole run is announced when it starts; of each that runs for
-    long a line says every BEAT_S seconds how far it is."""
+    long a line says every BEAT_S seconds how far it is.
+    """
 
     def __init__(self, quiet: bool, now: Callable[[], float] = time.monotonic) -> None:
         self._quiet, self._now = quiet, now

@@ -43,7 +43,8 @@ PATIENCE_S = 0.002
 @contextmanager
 def owned(store: Path, folder: Path) -> Iterator[None]:
     """Own `folder` while something is put into it, and keep garbage collection away; leftovers of killed runs are deleted first.
-    StoreError when something cannot be written."""
+    StoreError when something cannot be written.
+    """
     where = folder.relative_to(store).as_posix() if folder.is_relative_to(store) else str(folder.absolute())
     own = f"publish-{tagged('afford-publish', where)[:32]}.lock"
     try:
@@ -61,7 +62,8 @@ def owned(store: Path, folder: Path) -> Iterator[None]:
 
 def publish(runner: Runner, digest: str, folder: Path) -> Path:
     """Show the files of a FileTree artifact as `folder`; what was there before is replaced only when all is in place, and is left
-    alone when it is the same. LostError when a file is damaged, StoreError when the folder cannot be written."""
+    alone when it is the same. LostError when a file is damaged, StoreError when the folder cannot be written.
+    """
     files = _files(runner, digest)
     with owned(runner.place.store, folder.parent):
         if not _shows(folder, files):
@@ -79,7 +81,8 @@ def publish_file(runner: Runner, digest: str, path: Path) -> Path:
 
 def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None:
     """Show the only file of each FileTree artifact under its name in `folder`, beside what is there. Names that show it already are
-    left alone. ValueError for an artifact of several files, LostError and StoreError as `publish`."""
+    left alone. ValueError for an artifact of several files, LostError and StoreError as `publish`.
+    """
     sources = {name: _only(runner, digest) for name, digest in made.items()}
     with owned(runner.place.store, folder):
         for name, source in sources.items():
@@ -109,7 +112,8 @@ def shows_file(runner: Runner, digest: str, path: Path) -> bool:
 def retire(folder: Path, made: set[str], whole: bool) -> None:
     """After the recordings of clips `made`, names of files, were put into `folder`, which is owned: those of clips that a `whole`
     run no longer has are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it, nor what it calls by
-    another name than that of a recording in the folder itself."""
+    another name than that of a recording in the folder itself.
+    """
     listed = folder / LISTED
     lines = listed.read_text(encoding="utf-8", errors="replace").splitlines() if listed.is_file() else []
     before = {name for name in lines if RECORDING.fullmatch(name)}
@@ -153,7 +157,8 @@ def _shows(folder: Path, files: Mapping[str, Path]) -> bool:
 
 def _same(target: Path, source: Path) -> bool:
     """Whether a name is a hard link of a file in the store. (To link it anew would change the file's time of change, for which the
-    next run hashes it again.)"""
+    next run hashes it again.)
+    """
     return target.is_file() and not target.is_symlink() and target.samefile(source)
 
 

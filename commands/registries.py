@@ -61,7 +61,8 @@ def _name(path: Path) -> str:
 
 def everywhere() -> list[Backend]:
     """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
-    half of what a stage has chosen."""
+    half of what a stage has chosen.
+    """
     inside = [path for path in sorted((ROOT / "afford").rglob("*.py")) if not path.is_relative_to(ROOT / "afford" / "codecs")]
     stages = sorted((ROOT / "stages").glob("*/*.py"), key=lambda path: path.name)
     paths = [*stages, *inside]  # how a codec writes a field is no choice of a user

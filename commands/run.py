@@ -84,7 +84,8 @@ class Made:
 
     def outputs(self, report: RunReport) -> tuple[dict[str, str], dict[str, float], list[str]]:
         """Publish what was made under names that people can find: outputs, what was measured, and notes about both; of a
-        comparison, the outputs of every column."""
+        comparison, the outputs of every column.
+        """
         why = parts(self.graph, report, self.request.clips, len(self.source.refused) if self.source else 0)
         to = Publisher(self.runner, why, self.request.replace, bool(report.left))
         if self.names and not self.stages:
@@ -142,7 +143,8 @@ def made(
     ask: Callable[..., RunReport], publish: Callable[[RunReport], T], force: list[str], limit_s: float | None,
 ) -> tuple[RunReport, T]:
     """The report of a run and what was published of it. A blob that was damaged between its check and its use has been set aside:
-    what made it runs again, within what is left of the time."""
+    what made it runs again, within what is left of the time.
+    """
     report = ask(force=force, limit_s=limit_s)
     try:
         return report, publish(report)

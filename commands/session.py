@@ -29,7 +29,8 @@ DEFAULT_JOBS = cores()
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, glance: bool = False) -> Runner:
     """A runner; StoreError when the store cannot be written to, UsageError when it is a file. Memory: what is free when it starts,
-    less a margin. `glance`: for plans, which read no large file that was never hashed."""
+    less a margin. `glance`: for plans, which read no large file that was never hashed.
+    """
     folder = (store or STORE).absolute()
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     if not there.is_dir():
@@ -62,7 +63,8 @@ def digester(runner: Runner) -> Callable[[Path], str]:
 
 def _memory_gib() -> float:
     """Memory that tasks may declare together: 6 GiB per two workers, at most three quarters of what the machine has free, where it
-    tells that."""
+    tells that.
+    """
     if FREE_PAGES not in os.sysconf_names:
         return max(2.0, 3.0 * DEFAULT_JOBS)
     pages, size = os.sysconf(FREE_PAGES), os.sysconf("SC_PAGE_SIZE")

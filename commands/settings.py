@@ -1,5 +1,6 @@
 """Parameters from the command line and from files: `--set STAGE.PARAM=VALUE`, `--set STAGE.BACKEND.PARAM=VALUE` and
-`--params FILE` (TOML or JSON)."""
+`--params FILE` (TOML or JSON).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 def settings(sets: Iterable[str], file: Path | None) -> Settings:
     """The defaults, or those of a preset that is named (a variant of a training), then the file, then each `--set` in order;
-    UsageError names what does not exist or does not fit."""
+    UsageError names what does not exist or does not fit.
+    """
     changes = [*_from_file(file), *(_split(word) for word in sets)]
     named = {change[0]: PRESETS[change] for change in changes if isinstance(change[2], str) and change in PRESETS}
     chosen = Settings.of(**named)
@@ -33,7 +35,8 @@ def settings(sets: Iterable[str], file: Path | None) -> Settings:
 
 def columns(sets: Iterable[str], file: Path | None) -> dict[str, Settings]:
     """Settings by the names of their backends: one for each where `--set STAGE.backend=a,b` names several, in their order (all
-    combinations where several stages have several); one named '' where none does. UsageError as `settings`."""
+    combinations where several stages have several); one named '' where none does. UsageError as `settings`.
+    """
     choices = [_choices(word) for word in sets]
     found = {}
     for chosen in itertools.product(*choices):

@@ -43,7 +43,8 @@ def target_named(target: str | None, stage: str | None = None) -> str:
 
 def home(stage: str) -> str:
     """The first target that has a stage of this name; of no name, the first that has its function. UsageError, with the nearest
-    names, when none has it."""
+    names, when none has it.
+    """
     graphs = list(_graphs())
     word = stage.replace("-", "_")
     by_name = [name for name, graph in graphs if any(node.name == word for node in graph.stages())]

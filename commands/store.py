@@ -76,7 +76,8 @@ def explain(request: Request, clip: str | None) -> int:
 
 def status(request: Request) -> int:
     """Per stage: how many shards are cached, would run, wait for others; and which of them failed and have not succeeded since.
-    Failures of other sources, targets or settings are counted. Instead of a target a stage can be named: then it is about that."""
+    Failures of other sources, targets or settings are counted. Instead of a target a stage can be named: then it is about that.
+    """
     if request.target and request.target.replace("_", "-") not in TARGETS:
         request = replace(request, target=None, only=_known(request.target))
     runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
@@ -147,7 +148,8 @@ def _stages_of(graph: Graph, at: int) -> Iterator[str]:
 
 def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     """Walk from an artifact (a digest, its beginning, any path in or linked from the store, or a stage: what it made last) to the
-    leafs."""
+    leafs.
+    """
     runner = seen_runner(store)
     path = Path(artifact)
     try:
@@ -175,7 +177,8 @@ def _digest_of(runner: Runner, path: Path) -> str:
 
 def _last_of(runner: Runner, word: str) -> str:
     """What a stage of this name has made last, else one of this function; '' where the word is none. UsageError where it never ran
-    here."""
+    here.
+    """
     stage = word.replace("-", "_")
     if not stage.isidentifier() or BEGINNING.fullmatch(word):
         return ""

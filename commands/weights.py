@@ -17,7 +17,8 @@ from schemas.files import FileTree
 def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     """The settings with the files of every model that a chosen backend reads, and of the `backbones` that a training starts from.
     `model` and `backbones` then only say what they are called: where they lie is in no key. UsageError when a model cannot be
-    found."""
+    found.
+    """
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
     for stage in SYSTEM_OF:

@@ -1,6 +1,6 @@
 """Say, before pip starts, what of afford has no wheel for this Python and machine, and what is large. The standard library only.
 
-    python install/preflight.py                           # 1 where pip cannot succeed
+python install/preflight.py                           # 1 where pip cannot succeed
 """
 
 from __future__ import annotations

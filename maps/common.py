@@ -44,6 +44,7 @@ def reported(g: Graph, report: FileTree) -> FileTree:
 
 def weights(g: Graph, p: Settings, stage: str) -> dict[str, FileTree]:
     """The argument `weights` of a stage; none where its backend reads no weights, or nobody named any. They are files among its
-    inputs, so that a changed one reruns this stage alone."""
+    inputs, so that a changed one reruns this stage alone.
+    """
     found = dict(p.weights)
     return {"weights": g.leaf(f"{stage}_weights", found[stage])} if stage in found else {}

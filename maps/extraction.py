@@ -175,7 +175,8 @@ def hands(g: Graph, origin: Origin, p: Settings) -> None:
 
 def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:
     """The report of every column, on the same clips; what two columns share is made once. Gives, for every column, the names
-    under which its stages go."""
+    under which its stages go.
+    """
     video = videos(g, origin, next(iter(columns.values())))
     names: dict[str, dict[str, str]] = {}
     reports: list[FileTree] = []

@@ -153,7 +153,8 @@ class People(NamedTuple):
 
 def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = "") -> People:
     """Objects -> where people could grasp them, and how they do, in the hand's own joints. `of`: of other clips than those that are
-    learned from."""
+    learned from.
+    """
     name    = (lambda stage: f"{of}_{stage}") if of else str
     places  = g.named(name("grasp_targets")).add(grasp_targets.run, body=body, hand=hand,           params=p.grasping.grasp_targets)
     target  = g.each(places)
@@ -168,7 +169,8 @@ def people(g: Graph, hand: HandModel, body: GraspObject, p: Settings, of: str = 
 
 def record_motions(g: Graph, hand: HandModel, motion: HandMotion, clip: Retargeted, **stages: Any) -> FileTree:
     """Some motions and what became of them -> their recording; `stages` are the parameters of the stage that made or read them, and
-    of hand_retarget."""
+    of hand_retarget.
+    """
     stage   = next(iter(stages))
     made    = g.named(f"record_{stage}").add(motion_record.run, hand=hand, motions=g.collect(motion), clips=g.collect(clip),
                                              params=motion_record.Params(stage, parameters=parameters(**stages)), ctx=g.ctx)
@@ -223,7 +225,8 @@ def school(g: Graph, p: Settings) -> School:
 
 def teacher(row: str, seed: int, p: Settings) -> rl_grasp_refinement.Params:
     """Parameters of the `seed`th training of a row. What is set for all teachers is the first seed, and times the weight of a row's
-    negative terms."""
+    negative terms.
+    """
     given   = p.grasping.rl_grasp_refinement
     first   = replace(given, name=f"{row}-{given.seed + seed}", seed=given.seed + seed)
     return replace(first, **{**ROWS[row], "lambda_n": ROWS[row]["lambda_n"] * given.lambda_n})
@@ -274,7 +277,8 @@ def rows(g: Graph, s: School, wanted: Iterable[tuple[str, int]], levels: Mapping
          beside: Settings | None = None) -> Played:  # fmt: skip
     """Policies, trained and examined on `levels`, those that have none there on what they learned on; the teacher and the one
     without negative terms also on one object, two tasks, by `beside` where it is said. All that the slow engine plays comes before
-    what the fast one does, so that the last tasks of a run are short and no core waits for another."""
+    what the fast one does, so that the last tasks of a run are short and no core waits for another.
+    """
     other, policies, logs = beside or p, list[tuple[str, int, FileTree]](), list[TrainingLog]()
     recordings = list[FileTree]()
     for row, seed in wanted:
@@ -358,7 +362,8 @@ def asked(g: Graph, s: School, episodes: GraspEpisodes, p: Settings) -> tuple[Gr
 def report(g: Graph, target: str, s: School, played: Played, followed: Iterable[ClipsFollowed], p: Settings,
            others: Iterable[Any] = (), **predicted: tuple[tuple[GraspTask, ...], ...]) -> None:  # fmt: skip
     """Tables and curves; a recording, a film and a sheet of the first policy; recordings of motions and trainings, and `others`
-    that are made beside them. They are made of what is finished."""
+    that are made beside them. They are made of what is finished.
+    """
     planned, episodes = zip(*played.episodes, strict=True)
     pairs   = g.finished("pairs", [g.pick(one, lambda t: t.pairs) for one in played.twice])
     sheets  = g.finished("sheets", [g.pick(one, lambda t: t.sheet) for one in played.twice[:1]])

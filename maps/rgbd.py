@@ -150,7 +150,8 @@ def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds, or with --minutes what is finished by
-    then; go on at will"""
+    then; go on at will
+    """
     mine    = replace(p.rgbd.sor3d_report, ablation=True)
     x       = lessons(g, origin, p)
     seeds   = range(mine.first_seed, mine.first_seed + mine.seeds)

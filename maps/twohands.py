@@ -83,7 +83,8 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """what each part of the model is worth: rows of trainings over several seeds, on held-out stills; with --minutes, what is
-    finished by then"""
+    finished by then
+    """
     planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}

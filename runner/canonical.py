@@ -18,7 +18,8 @@ ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=T
 
 def canonical(value: object) -> Any:
     """`value` as JSON types: str, int, bool and None as they are, floats by their shortest exact decimal, sequences as
-    lists, dataclasses as their class name and fields; TypeError for anything else."""
+    lists, dataclasses as their class name and fields; TypeError for anything else.
+    """
     if value is None or isinstance(value, (str, bool, int)):
         return value
     if isinstance(value, float):
@@ -45,7 +46,8 @@ def digest(tag: str, tree: Any) -> str:
 
 def path_digest(path: Path) -> str:
     """Hex digest of a file, or of a folder of plain files: of their names and bytes. OSError when a folder holds anything else,
-    links above all, and for what is neither: reading a pipe waits for ever."""
+    links above all, and for what is neither: reading a pipe waits for ever.
+    """
     if path.is_file():
         return file_digest(path)
     if path.exists() and not path.is_dir():

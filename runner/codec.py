@@ -20,7 +20,8 @@ class Codec(Protocol):
 
     def children(self, value: object) -> list[tuple[str, object]] | None:
         """Named parts of a composite value: the elements of a tuple (named as shards, unique), the fields of a bundle;
-        None for a plain value, which is saved as one artifact."""
+        None for a plain value, which is saved as one artifact.
+        """
 
     def combine(self, kind: str, children: list[tuple[str, object]]) -> object:
         """The composite value again; `kind` is what `kind()` said of it. A tuple ignores the names."""
@@ -33,7 +34,8 @@ class Codec(Protocol):
 
     def save(self, value: object, folder: Path) -> None:
         """Write a plain value into an empty folder, as plain files (subfolders allowed). A symbolic link stands for a file
-        that exists elsewhere: it stays there when the value is a leaf, and becomes part of the store otherwise."""
+        that exists elsewhere: it stays there when the value is a leaf, and becomes part of the store otherwise.
+        """
 
     def load(self, kind: str, files: Mapping[str, Path]) -> object:
         """A plain value from its files: name relative to the saved folder -> verified, read-only path."""

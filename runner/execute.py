@@ -62,7 +62,8 @@ class Place:
 @dataclass(frozen=True)
 class Done:
     """What became of a job. status: ran; cached (another run was faster); busy (another run is at it); lost (an input cannot
-    be read, `message` is its artifact digest); failed."""
+    be read, `message` is its artifact digest); failed.
+    """
 
     key: str
     status: str
@@ -144,7 +145,8 @@ LOADED: dict[str, Stamp] = {}
 
 def check_sources(job: Job, place: Place) -> None:
     """Compare the code that ran with the code of the key. ValueError when they differ: the output would be stored under a key that
-    is not its own. An edit that leaves the fingerprint as it is (a comment, a function that cannot run) does no harm."""
+    is not its own. An edit that leaves the fingerprint as it is (a comment, a function that cannot run) does no harm.
+    """
     edited = [path for path, before in job.sources if not _is(path, before) or LOADED.get(path, before) != before]
     if not edited:
         return

@@ -82,7 +82,8 @@ def _checksum(rest: bytes, tag: str, form: str) -> bytes:
 
 class FileMemo:
     """path -> digest of the bytes. `rehash` distrusts what was remembered before this run; with `glance` large files that are not
-    remembered get a stand-in, made of their stamp and fit for a plan alone, and are not read."""
+    remembered get a stand-in, made of their stamp and fit for a plan alone, and are not read.
+    """
 
     def __init__(self, store: Path, rehash: bool = False, glance: bool = False) -> None:
         self.glance = glance
@@ -144,7 +145,8 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 class SeenBlobs:
     """Blobs whose bytes were hashed, with size and change time at that moment, so that a run that does nothing reads nothing.
-    (The change time cannot be set back, as the modification time can.)"""
+    (The change time cannot be set back, as the modification time can.)
+    """
 
     def __init__(self, store: Path) -> None:
         self._path = store / ".cache" / "blobs.json"

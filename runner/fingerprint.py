@@ -56,7 +56,8 @@ class Fingerprint:
 
 def fingerprint(modules: Modules, function: str, select: Mapping[str, object], apart: tuple[str, ...] = ()) -> Fingerprint:
     """Fingerprint of 'module:function' under these parameters; SourceError when some code cannot be followed. What lies in the
-    packages `apart` is not followed, and does not count."""
+    packages `apart` is not followed, and does not count.
+    """
     walk = _Closure(modules, select, linker_of(modules), apart)
     module, _, name = function.partition(":")
     walk.start(module, name.partition(".")[0])
@@ -75,7 +76,8 @@ def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
 
 def reachable_third_party(root: Path, function: str, select: Mapping[str, object] | None = None) -> set[str]:
     """Top-level import names of all packages that a stage can reach under these parameters, or whichever backend is selected: what
-    its LIBRARIES must cover."""
+    its LIBRARIES must cover.
+    """
     return fingerprint(Modules(root), function, select or {}).third_party
 
 
@@ -235,7 +237,8 @@ class _Closure:
 
     def _whole(self, module: Module, use: str) -> Known:
         """A module used as a value: whatever it has may be used, its own names, those that it imports, and what it is called. One
-        that is started runs its program."""
+        that is started runs its program.
+        """
         names = {name: [(module.name, name)] for name in module.items if name != MAIN or use == PROGRAM}
         for name in module.imports.keys() - set(module.typing):
             names.setdefault(name, []).extend(filter(None, map(_target, places(self.modules, module, name))))

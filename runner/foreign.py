@@ -1,5 +1,6 @@
 """What is known of code that is not ours: which functions of it only make values, which set states of a whole process, and
-which reach our code by a way that nobody can follow."""
+which reach our code by a way that nobody can follow.
+"""
 
 from __future__ import annotations
 

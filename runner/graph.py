@@ -106,7 +106,8 @@ class Graph:
     @contextmanager
     def variant(self, label: str) -> Iterator[dict[str, str]]:
         """Lines that are written again with other parameters. Within it, what is there already with the same arguments is taken
-        as it is, and a stage that differs is added as `<name>_<label>`. Gives name -> name in this graph, as it fills."""
+        as it is, and a stage that differs is added as `<name>_<label>`. Gives name -> name in this graph, as it fills.
+        """
         names: dict[str, str] = {}
         self._variant = label, names
         try:
@@ -117,7 +118,8 @@ class Graph:
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
         """Lines of one of several targets that are made together: what they share is one node, as in a `variant`; their targets are
-        called `<part>.<name>`, and what they publish and measure belongs to the part."""
+        called `<part>.<name>`, and what they publish and measure belongs to the part.
+        """
         self._part = name
         try:
             with self.variant(name.replace("-", "_")):
@@ -128,7 +130,8 @@ class Graph:
     def publish(self, value: T, place: str, as_: str) -> T:
         """Name where people find a value, and what the summary of a run calls it: `g.publish(packed, "datasets/{source}",
         as_="dataset")`. {source} is the name of what the run is made of, {clip} the shard: then every shard has a place of its own.
-        A place with a suffix is that of a single file. The value is published by every run that makes it."""
+        A place with a suffix is that of a single file. The value is published by every run that makes it.
+        """
         node = self._node(value, "g.publish")
         self.published.append(Published(node.id, place, as_, self._part))
         return value
@@ -142,14 +145,16 @@ class Graph:
              each: bool = False, rate: bool = False) -> None:  # fmt: skip
         """A figure of what stages cost: their CPU seconds for one of what they are counted in, `per` a measured value and a figure
         of it. `shards`: only in the shards in which this one is made; `scale`: of the unit; `each`: also of every stage as
-        `<name>.<stage>`; `rate`: so many a CPU second instead, and none where nothing was spent."""
+        `<name>.<stage>`; `rate`: so many a CPU second instead, and none where nothing was spent.
+        """
         spent = tuple(self._maker(stage) for stage in stages)
         self.costs.append(Cost(name, spent, self._node(per[0], "g.cost").id, per[1],
                                None if shards is None else self._maker(shards), scale, each, rate, self._part))
 
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         """One stage, named after its module. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is
-        supplied by the runner. GraphError when the arguments do not fit."""
+        supplied by the runner. GraphError when the arguments do not fit.
+        """
         return self._add(fn.__module__.rpartition(".")[2], fn, args, kwargs)
 
     def _add(self, name: str, fn: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> T:
@@ -184,7 +189,8 @@ class Graph:
 
     def collect(self, value: T, partial: bool = False) -> tuple[T, ...]:
         """All elements over all axes again, in order; those that failed are left out and listed in the report. `partial`: so are
-        those that a run with a limit has left for another one, even all of them; without, the list then is left too."""
+        those that a run with a limit has left for another one, even all of them; without, the list then is left too.
+        """
         source = self._node(value, "g.collect")
         return cast("tuple[T, ...]", self._new("collect", f"collect {source.name}", (("", source.id),), partial=partial))
 
@@ -315,7 +321,8 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
 
 def _same(a: Node, b: Node) -> bool:
     """Whether two nodes compute the same, whatever they are called; what has no inputs, also by its name. (An `each` is told by its
-    axis.)"""
+    axis.)
+    """
     if a.sort != b.sort or a.sort == "each" or (not a.inputs and a.name != b.name):
         return False
     return (a.inputs, a.value, a.params, a.partial) == (b.inputs, b.value, b.params, b.partial)

@@ -131,7 +131,8 @@ def seed_of(params: Any, inputs: Mapping[str, str]) -> int:
 @cache
 def machine_kind() -> str:
     """What byte equality is promised for: architecture, vector units (those of bfloat16 decide mixed precision), GPU and driver,
-    version of Python. It is recorded, and part of the key of stages that declare MACHINE."""
+    version of Python. It is recorded, and part of the key of stages that declare MACHINE.
+    """
     parts = [platform.machine(), sys.platform, f"python{sys.version_info[0]}.{sys.version_info[1]}", *_vectors(), *_gpus()]
     forced = os.environ.get("OPENBLAS_CORETYPE")
     return " ".join([*parts, f"openblas={forced}"] if forced else parts)

@@ -1,5 +1,6 @@
 """Labels on a graph: which of its values people look for, and where; which hold figures, and what stages cost. They are in no key,
-and the runner only keeps them: who shows a run reads them."""
+and the runner only keeps them: who shows a run reads them.
+"""
 
 from __future__ import annotations
 

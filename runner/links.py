@@ -71,7 +71,8 @@ class Linker:
 
     def links(self, module: Module, index: int) -> Links:
         """Links of one statement; SourceError when it uses what cannot be followed. What a string names is left out where only
-        another package gets to see the string."""
+        another package gets to see the string.
+        """
         by_string = index not in self.effects(module).outside
         key = module.name, index, by_string
         if key not in self._links:

@@ -25,7 +25,8 @@ LAST: dict[str, list[Any]] = {}
 
 def outdated(paths: Iterable[str]) -> str | None:
     """Return the first of these files that has other code than when this process read it first, and whose module it has imported:
-    what runs here is then not what the file says."""
+    what runs here is then not what the file says.
+    """
     edited = [path for path in paths if FIRST.get(path) != LAST.get(path)]
     loaded = {getattr(module, "__file__", None) for module in list(sys.modules.values())} if edited else set()
     return next((path for path in edited if path in loaded), None)

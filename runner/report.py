@@ -47,7 +47,8 @@ class Failure:
 @dataclass
 class RunReport:
     """What a run did. `outputs` holds, for every handle of the target and for what is published on
-    the way, its (shard, artifact digest) pairs."""
+    the way, its (shard, artifact digest) pairs.
+    """
 
     target: str
     ran: dict[str, int] = field(default_factory=dict)

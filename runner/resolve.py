@@ -11,7 +11,8 @@ from runner.source import Module, SourceError, import_of
 
 class Place(NamedTuple):
     """An item of one of our modules (`chain` starts with its name), one of our modules as a whole (no `chain`), or a name of
-    another package, or of Python's `builtins` (no `module`)."""
+    another package, or of Python's `builtins` (no `module`).
+    """
 
     module: Module | None
     name: str

@@ -55,7 +55,8 @@ class Runner:
         """Make a target (its name, a handle, or handles). `shards` limits fan-outs to the elements named; `only` runs one
         stage on its last recorded inputs; `force` names stages to make again; `limit_s`: after so long, what the target can do
         without is left for the next run (NothingToLeaveError when there is no such thing). UnknownNameError, UnknownShardError;
-        SourceError when code cannot be followed. Failures of shards are in the report, not raised."""
+        SourceError when code cannot be followed. Failures of shards are in the report, not raised.
+        """
         began = time.monotonic()
         limit = Limit() if limit_s is None else self._limit(graph, target, began + limit_s)
         self._check_names(graph, [*force, *([only] if only else [])])
@@ -139,7 +140,8 @@ class Runner:
 
     def gc(self, dry_run: bool = False) -> upkeep.Swept:
         """Delete what the last use of every shard does not reach; with `dry_run`, only count it. StoreError while a run is going
-        on."""
+        on.
+        """
         lease = Lease(self.place.store / "leases" / "store.lock")
         if not lease.held:
             raise StoreError(f"a run is using {self.place.store}; collect garbage when it is over")

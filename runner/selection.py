@@ -39,7 +39,8 @@ SHAPE = ('LIBRARIES = ("name", ...), THREADS = int, MEMORY_GIB = float and MACHI
 
 def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
     """The entry of a registry that a parameter names, or the entries that a tuple of names does; all of them without such a
-    parameter. A frozenset, which is no parameter but what a codec selects, is taken as it is."""
+    parameter. A frozenset, which is no parameter but what a codec selects, is taken as it is.
+    """
     if isinstance(value, frozenset):
         return sorted(value & entries.keys())
     names = sorted({name for name in value if isinstance(name, str)}) if isinstance(value, tuple) else [value]
@@ -70,7 +71,8 @@ def unselected(modules: Modules, module: str, select: Mapping[str, object]) -> f
 
 def declarations(modules: Modules, module: str, select: Mapping[str, object] | None = None) -> dict[str, Any]:
     """LIBRARIES, THREADS, MEMORY_GIB and MACHINE (True, False, or a list of names of parameters) of a stage's module under these
-    parameters, or of all backends together; ValueError when one has the wrong type."""
+    parameters, or of all backends together; ValueError when one has the wrong type.
+    """
     found = modules.get(module)
     literals = found.literals if found else {}
     own = {name: _checked(module, name, literals.get(name, default)) for name, default in DEFAULTS.items()}

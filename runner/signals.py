@@ -18,7 +18,8 @@ class Terminated(KeyboardInterrupt):
 @contextmanager
 def terminating() -> Iterator[None]:
     """Let SIGTERM end what is inside as Ctrl-C does, then the process with status 143. Where the process handles the signal itself,
-    or in another thread than the main one, nothing changes."""
+    or in another thread than the main one, nothing changes.
+    """
     ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     if not ours:
         yield

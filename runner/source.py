@@ -172,7 +172,8 @@ def _keep(module: Module, statement: ast.stmt, home: str, schema: bool, main: bo
 
 def _parted(whole: ast.ClassDef) -> tuple[ast.ClassDef, list[tuple[ast.stmt, str]]]:
     """A class without those of its fields that may hold the parameters of a backend; and each of them, as a class that has no other
-    field, with its name."""
+    field, with its name.
+    """
     rest, blocks = list[ast.stmt](), list[tuple[ast.stmt, str]]()
     for part in whole.body:
         if _is_block(part):

@@ -37,7 +37,8 @@ class Slots:
 
 def spell(node: Any, slots: Slots, schema: bool = False) -> Any:
     """A syntax tree as a JSON tree: [kind, field, value, ...], fields sorted, empty ones left out. In a `schema` module so are the
-    doc line (last positional argument) and the encoding of a field."""
+    doc line (last positional argument) and the encoding of a field.
+    """
     if isinstance(node, ast.AST):
         if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
             node = _without_doc(node, node.value)

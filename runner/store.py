@@ -84,7 +84,8 @@ class Store:
 
     def put(self, value: object, scratch: Path) -> str:
         """Store the output of a stage; `scratch` is its private folder, out of which files are moved and not copied. A file may
-        be in several parts of the output."""
+        be in several parts of the output.
+        """
         return self._put(value, scratch, {})
 
     def _put(self, value: object, scratch: Path, moved: dict[Path, tuple[str, int]]) -> str:
@@ -144,7 +145,8 @@ class Store:
     @contextmanager
     def _saved(self, value: object) -> Iterator[list[tuple[str, Path]]]:
         """What the codec writes of a value, as (name, path), in a folder of this process that is used again and again (making
-        and removing a folder costs more than all the rest)."""
+        and removing a folder costs more than all the rest).
+        """
         folder = self._folder
         if not self._folder_is_clean:
             shutil.rmtree(folder, ignore_errors=True)
@@ -209,7 +211,8 @@ class Store:
 
     def _tree(self, digest: str) -> dict[str, Any] | None:
         """What a manifest says: from the cache while its file is as it was, else from the file; a file that does not fit is written
-        anew from the cache."""
+        anew from the cache.
+        """
         path, known = self.path("manifests", digest, ".json"), self._trees.get(digest)
         tree = None
         with suppress(FileNotFoundError, DamagedError):
@@ -252,7 +255,8 @@ class Store:
 
     def file(self, digest: str, name: str) -> Path:
         """The path of one file of a plain artifact, verified by its digest; KeyError when it has none of this name, LostError when
-        the file is missing or damaged."""
+        the file is missing or damaged.
+        """
         entries = {entry.name: entry for entry in self.manifest(digest).files}
         return self._verified(digest, entries[name])
 
@@ -302,7 +306,8 @@ class Store:
 
     def state(self, digest: str) -> str:
         """'ok', 'lost' or 'damaged': whether all files of an artifact are there with the right bytes. Bytes are read again
-        only where a file's size or change time is not what it was; a damaged blob is moved aside."""
+        only where a file's size or change time is not what it was; a damaged blob is moved aside.
+        """
         worst = "ok"
         for _, found in self.closure(digest):
             if found is None:

@@ -128,7 +128,8 @@ class Traces:
 
     def mend(self) -> list[str]:
         """Read every file of traces/ again: keys of those that were damaged. One that the index has is written anew; any other is
-        no trace, and goes."""
+        no trace, and goes.
+        """
         damaged = [key for key in sorted(_names(self.root / "traces")) if _read_row(self.root, key) is None]
         for key in damaged:
             if self._mended(self._rows.get(key)) is None:

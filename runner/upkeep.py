@@ -105,7 +105,8 @@ def _holder(store: Store, blob: str) -> str:
 
 def verify(store: Store, traces: Traces) -> Verdict:
     """Read every blob and every trace, and check every artifact that is in use. A damaged trace is written anew from the index, or
-    goes and its task runs again; definitions kept for `explain` that are damaged go: nothing depends on them."""
+    goes and its task runs again; definitions kept for `explain` that are damaged go: nothing depends on them.
+    """
     verdict = Verdict()
     store.distrust()
     verdict.missing += [f"trace {key[:12]}, which was damaged" for key in traces.mend()]
@@ -141,7 +142,8 @@ def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
 
 def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
     """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes, or with `dry_run` is
-    counted."""
+    counted.
+    """
     swept = Swept(dry_run=dry_run)
     if not dry_run:
         traces.mend()

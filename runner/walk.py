@@ -71,7 +71,8 @@ class Walk:
 
     def _ranks(self) -> dict[int, tuple[int, int]]:
         """Node -> how early its tasks go, the smallest first: what the graph wants first; then less the number of collects between
-        it and the last one, which wait for all of it while others wait for them; then less its depth."""
+        it and the last one, which wait for all of it while others wait for them; then less its depth.
+        """
         collects, depth = dict[int, int](), dict[int, int]()
         for node in reversed(self.nodes):
             ahead = (collects[user.id] + (user.sort in ("collect", "gather") and not user.axes) for user in self._users[node.id])
@@ -141,7 +142,8 @@ class Walk:
 
     def reopen(self, digest: str) -> list[Place_]:
         """Take back the outcomes that hold an artifact that cannot be read. Leafs are brought in again at once; the places returned
-        are stages, which `retry` judges again. What follows from them stays: most often the same bytes come back."""
+        are stages, which `retry` judges again. What follows from them stays: most often the same bytes come back.
+        """
         makers = [place for place, outcome in self._reopened.items() if self._holds(outcome, digest)]
         for (at, path), outcome in list(self.outcome.items()):
             node = self.graph.nodes[at]

@@ -20,7 +20,8 @@ from runner.store import Store
 
 def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str, root: str, *schemas: str) -> None:
     """`lifeline_fd` is a pipe whose other end only the scheduler holds: it closes when the scheduler is gone. What stages and their
-    libraries print goes to stderr: stdout is the scheduler's."""
+    libraries print goes to stderr: stdout is the scheduler's.
+    """
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -39,7 +40,8 @@ def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str, ro
 
 def load_from_source(root: Path) -> None:
     """Load modules of the project from what their files say now, and note which that was. (Python takes compiled code for current
-    while a source's size and modification time, in seconds, are as they were.)"""
+    while a source's size and modification time, in seconds, are as they were.)
+    """
     finder = FileFinder.path_hook((_Loader, SOURCE_SUFFIXES))
 
     def hook(path: str) -> FileFinder:

@@ -93,7 +93,8 @@ class GraspScene(Schema):
 @dataclass(frozen=True)
 class HandCandidates(Schema):
     """Grasps of one hand, best first. The frame of a grasp has the axes of the palm's grip (HandModel.R_palm_grip): x along the
-    thing, to a right hand's thumb, y out of the back of the hand, z to the fingers; its origin is amid what is held."""
+    thing, to a right hand's thumb, y out of the back of the hand, z to the fingers; its origin is amid what is held.
+    """
 
     side: Literal["left", "right"] = value("whose hand")
     T_cam_grasp: np.ndarray = array("n 4 4", "float64", "pose of each grasp", unit="m", frame="camera")

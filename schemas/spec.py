@@ -27,7 +27,8 @@ class SchemaError(ValueError):
 
 def array(shape: str, dtype: str, doc: str, *, unit: str = "", frame: str = "", encoding: Encoding = "raw") -> Any:
     """A numpy field. `shape` is words ("n t h w"), `dtype` a numpy name; encodings: `raw` safetensors, `video` lossless
-    H.264 of (t, h, w, 3) uint8, `rle` COCO run lengths of (..., h, w) bool, `zstd` compressed raw bytes."""
+    H.264 of (t, h, w, 3) uint8, `rle` COCO run lengths of (..., h, w) bool, `zstd` compressed raw bytes.
+    """
     meta = {"shape": shape, "dtype": dtype, "doc": doc, "unit": unit, "frame": frame, "encoding": encoding}
     return dataclasses.field(metadata=meta)
 

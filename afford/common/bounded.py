@@ -90,7 +90,8 @@ def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, in
 
 def check_chunks(data: bytes, name: str) -> None:
     """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what
-    a chunk states before it looks whether the file has as much.)"""
+    a chunk states before it looks whether the file has as much.)
+    """
     if not data.startswith(PNG_SIGNATURE):
         return
     at = len(PNG_SIGNATURE)
@@ -125,7 +126,8 @@ def load_npy(path: Path, name: str, most: int = MAX_ARRAY_BYTES) -> np.ndarray:
 def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: True,
              most: int = MAX_ARRAY_BYTES) -> dict[str, np.ndarray]:  # fmt: skip
     """Arrays of numbers or text in an .npz by name, those that are `wanted`, in the order of the file. TooLargeError when they
-    unpack to more than `most` bytes, SourceError for another file."""
+    unpack to more than `most` bytes, SourceError for another file.
+    """
 
     def refuse(got: str) -> SourceError:
         return SourceError(name, "an .npz of plain arrays", got, "save it with numpy.savez, without objects")
@@ -144,7 +146,8 @@ def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: Tr
 
 def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int) -> bytes:
     """Bytes of one file in a zip. TooLargeError when it states more than `most` bytes, before anything is decompressed;
-    SourceError when it is damaged, or unpacks to another number of bytes than it states."""
+    SourceError when it is damaged, or unpacks to another number of bytes than it states.
+    """
     _check_bytes(info.file_size, name, "a file in a zip", most)
     chunk = CHUNK if info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) else SMALL_CHUNK
     parts, left = [], info.file_size

@@ -15,7 +15,8 @@ BORDER = 50 / 855
 
 def box(mask: np.ndarray, border_px: int | Sequence[int] = 0) -> Box:
     """The smallest box around the mask (h, w) bool, and a border inside the image: one width for all sides, or left, top, right,
-    bottom. Empty slices for an empty mask."""
+    bottom. Empty slices for an empty mask.
+    """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not rows.size:
         return slice(0, 0), slice(0, 0)

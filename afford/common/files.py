@@ -60,7 +60,8 @@ def _entry(path: Path) -> dict[str, Any]:
 
 def footer_digest(path: Path) -> str:
     """Hex digest of what stands behind the pages of a Parquet file: schema, classes, places of the columns. Pages have checksums of
-    their own."""
+    their own.
+    """
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(max(size - TAIL_BYTES, 0))

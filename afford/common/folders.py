@@ -63,7 +63,8 @@ class Entry:
 
 def media_of(files: FileTree) -> FileTree:
     """The files of a video that hold its pictures. What decodes frames is given no others, so that an edited table or outline
-    does not decode them again."""
+    does not decode them again.
+    """
     suffixes = VIDEO_SUFFIXES + IMAGE_SUFFIXES
     return FileTree(files.name, tuple(
         f for f in files.files if PurePosixPath(f.name).suffix.lower() in suffixes or is_pack(f.name)))

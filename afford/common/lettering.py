@@ -22,7 +22,8 @@ def font(size_px: int, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 def label(rgb: np.ndarray, text: str, at: tuple[int, int], size_px: int) -> None:
     """Write white letters with a dark edge into a picture (h, w, 3) uint8, in place; `at` is the upper left corner, px (x, y).
-    Letters and edge come from one outline, so that they fit each other, and may be of any alphabet."""
+    Letters and edge come from one outline, so that they fit each other, and may be of any alphabet.
+    """
     picture = Image.fromarray(rgb)
     ImageDraw.Draw(picture).text(at, text, (255, 255, 255), font(size_px), stroke_width=EDGE_PX, stroke_fill=(0, 0, 0))
     rgb[:] = np.asarray(picture)

@@ -63,7 +63,8 @@ def when_loaded(name: str, action: Callable[[Any], None]) -> None:
 def seal_kernels(caching: Any) -> None:
     """Give `numba.core.caching` an `open` of its own, which writes a BLAKE3 digest beside every compiled file and verifies the file
     before it is unpickled or run. One that does not fit, or has no digest, is deleted and compiled again. The files themselves stay
-    numba's, so that a process without this `open` can share them."""
+    numba's, so that a process without this `open` can share them.
+    """
     caching.open = open_sealed
 
 
@@ -100,7 +101,8 @@ class _Sealing(io.BytesIO):
 
 def seal_fonts(folder: Path) -> None:
     """Delete matplotlib's list of fonts in `folder` where it does not fit the digest beside it, and put a digest beside a list that
-    matplotlib makes."""
+    matplotlib makes.
+    """
     for path in folder.glob(FONTS):
         if not _digest_of(path).exists() or _digest_of(path).read_text() != blake3(path.read_bytes()).hexdigest():
             path.unlink()

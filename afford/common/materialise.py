@@ -11,7 +11,8 @@ from schemas.files import FileTree
 
 def unfold(files: FileTree, marker: str, folder: Path) -> Path:
     """Copy the files beside the one whose name ends in `marker` ('config.json') into `folder`, with those
-    below them. SourceError when there is no such file, or several."""
+    below them. SourceError when there is no such file, or several.
+    """
     found = [ref.name for ref in files.files if ref.name.rpartition("/")[2] == marker]
     heads = sorted({name.removesuffix(marker) for name in found}, key=len)
     if not heads or (len(heads) > 1 and not all(head.startswith(heads[0]) for head in heads)):

@@ -16,7 +16,8 @@ MOST_SLOTS = 2**26
 
 def epic_rate(video_id: str) -> float | None:
     """The rate, 1/s, that EPIC-KITCHENS numbers frames by, whatever the rate of the file: 60 for PXX_YY, 50 for PXX_1YY, P01
-    to P37; None for every other id. VISOR, frame extraction."""
+    to P37; None for every other id. VISOR, frame extraction.
+    """
     match = EPIC_ID.fullmatch(video_id)
     if match is None:
         return None
@@ -25,7 +26,8 @@ def epic_rate(video_id: str) -> float | None:
 
 def number_in(name: str) -> int | None:
     """The last run of digits of an image's name: rgb_frames/P03_101_frame_0000000157.jpg shows frame 157. None without one, and
-    for a number beyond `LAST_FRAME`."""
+    for a number beyond `LAST_FRAME`.
+    """
     digits = re.findall(r"[0-9]+", PurePosixPath(name).stem)
     last = digits[-1].lstrip("0") if digits else None
     if last is None or len(last) > len(str(LAST_FRAME)):

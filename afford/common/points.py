@@ -26,7 +26,8 @@ def sample(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, count: i
 
 def farthest(points: np.ndarray, count: int) -> np.ndarray:
     """(k,) int64 indices of farthest-point sampling, k = min(count, n): first the point farthest from the middle, then always the
-    one that is farthest from those taken."""
+    one that is farthest from those taken.
+    """
     if not len(points) or not count:
         return np.zeros(0, np.int64)
     spots = points.astype(np.float64)

@@ -1,5 +1,6 @@
 """Backends by name: a literal dict ``name -> "module:attribute"``, resolved at the moment of use so that leafs load late; and
-packages that only an extra installs."""
+packages that only an extra installs.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def block(params: object, name: str) -> Any:
 
 def extra(package: str, name: str) -> Any:
     """A package of the extra `name` of pyproject.toml; ValueError when it is not installed. No stage may compute with it: its
-    version is in no key."""
+    version is in no key.
+    """
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:

@@ -1,5 +1,6 @@
 """Stills -> ActAffordance's folders: one per task, with the masks of the likeliest way under the published names and every way
-in modes.json."""
+in modes.json.
+"""
 
 from __future__ import annotations
 

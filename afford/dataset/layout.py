@@ -1,7 +1,7 @@
 """ActAffordance's folders by name alone: which files belong to which case.
 
-    [data/]{masks,cropped}/<video>/<frame>/{inpainting.png, annotation.json, aff_left.png?, ...}     truth
-    [masks|cropped/][<threshold>/]<video>/<frame>/aff_{left,right}.png                               predictions of any method
+[data/]{masks,cropped}/<video>/<frame>/{inpainting.png, annotation.json, aff_left.png?, ...}     truth
+[masks|cropped/][<threshold>/]<video>/<frame>/aff_{left,right}.png                               predictions of any method
 """
 
 from __future__ import annotations
@@ -64,7 +64,8 @@ def cases(files: FileTree) -> list[CaseFiles]:
 
 def predictions(files: FileTree, protocol: str) -> Iterator[tuple[float | None, str, str, FileRef]]:
     """(threshold or None, <protocol>/<video>/<frame>, left or right, file) of every predicted mask; folders that do not say
-    theirs are of `protocol`. SourceError when there is none, and for a threshold folder that is no number in 0..1."""
+    theirs are of `protocol`. SourceError when there is none, and for a threshold folder that is no number in 0..1.
+    """
     empty = True
     for ref in files.files:
         parts = ref.name.split("/")

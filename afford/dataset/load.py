@@ -54,7 +54,8 @@ class Item:
 
 def collate(items: Sequence[Item]) -> dict[str, Any]:
     """A batch, for `DataLoader(Dataset(folder), collate_fn=collate)`: field of Item -> tensor (b, ...) of its arrays or numbers, or
-    list of its words. ValueError where arrays differ in shape."""
+    list of its words. ValueError where arrays differ in shape.
+    """
     import torch
 
     batch: dict[str, Any] = {}

@@ -79,7 +79,8 @@ def _pack_png(mask: np.ndarray) -> bytes:
 
 def decode_png(data: bytes) -> np.ndarray:
     """A grey PNG -> (h, w) bool, True where it is not black. Files of `encode_png` take a tenth of the time of others. ValueError
-    when it is none, and, before it is decoded, for one of more than MAX_PIXELS."""
+    when it is none, and, before it is decoded, for one of more than MAX_PIXELS.
+    """
     if not data.startswith(PNG_SIGNATURE) or len(data) < BODY_AT:
         raise ValueError(f"mask: expected a PNG, got {len(data)} bytes that are none")
     width, height = struct.unpack(">II", data[16:24])

@@ -73,7 +73,8 @@ def plan(clips: Sequence[Samples], rule: Rule) -> Plan:
 
 def _once(heads: Iterable[Head]) -> Iterator[Head]:
     """Two parts of one video share the key frame at which it was cut: the last of the one, the first of the other. The earlier
-    part gives its samples."""
+    part gives its samples.
+    """
     last: dict[str, int] = {}
     for head in heads:
         shared = last.get(head.clip.video_id)

@@ -40,7 +40,8 @@ def refused(path: Path, name: str = "") -> Iterator[None]:
 
 def opened(path: Path, name: str = "") -> pq.ParquetFile:
     """A shard whose pages are verified when they are read. SourceError when it is no Parquet file, or its footer is another than
-    manifest.json says, where there is one."""
+    manifest.json says, where there is one.
+    """
     with refused(path, name):
         stated = _stated_footer(path)
         if stated and stated != footer_digest(path):
@@ -61,7 +62,8 @@ def _stated_footer(path: Path) -> str:
 
 def read_group(path: Path, group: int, columns: Sequence[str]) -> pa.Table:
     """Some columns of one row group; SourceError when the file is damaged or lacks a column, TooLargeError beyond `MOST_BYTES` or
-    `MOST_ROWS`, before anything is decompressed."""
+    `MOST_ROWS`, before anything is decompressed.
+    """
     with opened(path) as file, refused(path):
         _check_size(file, path, group)
         missing = [name for name in columns if name not in file.schema_arrow.names]

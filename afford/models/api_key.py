@@ -39,7 +39,8 @@ def harmless(url: str, variable: str) -> None:
 
 def read(variable: str, url: str) -> str:
     """The value of an environment variable, '' for no variable; ValueError, which does not show it, when it cannot be a key or
-    would travel to `url` in the open."""
+    would travel to `url` in the open.
+    """
     if not variable:
         return ""
     key, where = os.environ.get(variable, ""), f"environment variable {variable}"

@@ -72,7 +72,8 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
 
 def load_plain(path: Path, what: str) -> dict[str, Any]:
     """Mapping in a safetensors file, or in one that torch.load reads with weights_only, by name. A zip that unpacks to more than it
-    is, as torch writes none, is refused. ValueError, one sentence, says why not; `what` is what was expected."""
+    is, as torch writes none, is refused. ValueError, one sentence, says why not; `what` is what was expected.
+    """
     try:
         if path.suffix == ".safetensors":
             return dict(load_file(path))

@@ -32,7 +32,8 @@ class ChatModel(NamedTuple):
 
 def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> ChatModel:
     """From a local folder, weights in safetensors only, for inference; ValueError says what was tried. The last one is kept, since
-    a process asks about many objects."""
+    a process asks about many objects.
+    """
     where = place(name, "vlm", "vision-language model with its processor")
     return _kept(where, stamp(where), device_of(device), dtype_of(dtype))
 

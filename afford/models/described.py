@@ -26,7 +26,8 @@ MAX_SIZE, MAX_SIZES = 1 << 16, 64
 
 def read_config(path: Path, kind: type[C], form: str, where: str, hint: str) -> C:
     """The dataclass `kind` that a file of the format `form` describes; lists become tuples. ValueError names `where` and what is
-    wrong: no JSON, another format, other fields, a field that is no whole number of 1 to MAX_SIZE or a short list of them."""
+    wrong: no JSON, another format, other fields, a field that is no whole number of 1 to MAX_SIZE or a short list of them.
+    """
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:

@@ -21,7 +21,8 @@ HUB_ID = re.compile(r"(?P<id>[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?)(@(?P<revi
 
 def files(name: str, digest: Callable[[Path], str]) -> FileTree:
     """The files of a model with their content digests, wherever they lie and whatever the folder is called. ValueError when
-    there are none."""
+    there are none.
+    """
     place = find(name)
     if place.is_file():
         return FileTree(LABEL, (_ref(place, place.name, digest),))

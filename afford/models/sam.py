@@ -1,5 +1,6 @@
 """Segment Anything for two hands: one image encoder, a mask decoder for each hand, and the taxonomy head on the left one's mask
-tokens (2HandedAfforder section 4), out of the classes of `transformers`."""
+tokens (2HandedAfforder section 4), out of the classes of `transformers`.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ class Regions(nn.Module):
 
     def forward(self, image: Tensor, prompt: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """image (b, 3, s, s) normalised, prompt (b, n, c) sparse. Returns logits (b, 2, k, s / 4, s / 4), score logits (b, 2, k)
-        and taxonomy logits (b, 4)."""
+        and taxonomy logits (b, 4).
+        """
         with torch.set_grad_enabled(torch.is_grad_enabled() and self._encoder_learns()):
             seen = self.image_encoder(image).last_hidden_state
         seen = seen + self.prompt_encoder.no_mask_embed.weight.view(1, -1, 1, 1)

@@ -77,7 +77,8 @@ def session(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.nda
 def follow(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], order: Iterable[int], *,
            within: Sam2VideoInferenceSession | None = None) -> Iterator[Seen]:  # fmt: skip
     """The frames of `order`, ascending or descending, one after the other, each with the memory of those before it and of all
-    prompts. `within` is a `session` of the same video and prompts, which forgets all but the prompts."""
+    prompts. `within` is a `session` of the same video and prompts, which forgets all but the prompts.
+    """
     made = within or session(model, rgb, prompts)
     positions = list(order)
     reverse = len(positions) > 1 and positions[1] < positions[0]

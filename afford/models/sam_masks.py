@@ -48,7 +48,8 @@ def grid_points(count: int, height: int, width: int) -> np.ndarray:
 @torch.inference_mode()
 def everything(model: SamModel, rgb: np.ndarray, grid: Grid, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, h, w) bool masks of a picture (h, w, 3) uint8 and the IoU (m,) that the model predicts for each; those that are neither
-    sure nor stable are left out. `points` (n, 2) px are asked."""
+    sure nor stable are left out. `points` (n, 2) px are asked.
+    """
     height, width = rgb.shape[:2]
     side = int(model.config.vision_config.image_size)
     scale = side / max(height, width)

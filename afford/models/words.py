@@ -1,5 +1,6 @@
 """Words of a task as vectors, from nothing: each word is the mean of its hashed pieces, so that an unseen noun still shares
-pieces with seen ones (Bojanowski et al. 2017, "Enriching Word Vectors with Subword Information")."""
+pieces with seen ones (Bojanowski et al. 2017, "Enriching Word Vectors with Subword Information").
+"""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ class Words(nn.Module):
 
     def forward(self, tasks: tuple[str, ...]) -> tuple[Tensor, Tensor]:
         """b tasks -> (b, n, width) vectors and (b, n) bool that says which are words, n being the longest task's count; a task
-        without words has one empty one."""
+        without words has one empty one.
+        """
         rows = [[pieces(word, self.buckets) for word in split(task)[: self.words]] or [()] for task in tasks]
         longest = max(map(len, rows))
         flat = [piece for row in rows for piece in row + [()] * (longest - len(row))]

@@ -32,7 +32,8 @@ PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
     """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
-    fit."""
+    fit.
+    """
     if len(found) != len(shown.rgb) or found[0].label.shape != shown.label.shape or len(shown.flow) != len(shown.rgb) - 1:
         raise ValueError(f"{shown.name}: expected an answer for each of {len(shown.rgb)} frames of {shown.label.shape} px, and the "
                          f"motion between them, got {len(found)} of {found[0].label.shape} px and {len(shown.flow)}")

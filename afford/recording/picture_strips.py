@@ -1,5 +1,6 @@
 """The contact sheet of a recording with pictures of its own: a strip for each topic of pictures, moments spread evenly, and, of a
-training, its curves."""
+training, its curves.
+"""
 
 from __future__ import annotations
 

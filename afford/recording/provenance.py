@@ -29,7 +29,8 @@ def with_parameters(recording: Recording, parameters: Parameters) -> Recording:
 
 def of_value(recording: Recording, stage: str, value: Any, one_of: str = "") -> Recording:
     """The recording with a metadata record `provenance/<stage>` about a named value that it shows; `provenance/<stage>/<one_of>`
-    where it shows several of them."""
+    where it shows several of them.
+    """
     kind = kind_of(value)
     record = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(value)}  # fmt: skip

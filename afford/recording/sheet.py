@@ -1,7 +1,8 @@
 """A contact sheet of recordings: of clips, frame, masks, hands removed, complete objects, affordance and words, side by side; of
 objects, views, candidates and where a hand must not go (object_sheet.py); of grasps, their moments (grasp_strips.py); of
 interactions, frames, motion, what was said and attention (interaction_strips.py); of all others, their pictures and curves
-(picture_strips.py)."""
+(picture_strips.py).
+"""
 
 from __future__ import annotations
 

@@ -15,7 +15,8 @@ from afford.render.textures import Textures
 @dataclass(frozen=True, eq=False)
 class Batch:
     """(v, 3) world vertices, normals, colours; (v, 2) uv; (f, 3) faces; (f,) part of each face; per part: entity int16,
-    texture layer, and `looks` (tint rgb, specular, roughness, bump, metal, skin)."""
+    texture layer, and `looks` (tint rgb, specular, roughness, bump, metal, skin).
+    """
 
     vertices: np.ndarray
     normals: np.ndarray

@@ -18,7 +18,8 @@ CELL = 8
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """Lamps and ambience as the kernel wants them; `full` and `bare` (lamps, SIZE, SIZE) are the depth maps with and without
-    the entities that were named last."""
+    the entities that were named last.
+    """
 
     lamps: tuple[Lamp, ...]
     rows: np.ndarray

@@ -40,7 +40,8 @@ FONTS = (cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_TRIPLEX, cv2.FONT_HERSHEY_COM
 
 def cloud(rng: np.random.Generator, size: int, rough: float = 1.6, stretch: tuple[float, float] = (1.0, 1.0)) -> np.ndarray:
     """(size, size) tileable fractal noise, mean .5, standard deviation about .18; `stretch` lengthens it along x, y; a higher
-    `rough` exponent is smoother."""
+    `rough` exponent is smoother.
+    """
     fy, fx = np.meshgrid(np.fft.fftfreq(size) * size, np.fft.rfftfreq(size) * size, indexing="ij")
     radius = np.sqrt((fx * stretch[0]) ** 2 + (fy * stretch[1]) ** 2)
     radius[0, 0] = np.inf

@@ -15,7 +15,8 @@ GAMMA = 2.2
 @dataclass(frozen=True, eq=False)
 class Textures:
     """A pool of mip-mapped images. `texels` (n, 3) uint8: 255 x the square root of linear RGB; `levels` (images, levels, 3)
-    int64: offset, height, width of each level; `layer` finds an image by identity (the pool keeps the images alive)."""
+    int64: offset, height, width of each level; `layer` finds an image by identity (the pool keeps the images alive).
+    """
 
     texels: np.ndarray
     levels: np.ndarray

@@ -20,7 +20,8 @@ Values = dict[str, list[dict[str, float]]]
 
 def write(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores]) -> None:
     """metrics.json, ablation.json and ablation.md; of nothing but what was planned, where nothing is finished yet. ValueError for
-    scores of another plan."""
+    scores of another plan.
+    """
     done = {one.name: measures(one) for one in scores}
     if strange := sorted(done.keys() - {recipe.name for recipe in recipes}):
         raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(strange)}")
@@ -34,7 +35,8 @@ def write(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores])
 
 def measures(one: MethodScores) -> dict[str, float]:
     """Means over the cropped cases of kitchens; over all cropped cases where none is a kitchen's. Cases to which a measure does
-    not apply are left out."""
+    not apply are left out.
+    """
     cropped = np.array([protocol == PROTOCOL for protocol in one.protocol])
     kitchen = cropped & np.array([GROUP in groups for groups in one.groups])
     values = one.values[kitchen if kitchen.any() else cropped]

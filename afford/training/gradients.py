@@ -51,7 +51,8 @@ def together(loss: Loss[Batch], batches: Sequence[Batch], model: nn.Module, thre
 
 def _sum(parameter: Tensor, gradients: list[Tensor]) -> Tensor:
     """In their order, in the memory layout of the parameter: `backward` sees to that, `grad` does not, and a fused optimiser goes
-    through both as they lie."""
+    through both as they lie.
+    """
     total = torch.zeros_like(parameter)
     for gradient in gradients:
         total += gradient

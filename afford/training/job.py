@@ -1,5 +1,6 @@
 """What a training is, as plain data that travels to the processes that do it. What differs between models is here; steps,
-checkpoints, resuming, curves and files are the same for all (`fit`, `loop`, `written`)."""
+checkpoints, resuming, curves and files are the same for all (`fit`, `loop`, `written`).
+"""
 
 from __future__ import annotations
 

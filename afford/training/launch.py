@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 def launch(job: Job[Batch], scratch: Path, devices: int, progress: Progress) -> None:
     """Bring the checkpoint in `scratch` to its end with `devices` processes. RuntimeError with what they last said when they
-    fail."""
+    fail.
+    """
     file, errors = scratch / "job.json", scratch / "errors.txt"
     file.write_text(job.to_json())
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(devices),

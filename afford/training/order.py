@@ -11,7 +11,8 @@ import numpy as np
 
 class Order:
     """Epochs of `len(labels)` positions each. With `balance` 0 every sample comes once per epoch, with 1 every class equally
-    often (over epochs, every sample of a class equally often); between them, by the power of the class's share."""
+    often (over epochs, every sample of a class equally often); between them, by the power of the class's share.
+    """
 
     def __init__(self, labels: Sequence[Hashable], balance: float, seed: int) -> None:
         if not labels:

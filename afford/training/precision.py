@@ -10,7 +10,8 @@ QUICK = ("amx_bf16", "avx512_bf16", "bf16")
 
 def mixed(device: str, wanted: bool) -> torch.autocast:
     """bfloat16 for what is inside, when it is `wanted` and the device has instructions for it. A CPU that has none would only be
-    slower, and goes on in single precision."""
+    slower, and goes on in single precision.
+    """
     kind = torch.device(device).type
     return torch.autocast(kind, torch.bfloat16, wanted and (kind != "cpu" or quick()))
 

@@ -134,7 +134,8 @@ def executions(project: FlippedStore) -> int:
 
 def wrong_later(project: FlippedStore, pids: set[int], before: set[str] | None = None, mark: str = "!") -> list[str]:
     """After a run that was ended from outside: processes that still run, and what is wrong with the next run. `before`: keys that
-    were finished and may not be executed again."""
+    were finished and may not be executed again.
+    """
     left = left_after(pids)
     kill(left)
     wrong = [f"{len(left)} processes are left"] if left else []

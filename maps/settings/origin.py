@@ -10,7 +10,8 @@ from schemas.scene import RenderedClip, SceneSpec
 
 class Origin(NamedTuple):
     """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none; `bare` videos
-    have no masks)."""
+    have no masks).
+    """
 
     name: str
     specs: tuple[SceneSpec, ...] = ()

@@ -71,7 +71,8 @@ def test_backends_side_by_side(made: Made, tmp_path: Path) -> None:
 
 def test_a_column_that_fails_leaves_the_other(made: Made, tmp_path: Path) -> None:
     """Weights of another model: exit 1, its failure is told, the other column is on the page. Without any it is a fault of usage,
-    told before a clip is looked at."""
+    told before a clip is looked at.
+    """
     mine, foreign = made.copy(tmp_path), tmp_path / "foreign"
     foreign.mkdir()
     (foreign / "config.json").write_text('{"model_type": "clip"}')

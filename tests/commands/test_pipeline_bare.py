@@ -68,7 +68,8 @@ def looking(**more: object) -> Settings:
 
 def test_a_video_alone_becomes_a_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     """Samples of a hand that holds something, recordings that show what was found; a second run makes nothing; another view looks
-    again and learns nothing again."""
+    again and learns nothing again.
+    """
     first = run(tmp_path / "store", looking())
     assert first.ok, first.failures
     assert first.ran.keys() >= TRAINING | {"hand_detect", "record_hand_detect", "dataset_pack"} and first.ran["hands_train"] == 1

@@ -1,5 +1,6 @@
 """Publishing: whole or not at all, by several processes at once, and nothing is left behind. Recordings of clips that are no more
-do not stay beside those that are."""
+do not stay beside those that are.
+"""
 
 from __future__ import annotations
 

@@ -40,7 +40,8 @@ def test_lists_are_written_with_commas_or_as_json() -> None:
 
 def test_a_variant_brings_its_schedule() -> None:
     """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
-    besides holds, from the command line as from a file."""
+    besides holds, from the command line as from a file.
+    """
     paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
     assert paper.rgbd.sor3d_train == dataclasses.replace(sor3d_train.PAPER, steps=7, device="cpu")
     assert paper.rgbd.sor3d_pretrain.variant == "small"

@@ -113,7 +113,8 @@ HOMES = {"pybullet": ("afford/common/bullet.py",),
 @pytest.mark.parametrize(("package", "home"), HOMES.items())
 def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tuple[str, ...]) -> None:
     """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder; what an
-    extra installs is never imported by a statement: see registry.extra."""
+    extra installs is never imported by a statement: see registry.extra.
+    """
     for room in MAY_IMPORT:
         for path in sources(room):
             if package in {name.split(".")[0] for name in imported(path)}:
@@ -153,7 +154,8 @@ def loaded_by(statements: str) -> set[str]:
 
 def test_importing_the_map_loads_nothing_heavy() -> None:
     """`import pipeline` and the command line load none of the heavy packages, no stage and no map, so that --help is quick; nor do
-    all the maps load what is heavy."""
+    all the maps load what is heavy.
+    """
     found = loaded_by("import pipeline, commands.cli")
     assert not found & set(HEAVY) and not [name for name in found if name.startswith(("stages", "maps"))]
     every = ", ".join(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources("maps") if path.stem != "__init__")
@@ -223,7 +225,8 @@ def folders(graph: dict[Path, set[Path]]) -> dict[Path, set[Path]]:
 
 def test_no_circle() -> None:
     """Neither files nor folders import each other in a circle. Entries of registries count between folders; within one, a
-    registry may stand beside the Protocol of its entries. An `__init__` hands on what its package has."""
+    registry may stand beside the Protocol of its entries. An `__init__` hands on what its package has.
+    """
     files = {path: targets for path, targets in arrows(ROOT, registries=False).items() if path.name != "__init__.py"}
     assert not circles({path: targets - {path} for path, targets in files.items()})
     assert not circles(folders(arrows(ROOT)))

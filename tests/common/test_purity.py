@@ -75,7 +75,8 @@ def benchmarked(compared: tuple[Path, RunReport]) -> Path:
 def test_a_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], request: pytest.FixtureRequest,
                          tmp_path: Path) -> None:  # fmt: skip
     """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
-    bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing."""
+    bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing.
+    """
     store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     if stage in COMPARED:
         store = request.getfixturevalue("benchmarked")

@@ -163,7 +163,8 @@ def test_ahead_keeps_the_order_and_passes_errors_on() -> None:
 @pytest.mark.slow
 def test_two_processes_are_one(tmp_path: Path) -> None:
     """Two gloo processes of the standard launcher with half the batch each move the weights as one process with all of it;
-    killed and launched again, they end with the same bytes."""
+    killed and launched again, they end with the same bytes.
+    """
     code = ("import sys, pathlib, os\nfrom dataclasses import replace\nfrom afford.training import loop, ranks\n"
             "from tests.helpers.toy_training import *\nloop.SAVE_EVERY = 4\nfolder = pathlib.Path(sys.argv[1])\n"
             "def progress(done, total):\n    if done == int(sys.argv[2]): os._exit(1)\n"

@@ -1,5 +1,6 @@
 """Laws of afford/common/video/pack and of readers on it: frames in a tar, a zip or a large folder are read in place, and partial
-downloads are told, video by video."""
+downloads are told, video by video.
+"""
 
 from __future__ import annotations
 

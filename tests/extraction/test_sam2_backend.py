@@ -44,7 +44,8 @@ def dataset(mine: Made, densify: Path, complete: Path | None = None) -> Called:
 
 def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp_path: Path) -> None:
     """Shapes and types hold; nothing is made twice; a byte of a model reruns the stages that read it and what follows; where a
-    model lies does not matter; a model in the store's words is no path."""
+    model lies does not matter; a model in the store's words is no path.
+    """
     mine = made.copy(tmp_path)
     first, second = (Path(shutil.copytree(model, tmp_path / name / "tiny")) for name in ("one", "two"))
     ran = dataset(mine, first, second).json["ran"]

@@ -75,7 +75,8 @@ def test_masks_are_what_they_say() -> None:
 
 def test_a_tool_is_compared(tmp_path: Path) -> None:
     """Every task that differs in its parts, every kind of mask but the model's; success is to hold and to press on nothing
-    forbidden; the same again gives the same."""
+    forbidden; the same again gives the same.
+    """
     told = subject()[2]
     found, again = (tried(told, NONE, tmp_path / name) for name in ("a", "b"))
     assert found.methods == tuple(name for name in METHODS if "predicted" not in name)

@@ -24,7 +24,8 @@ from tests.helpers.made_scenes import tool
 
 def test_targets_lie_in_the_object() -> None:
     """The handle is across x, amid points of the surface, off the ends; the centre of mass is above the origin; every second one
-    is turned round; the same seed gives the same places and another one others."""
+    is turned round; the same seed gives the same places and another one others.
+    """
     body = tool("spatula")
     found = grasp_targets.run(body, shadow(), grasp_targets.Params(places=4))
     ways = list[Rotation]()
@@ -47,7 +48,8 @@ def test_targets_lie_in_the_object() -> None:
 
 def test_references_begin_above_and_end_lifted() -> None:
     """8 to 16 cm above the pinch, within 4 cm of the vertical; fingers bend by a radian and more from there; the object ends 20 cm
-    higher; all within 40 control steps."""
+    higher; all within 40 control steps.
+    """
     for one in reference_set().references:
         last_of_reach = int(np.flatnonzero(one.phase == PHASES.index("reach"))[-1])
         way = one.T_world_palm[0, :3, 3] - one.T_world_palm[last_of_reach, :3, 3]
@@ -77,7 +79,8 @@ def test_what_is_seen_is_what_the_prior_is_shown() -> None:
 
 def test_the_expert_lifts_and_tracks() -> None:
     """Clips that are followed hold their object at the end, in most of a few episodes; level 1 is tracked within 2 cm. The proof
-    says the same of each clip alone."""
+    says the same of each clip alone.
+    """
     made = rehearsing()
     good, level_1 = list[float](), list[float]()
     for episode in range(3):

@@ -56,7 +56,8 @@ def test_a_hand_without_forces_stays_where_it_is(engine: str) -> None:
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_constant_force_accelerates_as_it_should(engine: str) -> None:
     """Along the hand, through its middle: v = F t / m without drag, where m is what the slide carries; with drag it ends at
-    F / (m drag)."""
+    F / (m drag).
+    """
     mass = 0.611 + 3 * 0.05
     free, u = wrenched(engine, drag_1_s=0.0)
     u[2] = 2.0

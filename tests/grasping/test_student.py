@@ -51,7 +51,8 @@ def test_only_pictures_senses_and_negative_points_go_in() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_cannot_be_seen_or_felt_changes_no_bit(layout: str, seed: int) -> None:
     """An object that is inside the palm, at two poses there; its velocity, spin, goal and mass; on which part the hand presses; how
-    deep; how much is in contact. The teacher, which is told, sees another world."""
+    deep; how much is in contact. The teacher, which is told, sees another world.
+    """
     rng, core = np.random.default_rng(seed), worlds(crumb(), base="script", xy_m=0.02)
     core.step(rng.uniform(-1, 1, (1, 24)), rngs(core))
     look = Sight(core, Senses(eyes=Eyes(layout=layout)))
@@ -140,7 +141,8 @@ def test_a_robot_is_numbers_by_itself(layout: str) -> None:
 @pytest.mark.parametrize("start", ["part", "anywhere"])
 def test_actions_turn_into_the_start_and_back(base: str, start: str) -> None:
     """To what they were. And the axes of the environment's actions are those of the start, turned by one angle that is the same in
-    every episode: whoever knows where the hand began knows them, and needs no object's pose."""
+    every episode: whoever knows where the hand began knows them, and needs no object's pose.
+    """
     between = []
     for seed in range(4):
         core = worlds(base=base, start=start, seed=seed)

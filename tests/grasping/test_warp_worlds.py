@@ -55,7 +55,8 @@ def test_what_is_missing_or_impossible_is_told() -> None:
 @pytest.mark.slow
 def test_closing_fingers_are_those_of_mujoco() -> None:
     """Two objects and three sets of physics in a batch: before and while they touch (12 control steps) joints agree to 0.1 mrad,
-    objects to 2 mm, and what is pressed on is the same; the same commands give the same bits, also after `restore`."""
+    objects to 2 mm, and what is pressed on is the same; the same commands give the same bits, also after `restore`.
+    """
     one, two = Worlds("mujoco", scenes()), batch("warp", scenes())
     q, body = np.tile(above_block(), (3, 1)), np.stack([at(), at(), at()])
     one.reset(q, body)

@@ -212,7 +212,8 @@ def _spoilt(data: bytes, how: str, rng: random.Random) -> tuple[bytes, str]:
 
 def apart(work: Callable[..., Any], *args: Any, limit_s: float = LIMIT_S, **more: Any) -> Any:
     """The result of a function, called in a process of its own; NoEndError when the process dies or is killed after `limit_s`,
-    RuntimeError with the traceback when the function raises."""
+    RuntimeError with the traceback when the function raises.
+    """
     ours, theirs = multiprocessing.Pipe(duplex=False)
     process = multiprocessing.get_context("fork").Process(target=_answer, args=(theirs, work, args, more))
     process.start()

@@ -51,7 +51,8 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
 
 def fuzz(reader: FuzzedReader, folder: Path, tries: int, seed: int) -> dict[str, int]:
     """Read `tries` mutations of the reader's sample. Returns how many were accepted and refused; AssertionError, with the seed of
-    the mutation, when an undeclared error comes out or the sentence is no sentence."""
+    the mutation, when an undeclared error comes out or the sentence is no sentence.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = reader.write(folder)
     whole = path.read_bytes()

@@ -20,7 +20,8 @@ def available() -> bool:
 
 def restrict(listable: Iterable[Path], readable: Iterable[Path], writable: Iterable[Path]) -> None:
     """Folders whose names may be seen, files and folders that may be read, and folders in which everything is allowed;
-    OSError when the kernel refuses."""
+    OSError when the kernel refuses.
+    """
     handled = struct.pack("Q", EVERYTHING)
     rules = _checked(_call(CREATE_RULESET, handled, len(handled), 0))
     for access, paths in ((LIST, listable), (READ, readable), (EVERYTHING, writable)):

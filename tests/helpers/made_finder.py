@@ -23,7 +23,8 @@ COLOURS = {LEFT_HAND: SKIN, RIGHT_HAND: SKIN, SLEEVE: (30, 40, 160), TOUCHED: (2
 
 def made_up(name: str, split: str, count: int = 8, size: tuple[int, int] = (64, 96)) -> HandLessons:
     """Hands are skin-coloured bars from the near edge with a thumb on the inner side, the left one at the left; the right one holds
-    a green thing. Every fourth picture shows none."""
+    a green thing. Every fourth picture shows none.
+    """
     rng = np.random.default_rng([*name.encode()])
     height, width = size
     pictures = rng.integers(40, 90, (count, height, width, 3)).astype(np.uint8)

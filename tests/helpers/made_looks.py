@@ -23,7 +23,8 @@ def nothing(place: np.ndarray) -> np.ndarray:
 def rod(left: Where = nothing, right: Where = nothing, negative: Where = nothing, yaw_rad: float = 0.0, table: bool = True,
         noise_m: float = 0.0) -> tuple[GraspScene, np.ndarray]:  # fmt: skip
     """A rod along x that lies on a table, seen from before and above; and T_world_cam (4, 4). Regions are told by places in the
-    rod's own frame; hands are taken that have one."""
+    rod's own frame; hands are taken that have one.
+    """
     bar = trimesh.creation.cylinder(RADIUS_M, LENGTH_M, sections=32)
     turn = trimesh.transformations.rotation_matrix(yaw_rad, [0, 0, 1])
     bar.apply_transform(turn @ trimesh.transformations.translation_matrix([0, 0, RADIUS_M])

@@ -85,7 +85,8 @@ def save_sam3(folder: Path, seed: int = 0) -> Path:
 
 def save_backbones(folder: Path, patch: int = 16, seed: int = 0) -> Path:
     """`vlm/` (LLaVA of CLIP and Llama), `clip/` and `sam/` at 64 x 64, random from a seed, with a byte-level tokenizer that was
-    trained on five words."""
+    trained on five words.
+    """
     torch.manual_seed(seed)
     shape = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
     vision = CLIPVisionConfig(**shape, image_size=64, patch_size=patch, projection_dim=32)
@@ -142,7 +143,8 @@ def save_chat(folder: Path, texts: Sequence[str] = (), seed: int = 0) -> Path:
 
 def save_parrot(folder: Path, asked: str, answer: str) -> Path:
     """Such a LLaVA that says `answer` to whatever ends as `asked` in its template, and stops. Nothing is learned: each word of the
-    answer calls for the next one, since layers add nothing and the last one holds pairs of words."""
+    answer calls for the next one, since layers add nothing and the last one holds pairs of words.
+    """
     chat = load_model(str(save_chat(folder, (asked, answer))))
     model, tokenizer = chat.model, chat.processor.tokenizer
     words = tokenizer.encode(answer + "</s>", add_special_tokens=False)

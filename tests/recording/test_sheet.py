@@ -18,7 +18,8 @@ def strips(shade: int) -> sheet.Strips:
 
 def test_what_stands_first_in_the_table_has_the_sheet_for_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Of two objects, a grasp and a clip, given in any order, the objects are shown, below each other in the order given; without
-    them the grasp."""
+    them the grasp.
+    """
     table = ((lambda path: path.suffix == ".object", strips(50)), (lambda path: path.suffix == ".grasp", strips(90)))
     monkeypatch.setattr(sheet, "OWN_STRIPS", table)
     given = [Path("aaaa.grasp"), Path("bbb.object"), Path("clip.mcap"), Path("cc.object")]

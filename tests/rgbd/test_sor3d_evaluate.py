@@ -63,7 +63,8 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
 
 def test_measures_of_the_released_code(scores: InteractionScores, dataset: FileTree) -> None:
     """Of every sequence: the share of equal pixels, background and all, and of confidences above 0.75 against truth, by hand from
-    what is shown; a set has their mean."""
+    what is shown; a set has their mean.
+    """
     for one in scores.shown:
         at = scores.clip.index(one.clip)
         for m in range(len(scores.mode)):

@@ -193,7 +193,8 @@ def test_every_row_of_the_ablation_runs(name: str) -> None:
 
 def test_only_the_label_of_the_last_frame_enters_the_loss(model: Sor3d) -> None:
     """A label has no place for earlier frames, a sequence of them is refused, and what is decoded beside the memory is of the last
-    frame alone."""
+    frame alone.
+    """
     asking = asked(4)
     with torch.no_grad():
         _, skips = model._seen([asking])

@@ -178,7 +178,8 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
 
 def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
     """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
-    first and stays at chance."""
+    first and stays at chance.
+    """
     paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
     model = sor3d_train._job(PARAMS).config
     learned = stack([[sequences.read(path, "3d") for path in paths]], model)

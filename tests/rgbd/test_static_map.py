@@ -99,7 +99,8 @@ def test_where_pictures_come_from(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Rendered, learned from, asked; what `sor3d` has trained is not trained again, and pictures of a root are asked about with the
-    same weights."""
+    same weights.
+    """
     store = tmp_path / "store"
     use_kernel_cache(ROOT, store)
     runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")

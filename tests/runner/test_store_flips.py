@@ -47,5 +47,6 @@ def test_verify_sees_a_damaged_file(kind: str, how: str, seed: int, tmp_path: Pa
 @pytest.mark.parametrize("kind", FORMER)
 def test_damage_of_what_no_run_uses_any_more_is_no_lasting_complaint(kind: str, how: str, tmp_path: Path) -> None:
     """A result of former code is damaged: `verify` says so at most once, and is content after the next run; undoing the edit still
-    ends right."""
+    ends right.
+    """
     assert settled(built(tmp_path, kind), kind, how, random.Random(f"{kind} {how}")) == []

@@ -48,7 +48,8 @@ def test_pixels_take_the_weighted_mean_of_what_covers_them() -> None:
 
 def test_a_part_that_fits_nothing_well_counts_for_more_where_it_fits_best() -> None:
     """A trigger at 0.3 beside a body at 0.5 is more likely than where a trigger elsewhere has 0.9; who fits wholly wins over who is
-    merely in it."""
+    merely in it.
+    """
     roles = description("negative", "positive")
     alone, beside = judged(scores((0.3, 0.5), (0.0, 0.9)), roles)[0], judged(scores((0.3, 0.5), (0.9, 0.0)), roles)[0]
     assert alone[0] > beside[0]

@@ -114,7 +114,8 @@ def test_the_box_holds_the_best_window(seed: int) -> None:
 
 def test_the_mask_that_fills_the_box_is_taken() -> None:
     """By hand: of two halves that which the box is around; the silhouette for a box around all of it; it alone when no mask is
-    there."""
+    there.
+    """
     on = np.zeros((6, 10), bool)
     on[1:5] = True
     halves = np.stack([on, on])

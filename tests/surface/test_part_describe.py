@@ -106,7 +106,8 @@ def test_an_answer_is_asked_for_once(models: Path, tmp_path: Path, monkeypatch: 
                                     says(KEY)])  # fmt: skip
 def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Not in what is kept of it (the sentence, the traceback), nor in what is printed; the object fails alone, and is asked for
-    again by the next run."""
+    again by the next run.
+    """
     with serving(lambda _: answer) as server:
         graph = whole(params(server, retries=0), models)
         reports = [made(tmp_path / "store", graph, "words", jobs=0) for _ in range(2)]
@@ -118,7 +119,8 @@ def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, ca
 
 def test_the_key_is_nowhere(models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """From end to end in worker processes: not in the store, the traces, the files of the object, its recording, the report or what
-    was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be."""
+    was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be.
+    """
     store = tmp_path / "store"
     use_kernel_cache(ROOT, store)
     with serving(lambda _: says(GOOD)) as server:

@@ -28,7 +28,8 @@ def test_no_turn_and_no_size_changes_it() -> None:
 
 def test_the_numbers_mean_what_the_words_say() -> None:
     """On a screwdriver: the shaft is thinner than the handle, the handle longer and larger than the tip; the tip is at an end, and
-    the handle lies along the whole."""
+    the handle lies along the whole.
+    """
     x = looked()
     share, _ = truth(x.parts, x.views, x.candidates)
     found = dict(zip(FORM, form(Features.of(x.mesh), x.views, x.candidates).T, strict=True))

@@ -48,7 +48,8 @@ def test_another_seed_is_another_sequence() -> None:
 
 def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
     """A point moved by flow_m projects to where flow_px says, and where it is seen there, that is its depth. Static camera: what
-    does not move has no flow at all."""
+    does not move has no flow at all.
+    """
     clip, truth = interaction_read.run(made.files, interaction_read.Params()), made.truth
     K, (height, width) = clip.K, clip.label.shape
     y, x = np.mgrid[0:height, 0:width].astype(float)
@@ -96,7 +97,8 @@ def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
 @pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in USES for name in USES[kind]])
 def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
     """A label on the thing that is seen in the last frame; the thing at rest before the touch and after the release; the hand
-    close to it between."""
+    close to it between.
+    """
     take, label = plan(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
     act = take.act
     assert (label == AFFORDANCES.index(affordance)).sum() >= 10

@@ -87,7 +87,8 @@ def test_contacts_point_to_masks_of_the_same_image(clip, truth):
 
 def test_the_truth_agrees_with_itself(truth):
     """Visible is within amodal, entities do not overlap, touched pixels are the hand's, and where no hand nor its shadow is,
-    the image without hands is the one with its shadows kept."""
+    the image without hands is the one with its shadows kept.
+    """
     assert not (truth.visible & ~truth.amodal).any()
     assert truth.visible.sum(axis=0).max() <= 1
     assert not (truth.contact_mask & ~truth.visible[:2]).any()

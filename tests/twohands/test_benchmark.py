@@ -56,7 +56,6 @@ def test_the_report_can_be_read_and_looked_at(report: dict[str, Path]) -> None:
 def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
         compared: tuple[Path, RunReport], tmp_path: Path) -> None:  # fmt: skip
     """Predictions do not hang on the parameters of the scores."""
-
     from maps.settings import Origin, Settings
     from maps.twohands import compare
     from runner import Graph, Runner

@@ -258,7 +258,8 @@ def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path
 
 def test_the_verb_serves_until_it_is_stopped(model: Path, tmp_path: Path) -> None:
     """As a user starts it: the address on the terminal, a page there, and the interrupt ends it with 0. A set that cannot be
-    read costs the examples alone."""
+    read costs the examples alone.
+    """
     broken = tmp_path / "benchmarks" / "set" / "masks" / "room" / "1"
     broken.mkdir(parents=True)
     (broken / "inpainting.png").write_bytes(b"no image")
@@ -321,7 +322,8 @@ def painted(before: np.ndarray, after: np.ndarray, colour: tuple[int, int, int])
 @pytest.mark.browser
 def test_a_picture_and_a_task_give_both_hands_regions(page: Any, site: Site, model: Path, tmp_path: Path) -> None:
     """The picture is drawn, then both regions in their colours; toggles, regions and the threshold change what is drawn; a file
-    that is no picture is refused in one sentence and leaves the rest as it was."""
+    that is no picture is refused in one sentence and leaves the rest as it was.
+    """
     page.goto(site.url)
     page.set_input_files("#file", write_picture(tmp_path / "kettle.png"))
     page.wait_for_selector("main[data-state=ready]")

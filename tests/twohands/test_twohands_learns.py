@@ -28,7 +28,8 @@ AS_IT_IS = Views(flip_share=0, crop_share=0, stretch_share=0, nameless_share=0, 
 
 def sample(n: int) -> Item:
     """One of eight: two pictures of four discs, four tasks each, which take the left hand, the right one, or both on one disc or
-    on two."""
+    on two.
+    """
     rng = np.random.default_rng(n // 4)
     image = rng.integers(90, 110, (*SIZE, 3), np.uint8)
     discs = np.zeros((4, *SIZE), np.uint8)

@@ -123,7 +123,8 @@ def shapes() -> tuple[Batch, Target]:
 
 def train(model: TwoHands, b: Batch, t: Target, steps: int, params: LossParams, last: float = 1.0) -> Output:
     """What the model says of a batch after so many steps on it alone, the last of which is `last` times as long as the first: at a
-    constant rate they leave it a little off, differently on every kind of CPU."""
+    constant rate they leave it a little off, differently on every kind of CPU.
+    """
     optimiser = torch.optim.AdamW(model.train().parameters(), lr=3e-3)
     slower = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, last, steps)
     for _ in range(steps):

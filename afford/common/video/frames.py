@@ -17,7 +17,8 @@ from schemas.video import Clip, Footage, Frames
 
 def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:
     """Frames of a clip that fit into `box_wh`. SourceError when the media are unreadable or no key frame is among them (no frame
-    at all, where none is a key frame yet)."""
+    at all, where none is a key frame yet).
+    """
     is_video = clip.media_kind == "video"
     number, time_ns, rgb = (_from_video if is_video else _from_stills)(files, clip, box_wh)
     if not (set(clip.key_frames) & set(number.tolist()) if clip.key_frames else len(number)):

@@ -56,7 +56,8 @@ def pack_of(files: FileTree, frame: str) -> FileRef | None:
 
 def read(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
     """The bytes of frames of a pack, by name, or by their place where it is a tar. SourceError names what cannot be read, or states
-    more than `MOST_BYTES`."""
+    more than `MOST_BYTES`.
+    """
     names = [frame.removeprefix(f"{pack.name}/") for frame in frames]
     if pack.path.is_dir():
         yield from (plain(pack.path / name, name) for name in names)

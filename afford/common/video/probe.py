@@ -54,7 +54,8 @@ def probe(path: Path, name: str = "") -> Probe:
 @contextmanager
 def opened(path: Path, name: str = "") -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
     """A video file and its first video stream, on one thread. Nothing but this file is read. SourceError, also from the body, when
-    it is no container of `CONTAINERS`, has no video, or one that cannot be decoded, or one of more than MAX_PIXELS."""
+    it is no container of `CONTAINERS`, has no video, or one that cannot be decoded, or one of more than MAX_PIXELS.
+    """
     try:
         with av.open(str(path.absolute()), options=OPTIONS) as container:
             yield container, _stream(container, name or path.name)

@@ -31,7 +31,8 @@ class Source:
 
 def find(path: Path) -> list[Source]:
     """The file itself, whatever its suffix, or every image and video below a folder, sorted; hidden files and links that leave
-    the folder are passed over, and so is what an earlier call wrote. SourceError when there is nothing."""
+    the folder are passed over, and so is what an earlier call wrote. SourceError when there is nothing.
+    """
     if not path.is_dir():
         if not path.exists():
             raise SourceError(str(path), "an image, a video or a folder of them", "nothing there", "check the path")

@@ -17,7 +17,8 @@ Digest = Callable[[Path], str]
 
 def discover(root: Path, digest: Digest) -> tuple[FileTree, ...]:
     """One tree per sequence of a SOR3D-AFF root, train first, names relative to the root. SourceError when there is none, a file
-    leaves the root, or two sequences have one name."""
+    leaves the root, or two sequences have one name.
+    """
     if not root.is_dir():
         raise SourceError(str(root), "a folder with train/ and val/", "a file" if root.exists() else "nothing", "give the root")
     found: dict[str, list[Entry]] = {}

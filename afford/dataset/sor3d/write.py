@@ -18,7 +18,8 @@ GRID = (1920, 1080)
 
 def write(clip: InteractionClip, root: Path) -> Path:
     """Write `<split>/<name>/`: rgb/NNNN.png with the four files behind them, depth/NNNN.png (16 bit, mm, 0 = hole), camera.json.
-    ValueError when a depth does not fit into 16 bits of millimetres."""
+    ValueError when a depth does not fit into 16 bits of millimetres.
+    """
     folder = root / clip.split / clip.name
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True, exist_ok=True)

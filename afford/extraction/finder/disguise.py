@@ -48,7 +48,8 @@ class Disguise:
 def framed(one: Pictured, size: tuple[int, int], rng: np.random.Generator,
            d: Disguise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Turned, cut out and perhaps mirrored to `size` (height, width), hands changing sides in the mirror; also where the picture
-    reaches (h, w) bool."""
+    reaches (h, w) bool.
+    """
     rgb, labels = one
     if rng.random() < 0.5:
         rgb, labels = rgb[:, ::-1], mirrored(labels[:, ::-1])

@@ -1,5 +1,6 @@
 """The task of the finder of hands: lessons in many disguises in; hand or not, which side, what is touched and what is a sleeve
-out."""
+out.
+"""
 
 from __future__ import annotations
 

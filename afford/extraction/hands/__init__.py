@@ -1,5 +1,6 @@
 """Where hands are in pictures, what they touch and where sleeves are: the question that the backends of `hand_detect` answer, each
-picture alone."""
+picture alone.
+"""
 
 from __future__ import annotations
 

@@ -53,7 +53,8 @@ def _area(looks: Looks) -> int:
 
 def _asked(looks: Looks, find: Finder, params: Detection) -> np.ndarray:
     """What the finder says of every look, (k, h, w, 4) float16. A person seen from the front is turned round: the arms then come
-    from below, the left one from the left."""
+    from below, the left one from the left.
+    """
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = looks.rgb[:, turn, turn], params.batch
     batches = [np.ascontiguousarray(rgb[at : at + batch]) for at in range(0, len(rgb), batch)]

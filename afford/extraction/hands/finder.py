@@ -34,7 +34,8 @@ MEAN, GAMMA = 0.42, (0.5, 2.5)
 
 def find(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
     """(n, H, W, 3) uint8 RGB and the files of a trained finder -> (n, H, W, 4) float32 probabilities 0..1 of left hand, right
-    hand, touched thing and sleeve; those of the two hands sum to at most 1."""
+    hand, touched thing and sleeve; those of the two hands sum to at most 1.
+    """
     found = np.zeros((*pictures.shape[:3], 4), np.float32)
     network = _network(model, stamp(model) if isinstance(model, Path) else None)
     for zoom in ZOOMS:
@@ -56,7 +57,8 @@ def said(network: Hands, pictures: Tensor) -> Tensor:
 
 def size(height: int, width: int, config: HandsConfig, zoom: float = 1.0) -> tuple[int, int]:
     """Height and width at which the network looks at a picture: as many pixels as its config says, at its own aspect; `zoom` times
-    as high and as wide."""
+    as high and as wide.
+    """
     scale = zoom * (config.height_px * config.width_px / (height * width)) ** 0.5
     down, across = (max(GRID, GRID * round(scale * side / GRID)) for side in (height, width))
     return down, across

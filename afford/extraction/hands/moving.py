@@ -19,7 +19,8 @@ MOST = 8.0
 
 def moves_along(looks: Looks, k: int, hand: np.ndarray, hands: np.ndarray, far_px: float) -> np.ndarray:
     """(h, w) float32: near 1 for what moves as the nearest part of a hand that moves, near -1 for what rests as the background
-    does, else 0; 0 farther than `far_px` from the hand. hands (h, w) bool: all hands of look k."""
+    does, else 0; 0 farther than `far_px` from the hand. hands (h, w) bool: all hands of look k.
+    """
     flow = _flow(looks, k)
     if flow is None:
         return np.zeros(hand.shape, np.float32)
@@ -59,7 +60,8 @@ def _nearest(own: np.ndarray, mine: np.ndarray) -> np.ndarray:
 
 def background(flow: np.ndarray, free: np.ndarray) -> np.ndarray:
     """(h, w, 2) flow of the camera's own motion: an affine map, fitted twice, the second time to what agreed with the first.
-    free (h, w) bool: where no hand is."""
+    free (h, w) bool: where no hand is.
+    """
     height, width = free.shape
     y, x = np.mgrid[:height, :width].astype(np.float32)
     terms = np.stack([np.ones_like(x), x / width, y / height], -1)

@@ -76,7 +76,8 @@ def _largest(mask: np.ndarray) -> np.ndarray:
 
 def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[Track]:
     """Tracks that were seen as often as `least` says (by their first look), and grew to at least `share` of the usual size of a
-    hand in this clip: what is much smaller, before the same camera, is none."""
+    hand in this clip: what is much smaller, before the same camera, is none.
+    """
     often = [track for track in tracks if track.times_seen >= least[min(track.pieces)]]
     largest: dict[int, int] = {}
     for track in often:
@@ -89,7 +90,8 @@ def usual(tracks: Sequence[Track], least: dict[int, int], share: float) -> list[
 def sided(tracks: Sequence[Track], bearing: Bearing, near_px: float) -> dict[Hand, list[Track]]:
     """Tracks by side. Each votes with all its looks; what is most of a hand, and surest of a side, comes first. What finds its side
     taken is another part of the same hand where they are near and both sure, else it has the other side where that is free; a third
-    at a time is no hand meanwhile."""
+    at a time is no hand meanwhile.
+    """
     leans = [float(np.clip(np.mean(_votes(track, tracks, bearing.sign * bearing.order)), -1, 1)) for track in tracks]
     bids = [(-track.mass * (1 + sign * lean) / 2, i, side) for i, (track, lean) in enumerate(zip(tracks, leans, strict=True))
             for side, sign in zip(SIDES, (1, -1), strict=True)]  # fmt: skip

@@ -45,7 +45,8 @@ class Reach:
 
 def held(seen: np.ndarray, cloth: np.ndarray, looks: Looks, hands: Hands, reach: Reach) -> list[list[Piece]]:
     """The parts of every look that are objects beside a hand. seen, cloth: (k, h, w) probability of a touched object, and of a
-    sleeve, which goes along with the hand as a thing does."""
+    sleeve, which goes along with the hand as a thing does.
+    """
     mine = [[hands[side][k] for side in SIDES if k in hands[side]] for k in range(len(looks.at))]
     own = [_evidence(seen[k], cloth[k], looks, k, mine[k], reach) for k in range(len(looks.at))]
     odds = remembered(own, looks, reach.lasting)
@@ -77,7 +78,8 @@ def _cut_off(part: np.ndarray) -> bool:
 
 def contacts(objects: Sequence[Track], hands: Hands, looks: int, ring_px: int, least: int) -> dict[Hand, np.ndarray]:
     """Side -> (looks,) index of the object that the hand touches, NOTHING where it touches none or is not in sight. What lasts for
-    fewer than `least` looks in a row is no touch, unless the hand is not seen for longer."""
+    fewer than `least` looks in a row is no touch, unless the hand is not seen for longer.
+    """
     return {side: _lasting([_touch(objects, hands[side].get(k), k, ring_px) for k in range(looks)], hands[side], least)
             for side in SIDES}  # fmt: skip
 

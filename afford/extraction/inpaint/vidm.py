@@ -54,7 +54,8 @@ def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: VidmParams
 
 def context(t: int, length: int, count: int, within: int = 0) -> list[int]:
     """Positions of `count` frames, the target last and the others before it in order: equally far apart in the `within` frames
-    around the target (0: in all)."""
+    around the target (0: in all).
+    """
     stretch = min(within or length, length)
     start = min(max(t - stretch // 2, 0), length - stretch)
     return [*sorted(start + (t - start + k * stretch // count) % stretch for k in range(1, count)), t]

@@ -44,7 +44,8 @@ def side_of(window_px: int, default: int) -> int:
 
 def windows(hole: np.ndarray, side: int) -> list[Window]:
     """Windows of `side` pixels or more that cover a (h, w) bool hole, the one around the largest patch first. A window is larger
-    than `side` only around a patch that would not fit."""
+    than `side` only around a patch that would not fit.
+    """
     left, found = hole.copy(), []
     while left.any():
         _, _, stats, _ = cv2.connectedComponentsWithStats(left.view(np.uint8), connectivity=8)

@@ -15,7 +15,8 @@ def label_frames(
     clip: Clip, frame: np.ndarray, excluded: Collection[str], choose: Callable[[np.ndarray, Sequence[Narration]], Pairs]
 ) -> FrameLabels:
     """Labels of the frames `frame` (t,) int64. Narrations whose verb is `excluded` (the word as narrated, or the key of its
-    class, exactly) are put aside before `choose` settles overlaps."""
+    class, exactly) are put aside before `choose` settles overlaps.
+    """
     kept = [n for n in clip.narrations if not {n.verb, n.verb_key} & set(excluded)]
     start, stop = np.array([(n.start_frame, n.stop_frame) for n in kept], np.int64).reshape(-1, 2).T
     covers = (frame[:, None] >= start) & (frame[:, None] <= stop)

@@ -19,7 +19,8 @@ MAX_POINTS = 5000
 @dataclass
 class Canvas:
     """A grid around the object. Grid point (i, j) is the canvas point ((i - centre) / radius, ...)
-    of `afford.extraction.layers.align`."""
+    of `afford.extraction.layers.align`.
+    """
 
     centre: np.ndarray
     """(2,) grid coordinates of the canvas origin"""

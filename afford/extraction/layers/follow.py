@@ -38,7 +38,8 @@ LIKE_BEFORE, LIKE_FIRST = _stiffness(SCALE, SHEAR, TURN, SHIFT), _stiffness(HOME
 @dataclass(frozen=True)
 class Path:
     """Poses of an object. `poses` (t, 2, 3) float64 map canvas points to pixels; `fit` (t,) float32 in 0..1 tells how well the
-    shape then explains the visible mask: 0 where the object was not found."""
+    shape then explains the visible mask: 0 where the object was not found.
+    """
 
     poses: np.ndarray
     fit: np.ndarray

@@ -31,7 +31,8 @@ def has_masks(files: FileTree) -> bool:
 
 def read_keys(files: FileTree, notes: list[Note], frames: Sequence[str] = ()) -> list[KeyFrame]:
     """Key frames by frame; a ready-made one gives way to the annotator's own. `frames` are the names of the media. SourceError
-    when a file is malformed or none has masks. `notes` says what was corrected or left out."""
+    when a file is malformed or none has masks. `notes` says what was corrected or left out.
+    """
     corrections, sheets = read_corrections(files), read_sheets(files, notes, frames)
     check_used(corrections, (sheet for sheet, _ in sheets.values()), files.name)
     keys = [key_frame(*sheets[frame], corrections, notes) for frame in sorted(sheets)]

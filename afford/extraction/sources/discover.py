@@ -100,7 +100,8 @@ def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
 
 def _wanted(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict[str, list[Entry]]:
     """Those of the clips asked for (a clip is named by its video, with a suffix when the video is cut); all when none fits, so
-    that the error can say what there is."""
+    that the error can say what there is.
+    """
     some = {video: files for video, files in annotations.items()
             if any(clip == video or clip.startswith(f"{video}_s") for clip in clips)}
     return some or annotations
@@ -108,7 +109,8 @@ def _wanted(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict
 
 def _media(found: Iterable[Entry]) -> dict[str, list[Entry]]:
     """Video id -> its video file, or else its frames in a tar or zip, a folder of images, or those of VISOR's key frames; the
-    first of its sort by name."""
+    first of its sort by name.
+    """
     videos: dict[str, list[Entry]] = {}
     packs: dict[str, list[Entry]] = {}
     frames: dict[str, list[Entry]] = {}

@@ -41,7 +41,8 @@ def is_vague(name: str) -> bool:
 
 def check_names(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
     """SourceError when masks of the file called `name` may be hands of either side; a remark on names that nearly are those of a
-    hand, and on gloves of no hand."""
+    hand, and on gloves of no hand.
+    """
     rows = [row for sheet in sheets for row in sheet.rows]
     vague = sorted({row.name for row in rows if is_vague(row.name)})
     if vague:

@@ -19,14 +19,16 @@ Corrections = Mapping[str, Mapping[str, str]]
 
 def plain(name: str) -> str:
     """A name as VISOR would write it, if it is a hand or a glove: 'left hand' for every spelling of one, else lower case and single
-    spaces."""
+    spaces.
+    """
     side = side_of(name)
     return f"{side} hand" if side else " ".join(name.lower().replace("_", " ").replace("-", " ").split())
 
 
 def key_frame(sheet: Sheet, dense: bool, corrections: Corrections, notes: list[Note]) -> KeyFrame | None:
     """The key frame, or None when a hand is annotated twice in different ways: which is meant cannot be known, and without
-    the hand it would seem to be out of sight. `notes` says what was corrected or left out."""
+    the hand it would seem to be out of sight. `notes` says what was corrected or left out.
+    """
     rows = [_correct(row, corrections.get(sheet.image, {})) for row in visible(sheet, notes)]
     hands: dict[str, list[Row]] = {side: [row for row in rows if plain(row.name) == f"{side} hand"] for side in SIDES}
     gloves: dict[str, list[Row]] = {side: [row for row in rows if _worn_on(row) == {side}] for side in SIDES}

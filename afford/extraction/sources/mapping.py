@@ -42,7 +42,8 @@ def read_mapping(files: FileTree, frames: Sequence[str]) -> Mapping[str, str]:
 
 def released(image: Mapping[str, Any], name: str, mapped: Mapping[str, str]) -> int | None:
     """The released frame that an image of VISOR shows; None when the table does not say. A dense image is as far from its place
-    as the sparse ones between which it was interpolated."""
+    as the sparse ones between which it was interpolated.
+    """
     if name in mapped:
         return number_in(mapped[name])
     ends = [str(image.get(f"interpolation_{end}_frame", "")).replace(".png", ".jpg") for end in ("start", "end")]

@@ -34,7 +34,8 @@ def fill(polygons: Iterable[Polygon], width_px: int, height_px: int) -> np.ndarr
 
 def trace(mask: np.ndarray, at: tuple[int, int] = (0, 0)) -> tuple[Polygon, ...]:
     """Outlines of a (h, w) mask that `fill` turns into exactly this mask again; holes are outlines inside outlines. `at`: x, y of
-    the mask in its image, px."""
+    the mask in its image, px.
+    """
     if not mask.size:
         return ()
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE, offset=at)

@@ -15,7 +15,8 @@ SHOWN = 5
 
 def other_shape(grids: Iterable[Size], size_wh: Size) -> str:
     """A remark on key frames of other proportions than the pictures, `size_wh`; '' when there is none. Masks of such a frame are
-    stretched to the picture."""
+    stretched to the picture.
+    """
     found = [grid for grid in grids if not 1 / ALIKE <= grid[0] / grid[1] * size_wh[1] / size_wh[0] <= ALIKE]
     if not found:
         return ""

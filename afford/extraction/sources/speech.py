@@ -46,7 +46,8 @@ def _rate(text: str, where: str) -> float:
 
 def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = SILENT) -> list[Narration]:
     """The narrations of the video, in file order, each id once; `silent` says what it means when there is none. SourceError when a
-    table is malformed."""
+    table is malformed.
+    """
     verbs, nouns = _classes(files, "verb_classes"), _classes(files, "noun_classes")
     found: dict[str, Narration] = {}
     for file in _tables(files):

@@ -18,7 +18,8 @@ DENSE_SHARE = 0.5
 
 def check_end(files: FileTree, media: Media) -> None:
     """SourceError when EPIC_100_video_info.csv says that the video goes on after the last image. Key frames alone pass, and video
-    files, which tell themselves where they should end."""
+    files, which tell themselves where they should end.
+    """
     last = int(media.numbers[-1])
     if media.kind == "video" or len(media.numbers) < DENSE_SHARE * (last - int(media.numbers[0]) + 1):
         return

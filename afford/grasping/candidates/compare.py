@@ -50,7 +50,8 @@ class Trials:
 
 def compare(subject: Subject, told: PartDescriptions, ask: Ask | None, trials: Trials) -> GraspComparison:
     """All trials on an object, of its tasks that differ in their parts; without a model to ask, its rows are left out. ValueError
-    for an object that has no part where a hand belongs, or that does not lie still."""
+    for an object that has no part where a hand belongs, or that does not lie still.
+    """
     mine = _different(subject.parts, told)
     if not mine:
         raise ValueError(f"{subject.mesh.name}: expected a task with positive parts among {', '.join(subject.parts.names)}, got "

@@ -57,7 +57,8 @@ def places(region: np.ndarray, found: Cloud, count: int) -> np.ndarray:
 def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_deg: float,
           cell_m: float) -> list[Pose]:  # fmt: skip
     """Poses of a right or left hand over each spot (k,); `body` (n,) bool are the points of the thing. Each comes twice, with
-    the fingers on either side. Points stand for cells of `cell_m`."""
+    the fingers on either side. Points stand for cells of `cell_m`.
+    """
     points, facing = found.points[body], found.normals[body]
     around = cKDTree(points).query_ball_point(found.points[spots], PATCH_M)
     out: list[Pose] = []

@@ -46,7 +46,8 @@ def record(scene: GraspScene, found: GraspCandidates) -> dict[str, Any]:
 
 def overlay(scene: GraspScene, found: GraspCandidates) -> np.ndarray:
     """(h, w, 3) uint8: regions tinted, negative pixels red; of each grasp its approach in white and what lies between the fingers
-    in the hand's colour, the thumb's end with a dot."""
+    in the hand's colour, the thumb's end with a dot.
+    """
     out = scene.rgb.astype(np.float32)
     for mask, colour in ((*zip(scene.region, HANDS.values(), strict=True), (scene.negative, NEGATIVE))):
         out[mask] = (1 - TINT) * out[mask] + TINT * np.array(colour)

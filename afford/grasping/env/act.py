@@ -58,7 +58,8 @@ def moved(rates: np.ndarray, offset: np.ndarray, action: np.ndarray) -> np.ndarr
 def command(base: np.ndarray, offset: np.ndarray, yaw: np.ndarray, limits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Targets u (n, m) within the limits (m, 2), and the offsets that they amount to: nothing winds up beyond a limit.
 
-    `base` (n, m) and `yaw` (n,) of the frame that the offset's x and y are meant in."""
+    `base` (n, m) and `yaw` (n,) of the frame that the offset's x and y are meant in.
+    """
     u = (base + turned(offset, yaw)).clip(*limits.T)
     return u, turned(u - base, -yaw)
 

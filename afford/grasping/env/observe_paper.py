@@ -1,5 +1,6 @@
 """The published blocks: 300 numbers in their order, turned into the yaw of the palm ("repose_z") about the episode's origin; and
-clouds for PointNets, from the palm."""
+clouds for PointNets, from the palm.
+"""
 
 from __future__ import annotations
 

@@ -78,7 +78,8 @@ def weights(name: str, changes: Mapping[str, float] | None = None) -> dict[str, 
 
 def negative_times(name: str, scale: float) -> dict[str, float]:
     """Changes of a set that make its negative terms `scale` times what they are; 0 switches off exactly them. A set that has none
-    is given those of `dense`: so NAA plugs into other people's rewards. ValueError for an unknown set."""
+    is given those of `dense`: so NAA plugs into other people's rewards. ValueError for an unknown set.
+    """
     return {term: scale * weight for term, weight in (_negative(name) or _negative("dense")).items()}
 
 

@@ -22,7 +22,8 @@ SAFE_M = 0.02
 @dataclass(frozen=True, eq=False)
 class Episode:
     """What an episode began with, in n worlds. Its frame has its origin at the object's centre of mass at rest, z up, x along the
-    part to hold, towards that centre."""
+    part to hold, towards that centre.
+    """
 
     origin: np.ndarray
     """(n, 3) centre of mass at rest, world"""

@@ -22,7 +22,8 @@ HANDLE_ALONG_X = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 def targets(hand: HandModel, body: GraspObject, engine: str, count: int, reach_m: float, thick_m: tuple[float, float],
             seed: int) -> Iterator[GraspTarget]:  # fmt: skip
     """`count` places along the object, even within `reach_m` of its centre of mass and kept off its ends; every second one with
-    the object turned round. The world is the frame of an episode: the centre of mass above its origin, the object along x."""
+    the object turned round. The world is the frame of an episode: the centre of mass above its origin, the object along x.
+    """
     scene = Scene(hand, body)
     made = world(engine, scene)
     rest = laid(made, scene)

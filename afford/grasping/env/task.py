@@ -43,7 +43,8 @@ def task(body: GraspObject, negative: Sequence[str] = (), hold: str = "", N_t: n
          told: Sequence[str] | None = None, A_t: np.ndarray | None = None) -> Task:  # fmt: skip
     """A task; `hold` is the largest part that is not negative where it is not named, N_t comes from the negative parts' own points
     where none (k, 3) are given, `told` are the negative parts where it is not given, A_t (k, 3) is empty. ValueError for parts that
-    the object lacks, or none that is left to hold."""
+    the object lacks, or none that is left to hold.
+    """
     unknown = sorted({*negative, *(told or ()), *filter(None, [hold])} - set(body.parts))
     if unknown:
         raise ValueError(f"{body.name}: expected parts among {', '.join(body.parts)}, got {', '.join(unknown)}")

@@ -19,7 +19,8 @@ from schemas.grasp import GraspObject, GraspTask
 def uses(body: GraspObject, category: str, level: str, label: str, least_m: float, thickness_m: tuple[float, float],
          within_m: float, ballast: float = 1.0) -> Iterator[GraspTask]:  # fmt: skip
     """One for each set of forbidden parts: uses that forbid the same are one. Forbidden parts are `ballast` times as dense as the
-    others, which changes no use. ValueError for an unknown category."""
+    others, which changes no use. ValueError for an unknown category.
+    """
     if category not in TASKS:
         raise ValueError(f"{body.name}: expected a category of the lexicon, got {category!r}; known are {', '.join(sorted(TASKS))}")
     done = set[tuple[str, ...]]()
@@ -40,7 +41,8 @@ def uses(body: GraspObject, category: str, level: str, label: str, least_m: floa
 
 def holdable(body: GraspObject, part: str, N_t: np.ndarray, least_m: float, thickness_m: tuple[float, float]) -> bool:
     """Whether what of a part is safe, 2 cm from N_t (k, 3), is long enough, and neither too thin nor too thick: its extents are
-    between the 2nd and the 98th percentile along its axes."""
+    between the 2nd and the 98th percentile along its axes.
+    """
     spots = safe(body, part, N_t)
     if len(spots) < 8:
         return False
@@ -71,7 +73,8 @@ def scaled(body: GraspObject, factor: float) -> GraspObject:
 
 def weighted(body: GraspObject, parts: Sequence[str], times: float) -> GraspObject:
     """The same thing with some of its parts `times` as dense as the others, whose mass stays; what a part weighs is divided as the
-    volumes of the hulls are."""
+    volumes of the hulls are.
+    """
     if times == 1.0:
         return body
     hulls = [trimesh.convex.convex_hull(corners) for corners in body.hulls()]

@@ -27,7 +27,8 @@ def table(limits: np.ndarray) -> np.ndarray:
 
 def command(action: np.ndarray, q_wrist: np.ndarray, yaw: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """(n, m) forces and torques of the gantry's joints at q_wrist (n, 6), and targets of fingers, of actions (n, m); yaw (n,) of
-    the frame that forces and torques are meant in."""
+    the frame that forces and torques are meant in.
+    """
     a = action.clip(-1, 1)
     force, torque = turned(FORCE_N * a[:, :3], yaw), turned(TORQUE_NM * a[:, 3:6], yaw)
     middle, half = _middle(limits)
@@ -45,7 +46,8 @@ def action_for(efforts: np.ndarray, fingers: np.ndarray, q_wrist: np.ndarray, ya
 
 def hinges(q_wrist: np.ndarray) -> np.ndarray:
     """(n, 3, 3) axes of yaw, pitch and roll in the world, a row each; a torque on the palm works on a joint as far as it is along
-    its axis, and a force on the palm's origin, through which all three go, not at all."""
+    its axis, and a force on the palm's origin, through which all three go, not at all.
+    """
     yaw, pitch = q_wrist[:, 3], q_wrist[:, 4]
     zero, one = np.zeros_like(yaw), np.ones_like(yaw)
     along_z = np.stack([zero, zero, one], axis=1)

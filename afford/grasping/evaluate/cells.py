@@ -41,7 +41,8 @@ class Cell(NamedTuple):
 
     def depth_mm(self, percent: float) -> float:
         """Percentile over all steps of each seed's episodes in which hand and object touch, then mean over seeds; NaN where they
-        never do."""
+        never do.
+        """
         found = [one.depth_m[np.isfinite(one.depth_m)] for one in self.runs]
         each = [np.percentile(depths, percent) for depths in found if len(depths)]
         return float(1000 * np.mean(each)) if each else float("nan")
@@ -65,7 +66,8 @@ class Cell(NamedTuple):
 
 def cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[Cell]:
     """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS; those that were planned
-    also where none is finished."""
+    also where none is finished.
+    """
     every: tuple[GraspEpisodes | GraspExam, ...] = (*planned, *episodes)
     policies, levels = dict.fromkeys(one.policy for one in every), dict.fromkeys((*LEVELS, *(one.level for one in every)))
     engines = dict.fromkeys((MAIN, *(one.engine for one in every)))

@@ -43,7 +43,8 @@ class Asked:
 def followed(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree, asked: Asked,
              progress: Callable[[int, int], None]) -> ClipsFollowed:  # fmt: skip
     """Every clip once by each of FOLLOWERS, from where the clip begins. ValueError for files that are no prior, no clips, or a clip
-    whose object is not among the bodies."""
+    whose object is not among the bodies.
+    """
     policy, of = load(files, {}), {one.name: task(one) for one in bodies}
     _check(policy, set(of), references)
     config = Rehearsal(engine=asked.engine, physics=Physics(asked.rate_hz, asked.iterations), steps=int(policy.facts["steps"]),

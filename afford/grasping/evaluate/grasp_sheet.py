@@ -43,7 +43,8 @@ def write_sheet(path: Path, rows: Mapping[str, Episode]) -> None:
 
 def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> None:
     """All episodes at once in a grid, as an MP4 at their own pace; those that are over stay. ValueError for none, or for traces of
-    different rates."""
+    different rates.
+    """
     rates = {one.trace.rate_hz for one in rows.values()}
     if len(rates) != 1:
         raise ValueError(f"rows: expected episodes of one rate, got {sorted(rates) or 'none'}")

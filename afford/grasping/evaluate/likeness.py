@@ -75,7 +75,8 @@ def criteria(q: np.ndarray, palm: np.ndarray, rate_hz: float, posture: np.ndarra
 
 def log_jerk(x: np.ndarray, rate_hz: float) -> float:
     """Of a path (t, d): ln of the integral of squared jerk times duration cubed over squared peak speed; no unit. 4.79 for one
-    minimum-jerk reach; 0 for one that never moves."""
+    minimum-jerk reach; 0 for one that never moves.
+    """
     speed = np.diff(x, axis=0) * rate_hz
     jerk = np.diff(speed, n=2, axis=0) * rate_hz**2
     peak, duration = float((speed**2).sum(axis=1).max(initial=0.0)), len(speed) / rate_hz

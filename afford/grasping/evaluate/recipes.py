@@ -39,7 +39,8 @@ truth, or as the two-hand model predicts it); transfer_*: both plugged into the 
 
 def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
     """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, a student before its teacher, or no
-    seed."""
+    seed.
+    """
     wanted = tuple(rows)
     unknown = sorted(set(wanted) - {*ROWS, *STUDENTS})
     early = [one for one in wanted if one in STUDENTS and STUDENTS[one] not in wanted[: wanted.index(one)]]

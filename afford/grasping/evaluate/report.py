@@ -30,7 +30,8 @@ ABOUT = ("Succ: within 5 cm of the goal at some step; held: at the last. AS: fin
 def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> dict[str, float]:
     """Flat; names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes,
     `.all` over all episodes; `seeds` are finished and `unfinished` are not. Rows of a group (lambda_half, transfer_hti) have it as
-    their first word (lambda.half)."""
+    their first word (lambda.half).
+    """
     out = dict[str, float]()
     for cell in cells(episodes, planned):
         row = GROUP.sub(r"\1.", cell.policy)

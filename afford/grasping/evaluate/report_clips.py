@@ -25,7 +25,8 @@ WORDS = {"prior": "the prior", "clip": "motors that go where the clip goes", "st
 
 def tracking(found: Sequence[ClipsFollowed]) -> dict[str, float]:
     """hti.<figure>.<level> of the prior, hti.<follower>.<figure>.<level> of the others; names without a level are those of the
-    training objects, an engine's name stands in front where that is not PyBullet."""
+    training objects, an engine's name stands in front where that is not PyBullet.
+    """
     out = dict[str, float]()
     for one, who, figures in _each(found):
         prefix = ("" if one.engine == MAIN else f"{one.engine}.") + ("hti." if who == "prior" else f"hti.{who}.")
@@ -37,7 +38,8 @@ def tracking(found: Sequence[ClipsFollowed]) -> dict[str, float]:
 def ablation(episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog]) -> dict[str, float]:
     """hti.<figure>_with, _without and _by_script: the teacher against the same training without a prior, on training objects, over
     the seeds that all of them have; nothing where there is none to compare. ValueError when they did not learn from equally many
-    updates."""
+    updates.
+    """
     out = dict[str, float]()
     for engine in dict.fromkeys(one.engine for one in episodes):
         by = {word: {one.seed: one for one in episodes if (one.policy, one.level, one.engine) == (policy, "train", engine)}

@@ -16,7 +16,8 @@ MM, PCT = 1000.0, 100.0
 
 def shifts_m(pairs: TwoTasks) -> tuple[list[str], np.ndarray]:
     """Names and (k,) of the objects lifted in both tasks at least once: how much farther from the first end the palm is when N_t is
-    there than when N_t is at the other; mean over the pairs of an object."""
+    there than when N_t is at the other; mean over the pairs of an object.
+    """
     moved, both = pairs.along_m[:, 1] - pairs.along_m[:, 0], pairs.success.all(axis=1)
     names = [name for name in dict.fromkeys(pairs.body) if any(both & (np.array(pairs.body) == name))]
     return names, np.array([moved[both & (np.array(pairs.body) == name)].mean() for name in names])
@@ -24,7 +25,8 @@ def shifts_m(pairs: TwoTasks) -> tuple[list[str], np.ndarray]:
 
 def figures(pairs: TwoTasks) -> dict[str, float]:
     """Mean and its 95 % interval by Student's t over objects, share of objects whose grasp moved away, share of pairs lifted twice,
-    objects that count; NaN where too few do."""
+    objects that count; NaN where too few do.
+    """
     mm = MM * shifts_m(pairs)[1]
     half = float(student.ppf(0.975, len(mm) - 1) * mm.std(ddof=1) / np.sqrt(len(mm))) if len(mm) > 1 else float("nan")
     mean = float(mm.mean()) if len(mm) else float("nan")

@@ -48,7 +48,8 @@ def traced(trace: GraspTrace, task: GraspTask) -> Traced:
 
 def phases(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
     """The rows of PHASES: the first; where the hand first touches (or is nearest); the last before the object is raised; where it
-    is half as high as it ever gets; the last. Where it is never raised, they are spread evenly from the touch on."""
+    is half as high as it ever gets; the last. Where it is never raised, they are spread evenly from the touch on.
+    """
     rise, last = traced(trace, task).centre[:, 2], len(trace.q) - 1
     rise = rise - rise[0]
     touches = np.flatnonzero(trace.force.sum(axis=1) > TOUCH_N)

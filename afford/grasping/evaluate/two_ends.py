@@ -52,7 +52,8 @@ def grasp_twice(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, 
                 rounds: int, at_once: int, shown: int, seed: int,
                 progress: Callable[[int, int], None]) -> tuple[TwoTasks, list[tuple[GraspTask, GraspTrace]]]:  # fmt: skip
     """Both tasks of every body, `rounds` times, and traces of both of the `shown` bodies whose hand moved farthest from the
-    negative end in the first round, among those that were lifted twice. ValueError without bodies, or such as `pair` refuses."""
+    negative end in the first round, among those that were lifted twice. ValueError without bodies, or such as `pair` refuses.
+    """
     if not bodies:
         raise ValueError("two tasks: expected an object or more, got none")
     config = policy.config(engine, physics, "flat", 0.0)

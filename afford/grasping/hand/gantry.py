@@ -32,7 +32,8 @@ class Gantry:
 
 def mounted(tree: Tree, gantry: Gantry) -> Tree:
     """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll). SourceError when the hand has links or
-    joints of the gantry's names."""
+    joints of the gantry's names.
+    """
     names = [BASE, *(f"{BASE}_{step}" for step in STEPS[:-1])]
     inertia = np.eye(3) * INERTIA_KGM2
     links = tuple(Link(name, gantry.mass_kg, inertia_kgm2=inertia) for name in names)

@@ -28,7 +28,8 @@ class Skin(NamedTuple):
 
 def skins(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides: int = SIDES) -> tuple[Skin, ...]:
     """Of the links that have a shape of the first of `kinds` that they have: what they are to look like, or, where nobody says
-    what they collide with; so many corners around anything round."""
+    what they collide with; so many corners around anything round.
+    """
     root = parse(hand.urdf, hand.name)
     tree = Tree(hand.name, (), (), {mesh.file: (mesh.vertices, mesh.faces) for mesh in hand.meshes})
     named = {link.get("name"): next(filter(None, (link.findall(kind) for kind in kinds)), []) for link in root.findall("link")}

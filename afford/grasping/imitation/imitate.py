@@ -91,7 +91,8 @@ class Imitating:
     def observe(self) -> np.ndarray:
         """(n, width) float32: fingers' joints and 0.2 x their speed; last targets less joints, in full actions; the reference's
         joints a step ahead less joints, in full actions; then in the palm's yaw its velocity, its spin x 0.2, and how far and by
-        which turn it is off a step ahead; how far both levels of fingers are off; share of the clip that is over."""
+        which turn it is off a step ahead; how far both levels of fingers are off; share of the clip that is over.
+        """
         now, state = self._now, self.state()
         T, joints = forward(self.hand.joints, state.q), state.q[:, self._of_motor]
         palm, yaw = self._wanted("T_world_palm", ahead=1), palm_yaw(self.hand, state)

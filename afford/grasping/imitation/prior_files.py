@@ -37,7 +37,8 @@ class Lessons:
 def lessons(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[GraspTarget], references: Sequence[HandReference],
             config: Rehearsal, proofs: int, engines: Sequence[str], worlds: int, seed: int) -> Lessons:  # fmt: skip
     """Worlds of the objects that clips lift, in turn; in each of the engines they must do so in as many episodes as there are
-    `proofs`. ValueError when none does, or a clip has no target."""
+    `proofs`. ValueError when none does, or a clip has no target.
+    """
     of = {one.name: task(one) for one in bodies}
     kept = list(references)
     for engine in engines if proofs else ():
@@ -57,7 +58,8 @@ def lessons(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[Gr
 
 def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequence[HandReference]) -> np.ndarray:
     """(m,) the mean posture that clips begin in, the wrist meant from the place that is grasped. ValueError for a clip without a
-    target."""
+    target.
+    """
     places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3]))
               + one.object_pose[:3] for one in targets}  # fmt: skip
     of_motor = commanded(hand.joints)

@@ -14,7 +14,8 @@ from schemas.hand import HandModel, HandReference
 def held(hand: HandModel, tasks: Sequence[Task], references: Sequence[HandReference], config: Rehearsal, times: int, worlds: int,
          seed: int) -> np.ndarray:  # fmt: skip
     """(k,) how often of `times` each reference, followed by itself, ends with its object held; `worlds` of them at once.
-    ValueError for a reference whose object is not among the tasks."""
+    ValueError for a reference whose object is not among the tasks.
+    """
     of = {one.body.name: one for one in tasks}
     if unknown := sorted({one.object_name for one in references} - set(of)):
         raise ValueError(f"references: expected objects among {', '.join(sorted(of))}, got {', '.join(unknown)}")

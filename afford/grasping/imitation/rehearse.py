@@ -71,7 +71,8 @@ class Rehearsing:
     def __init__(self, hand: HandModel, tasks: Sequence[Task], references: Sequence[HandReference], config: Rehearsal,
                  alone: bool = False) -> None:  # fmt: skip
         """A world draws from all clips of its object; `alone`, world k follows clip k only. ValueError for an object that no clip
-        grasps, clips of another hand, or clips without an object."""
+        grasps, clips of another hand, or clips without an object.
+        """
         self.hand, self.config, self.clips = hand, config, Clips(hand, references)
         self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
         self._u = [self._steps(one) for one in self.clips.references]
@@ -120,7 +121,8 @@ class Rehearsing:
 
     def expert(self) -> np.ndarray:
         """(n, m) the action that leads to the reference a step ahead; along the object it goes as the reference goes, from wherever
-        the hand is."""
+        the hand is.
+        """
         after, before = self._u_at(1), self._u_at(0)
         action = self.grasping.towards(self._placed(after))
         action[:, 0] = ((after - before)[:, 0] / self.grasping.rates[0, 0]).clip(-1, 1)

@@ -15,4 +15,5 @@ class Judge(Protocol[Own]):
 
     def __call__(self, name: str, frames: np.ndarray, seconds: np.ndarray, params: Own) -> float:
         """1..10 for the frames (t, h, w, 3) uint8 of the episode `name`, taken at times (t,). `params` are those of this backend.
-        ValueError in one sentence when there is no judgement: no model, no server, an answer without a number."""
+        ValueError in one sentence when there is no judgement: no model, no server, an answer without a number.
+        """

@@ -35,7 +35,8 @@ def sheet(frames: np.ndarray, seconds: np.ndarray) -> np.ndarray:
 
 def read(text: str, name: str, backend: str) -> float:
     """The score in an answer, which may have words or a fence around its JSON; ValueError when there is none, or more than one, or
-    it is no number from 1 to 10. Nothing is filled in."""
+    it is no number from 1 to 10. Nothing is filled in.
+    """
     found = [value["score"] for value in objects(text) if "score" in value]
     score = found[0] if len(found) == 1 else None
     if isinstance(score, bool) or not isinstance(score, (int, float)) or not LEAST <= score <= MOST:

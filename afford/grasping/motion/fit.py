@@ -58,7 +58,8 @@ def fit_clip(problem: Problem, state: State, rate_hz: float, steps: int) -> Stat
 
 def _held(problem: Problem, state: State, H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motors at a limit that want to go beyond keep still: their rows and columns become those of the identity. Also
-    (t, s) 1 where free, else 0."""
+    (t, s) 1 where free, else 0.
+    """
     out = ((state.motors <= problem.low) & (g[:, 6:] > 0)) | ((state.motors >= problem.high) & (g[:, 6:] < 0))
     free = np.concatenate([np.ones((len(g), 6)), ~out], axis=1)
     H = H * free[:, :, None] * free[:, None]

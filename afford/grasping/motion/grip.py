@@ -31,7 +31,8 @@ class Grip:
 def grip_at(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarray = FROM_FRONT_AND_ABOVE) -> Grip:
     """The grasp whose approach is turned about the handle by `turn_rad` from the direction `come` (3,), of which what lies along
     the handle is left out. Of the two grasps of that approach it is the one with the back of the hand up. ValueError when the
-    hand does not fit."""
+    hand does not fit.
+    """
     size = target.diameter_m + 2 * PAD_M
     wide, amount = closings(hooking)
     if not wide[0] <= size <= wide[-1]:

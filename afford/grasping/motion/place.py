@@ -9,7 +9,8 @@ from schemas.hand import HandMotion
 
 def placed(motion: HandMotion, palm: np.ndarray) -> np.ndarray:
     """(4, 4) T_world_source: the gantry's yaw is 0 on average, so that it stays far from its limits, and the object of the first
-    frame, or the palm where there is none, is at x = y = 0. palm (t, 4, 4) in the source's world."""
+    frame, or the palm where there is none, is at x = y = 0. palm (t, 4, 4) in the source's world.
+    """
     toward = palm[:, :2, 0].mean(axis=0)
     yaw = np.arctan2(toward[1], toward[0]) if np.linalg.norm(toward) > 1e-6 else 0.0
     c, s = np.cos(yaw), np.sin(yaw)

@@ -28,7 +28,8 @@ class Targets:
 
 def targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
     """keypoints (t, 21, 3) -> what to reach. Every bone keeps its direction and takes the robot's length: its ratio is that of
-    the robot's bone to the person's median. `keep_tips` 1 leaves the fingertips where the person has them, 0 scales them too."""
+    the robot's bone to the person's median. `keep_tips` 1 leaves the fingertips where the person has them, 0 scales them too.
+    """
     theirs = keypoints[:, which.keypoint]
     bones = np.diff(theirs, axis=2)
     ratio = which.bones_m / np.maximum(np.median(np.linalg.norm(bones, axis=-1), axis=0), SHORT_M)

@@ -82,7 +82,8 @@ class Body:
 
     def numbers(self, layout: str, own: Proprioception, start: Start) -> np.ndarray:
         """(n, r) float32: the blocks R of a layout of observe.py, in the frame of the start. Whatever these blocks would look up
-        of an object is not a number."""
+        of an object is not a number.
+        """
         state = self._state(own)
         nothing = np.full((len(own.q), 1, 3), np.nan)
         known: dict[str, Any] = {"hand": self.hand, "palm_offset": self.palm_offset}

@@ -60,7 +60,8 @@ class Seen(NamedTuple):
 def see(images: Images, own: Proprioception, N_t: np.ndarray, any_N: np.ndarray, cameras: Sequence[Camera], body: Body,
         start: Start, eyes: Eyes) -> Seen:  # fmt: skip
     """Pictures (n, c, h, w), the robots' own senses, and N_t (n, 100, 3) in the world where any_N (n,) says that there is one.
-    `cameras`, `body`, `start` and `eyes` are known beforehand."""
+    `cameras`, `body`, `start` and `eyes` are known beforehand.
+    """
     clouds = [[_points(cameras, depth, kind == wanted, eyes) for wanted in (HAND, OBJECT)]
               for depth, kind in zip(images.depth_m, images.kind, strict=True)]  # fmt: skip
     there = np.array([[len(found) > 0 for found in both] for both in clouds])

@@ -55,7 +55,8 @@ class Config:
 @dataclass(frozen=True, eq=False)
 class Moved:
     """What a step of all environments brings: the next observation (n, d), of the next episode where one has ended; the observation
-    that this step led to (n, d); reward (n,), terminated (n,), truncated (n,); scalars to note."""
+    that this step led to (n, d); reward (n,), terminated (n,), truncated (n,); scalars to note.
+    """
 
     observation: np.ndarray
     reached: np.ndarray
@@ -93,7 +94,8 @@ class Rollout:
 def learn(envs: Environments, model: ActorCritic, config: Config, optimiser: torch.optim.Optimizer, first: int,
           each: Callable[[int, dict[str, float]], None], until: int | None = None) -> None:  # fmt: skip
     """Train `model` from update `first` on, to the end or before update `until`; `each(update, scalars)` is called after every one.
-    Random draws are torch's."""
+    Random draws are torch's.
+    """
     observation = envs.reset()
     if not model.seen.count:
         model.seen.update(torch.from_numpy(observation))

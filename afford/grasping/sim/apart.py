@@ -79,7 +79,8 @@ class Apart:
 
     def _all(self, method: str, arguments: Sequence[tuple[Any, ...] | None]) -> list[Any]:
         """Ask every process that there is something for, then hear all of them, so that they compute at the same time. The first
-        error is raised when all have answered."""
+        error is raised when all have answered.
+        """
         asked = [(worker, given) for worker, given in zip(self._workers, arguments, strict=True)]
         try:
             for worker, given in asked:

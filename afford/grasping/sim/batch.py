@@ -1,5 +1,6 @@
 """Many worlds at once, as arrays (n, ...), however they are computed: on threads, in processes, or by an engine that computes all
-of them together."""
+of them together.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ class Batch(Protocol):
 
 def batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 1, device: str = "cpu") -> Batch:
     """Worlds of an engine, on `threads` in each of `processes`. ValueError for what an engine cannot be asked: another device than
-    the CPU where it has none, threads or processes where all worlds are computed together."""
+    the CPU where it has none, threads or processes where all worlds are computed together.
+    """
     if engine in TOGETHER:
         if threads > 1 or processes > 1:
             raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all "

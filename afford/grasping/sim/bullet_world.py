@@ -121,7 +121,8 @@ class BulletWorld:
 
     def save(self) -> Saved:
         """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
-        near each other is not in it, so the world forgets that now, as `restore` does."""
+        near each other is not in it, so the world forgets that now, as `restore` does.
+        """
         efforts = self._wrench.efforts if self._wrench else None
         token = Saved(int(self.client.saveState()), self._force, self._left, self.state(), efforts)
         self.restore(token)
@@ -198,7 +199,8 @@ class _Wrench:
 
     def apply(self) -> None:
         """For one step of the solver. Drag is that of the speed after the step, as if the inertia were that at 0, so that it
-        does not overshoot."""
+        does not overshoot.
+        """
         speed = np.array([row[1] for row in self.client.getJointStates(self.hand, self.joints)])
         forces = (self.efforts - self._drag * speed) / self._slowed
         self.client.setJointMotorControlArray(self.hand, self.joints, self.client.TORQUE_CONTROL, forces=forces.tolist())

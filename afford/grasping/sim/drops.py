@@ -28,7 +28,8 @@ ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
 
 def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
     """(7,) pose at rest, about the origin within `reach_m` at first; the same seed and world give the same pose. The hand stays
-    away. ValueError when it has not come to rest after `most_s`, as a thing that rolls."""
+    away. ValueError when it has not come to rest after `most_s`, as a thing that rolls.
+    """
     found = _settled(world, scene, _thrown(scene, np.random.default_rng(seed), reach_m), most_s)
     if found is None:
         raise ValueError(f"{scene.body.name}, drop {seed}: expected it to lie still after {most_s} s, got "
@@ -47,7 +48,8 @@ def laid(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
 
 def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = MOST_S) -> list[np.ndarray]:
     """`count` poses (7,) at rest, of the first seeds from `seed` on at which it comes to rest about the origin. ValueError when
-    most do not."""
+    most do not.
+    """
     thrown = (_thrown(scene, np.random.default_rng(seed + k), 0.0) for k in range(TRIES * count))
     rests = (at for pose in thrown if (at := _settled(world, scene, pose, most_s)) is not None)
     poses = list(islice(rests, count))

@@ -46,7 +46,8 @@ class Piece:
 
 def decomposed(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, most: int) -> list[Piece]:
     """Pieces of a mesh whose faces have a part (f,) each, ordered by part; hulls stand out by `tolerance_m` at most, unless there
-    would be more than `most`. ValueError when there are more parts than that."""
+    would be more than `most`. ValueError when there are more parts than that.
+    """
     present = np.unique(part)
     if len(present) > most:
         raise ValueError(f"object_solids.hulls: expected at least the {len(present)} parts of the object, got {most}")
@@ -68,7 +69,8 @@ def decomposed(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, mos
 
 def corners(piece: Piece, most: int) -> np.ndarray:
     """(k, 3) corners of its hull, k <= most: each was chosen as the farthest from the hull of those before it. To a nanometre: sums
-    of linear algebra differ beyond that with where arrays lie in memory."""
+    of linear algebra differ beyond that with where arrays lie in memory.
+    """
     points = piece.hull.points[piece.hull.vertices]
     ends = [int(points[:, axis].argmin()) for axis in range(3)] + [int(points[:, axis].argmax()) for axis in range(3)]
     taken = list(dict.fromkeys((*ends, *_spread(points))))
@@ -94,7 +96,8 @@ def _spread(points: np.ndarray) -> list[int]:
 
 def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     """(n,) bool: whether two of three rays from each of (n, 3) points cross the surface an odd number of times. (What trimesh calls
-    `contains` draws a direction from numpy's random state.)"""
+    `contains` draws a direction from numpy's random state.)
+    """
     odd = np.zeros(len(points), int)
     for direction in RAYS:
         _, ray = solid.ray.intersects_id(points, np.tile(direction, (len(points), 1)), multiple_hits=True)
@@ -151,7 +154,8 @@ def _cut(piece: Piece, measure: Callable[[ConvexHull], float]) -> tuple[Piece, .
 
 def _bulk(piece: Piece, axis: np.ndarray, offset: float) -> float:
     """Volume of the hulls on both sides of a plane, each times its length; infinite when one is empty. Volume alone sees no gain in
-    cutting a ring in two, which is how it is cut in four."""
+    cutting a ring in two, which is how it is cut in four.
+    """
     height = piece.vertices @ axis - offset
     edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])
     a, b = edges[(height[edges[:, 0]] < 0) & (height[edges[:, 1]] > 0)].T

@@ -93,7 +93,8 @@ class MujocoWorld:
 
     def _advance(self) -> None:
         """One step of the solver. Newton on a sparse Jacobian takes half the time, but once in many thousand steps it comes to
-        nothing where contacts slide; that step is then taken anew on a dense one, and where that diverges too, in smaller ones."""
+        nothing where contacts slide; that step is then taken anew on a dense one, and where that diverges too, in smaller ones.
+        """
         mujoco.mj_getState(self.model, self._data, self._before, STATE)
         if self._moved() and max(self._took[: max(1, self._data.nisland)].tolist()) < self.scene.physics.iterations:
             return

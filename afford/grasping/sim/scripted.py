@@ -114,7 +114,8 @@ def moves(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> It
 
 def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
     """Amid a part of an object at rest at the pose (7,), as near to the centre of mass as the part goes; yaw of the part's long
-    axis, from there to that centre."""
+    axis, from there to that centre.
+    """
     found = scene.body
     spots, weight = _spots(scene, body, found.point_part == part), centre(found, body)
     middle = spots.mean(0)
@@ -129,7 +130,8 @@ def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
 
 def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
     """So far from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees: a place that knows nothing of
-    parts. Kept off the object's ends."""
+    parts. Kept off the object's ends.
+    """
     spots, weight = _spots(scene, body, np.ones(len(scene.body.points), bool)), centre(scene.body, body)
     axis = np.linalg.svd((spots - spots.mean(0))[:, :2], full_matrices=False)[2][0]
     axis = axis if axis[0] > 0 or (axis[0] == 0 and axis[1] > 0) else -axis

@@ -46,7 +46,8 @@ class WarpWorlds:
 
     def __init__(self, scenes: Sequence[Scene], device: str = "cpu") -> None:
         """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, for a scene that
-        mujoco-warp does not know how to compute, and as Worlds."""
+        mujoco-warp does not know how to compute, and as Worlds.
+        """
         self.scenes, self.parts, n = tuple(scenes), most_parts(scenes), len(scenes)
         alike: dict[Any, list[int]] = {}
         for k, scene in enumerate(scenes):

@@ -39,7 +39,8 @@ class Wish:
 @dataclass(frozen=True, eq=False)
 class Plan:
     """(n, 3) directions of the cameras from the middle, `share` (n,) of the visible area seen well by the first 1..n of them, and
-    `visible` (p,) bool of the surface's points."""
+    `visible` (p,) bool of the surface's points.
+    """
 
     towards: np.ndarray
     share: np.ndarray

@@ -18,7 +18,8 @@ MIDDLE = 0.5
 
 def extents(label: Tensor) -> tuple[Tensor, Tensor]:
     """Labels (n, h, w) -> the box (n, 4) of each picture, in shares, with a margin, and whether there is anything (n,) bool. Where
-    nothing is, the box is the whole picture."""
+    nothing is, the box is the whole picture.
+    """
     boxes = torch.tensor([0.0, 0.0, 1.0, 1.0]).repeat(len(label), 1)
     height, width = label.shape[1:]
     for n, one in enumerate(label.cpu() != BACKGROUND):
@@ -32,7 +33,8 @@ def extents(label: Tensor) -> tuple[Tensor, Tensor]:
 
 def losses(model: Boxes, seen: Seen, label: Tensor) -> dict[str, Tensor]:
     """thing: cross-entropy of cells in the middle of the box against all others, both kinds weighing alike; box: -log IoU of what
-    those cells propose; mask: cross-entropy inside the true box and inside the box that the model proposes itself; total: sum."""
+    those cells propose; mask: cross-entropy inside the true box and inside the box that the model proposes itself; total: sum.
+    """
     true, known = extents(label)
     middle = _middle(true, seen.thing.shape[-2:]) & known[:, None, None]
     each = binary_cross_entropy_with_logits(seen.thing, middle.float(), reduction="none")

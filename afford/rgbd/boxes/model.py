@@ -91,7 +91,8 @@ def overlap(a: Tensor, b: Tensor) -> Tensor:
 
 def painted(model: Boxes, features: Tensor, boxes: Tensor, size: tuple[int, int]) -> Tensor:
     """Probability (10, h, w) on a picture with features (1, c, h', w') of what is inside boxes (k, 4), the likeliest first and on
-    top; outside of all is background."""
+    top; outside of all is background.
+    """
     inside = model.affordances(features.expand(len(boxes), -1, -1, -1), boxes).softmax(1)
     maps, where = pasted(inside, boxes, *size)
     whole = torch.zeros_like(maps[0])

@@ -25,7 +25,8 @@ POOLED: dict[str, Callable[[Counts], float]] = {
 
 def figures(one: InteractionScores) -> dict[str, float]:
     """<mode>.iou, .f, .fw, <mode>.iou.<category>, <mode>.f.<category>, <mode>.region_iou, <mode>.code_jaccard, <mode>.code_f1;
-    action.accuracy, action.accuracy.<category> (of video) and static.action; without what does not apply."""
+    action.accuracy, action.accuracy.<category> (of video) and static.action; without what does not apply.
+    """
     out = {f"{mode}.{name}": value for mode in one.mode for name, value in measures.summary(pooled(one, mode)).items()}
     out |= {f"{mode}.region_iou": measures.mean(measures.iou(regions(one, mode))) for mode in one.mode}
     out |= {f"{mode}.{name}": float(value) for mode, means in zip(one.mode, one.code.mean(0), strict=True)

@@ -32,7 +32,8 @@ def _sums(found: np.ndarray, truth: np.ndarray, known: np.ndarray, moving: np.nd
 
 def figures(scores: Sequence[FlowScore]) -> dict[str, float]:
     """Means over all pixels of a set, in mm and on the image in px, and the share of the error of differencing in mm; without what
-    does not apply."""
+    does not apply.
+    """
     out: dict[str, float] = {}
     for count, suffix, part in ((_sum(scores, "pixels"), "", ""), (_sum(scores, "moving"), "_moving", "moving_")):
         ours, theirs = _sum(scores, f"error_{part}m"), _sum(scores, f"plain_{part}m")

@@ -77,13 +77,15 @@ def summary(of: Counts, beta: float = 1.0) -> dict[str, float]:
 
 def code_jaccard(found: np.ndarray, truth: np.ndarray) -> float:
     """What the released code calls Jaccard: scikit-learn's of flattened labels, which for several classes was the share of pixels
-    that agree, background and all."""
+    that agree, background and all.
+    """
     return float((found == truth).mean())
 
 
 def code_f1(confidence: np.ndarray, truth: np.ndarray) -> float:
     """What the released code prints as F1: one minus the F1 of what has a confidence above 0.75 (of any affordance) against what is
-    not background. `confidence` is (10, h, w), `truth` (h, w) one sequence's. 1 when nothing agrees."""
+    not background. `confidence` is (10, h, w), `truth` (h, w) one sequence's. 1 when nothing agrees.
+    """
     affording = np.arange(len(confidence)) != BACKGROUND
     said, true = (confidence[affording].max(0) > CODE_CONFIDENCE), truth != BACKGROUND
     total = np.count_nonzero(said) + np.count_nonzero(true)

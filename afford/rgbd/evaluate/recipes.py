@@ -16,7 +16,8 @@ ALL = (*ROWS, PRETRAINED)
 
 def recipes(rows: Iterable[str], seeds: Iterable[int], variant: str = "small") -> tuple[Recipe, ...]:
     """Every row with the first seed, then every row with the next: what is stopped early has something of each. ValueError for an
-    unknown row."""
+    unknown row.
+    """
     rows, seeds = tuple(rows), tuple(seeds)
     unknown = sorted(set(rows) - set(ALL))
     if unknown or not rows or not seeds:

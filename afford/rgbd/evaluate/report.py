@@ -32,7 +32,8 @@ class Found(NamedTuple):
 
 def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> None:
     """Everything, into an empty folder; the sheet is of the whole model, where it is finished. By row, a table of what was planned
-    is written also when nothing is finished yet. ValueError when nothing else is there to tell, or scores are of another plan."""
+    is written also when nothing is finished yet. ValueError when nothing else is there to tell, or scores are of another plan.
+    """
     done = {one.name: figures(one) for one in found.scores}
     planned = [recipe.name for recipe in found.recipes]
     strange = sorted(done.keys() - set(planned))

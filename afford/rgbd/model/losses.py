@@ -46,7 +46,8 @@ def losses(said: Said, label: Tensor, action: Tensor, params: LossParams, done: 
 
 def of_pixels(logits: Tensor, label: Tensor, weight: Tensor) -> Tensor:
     """Weighted mean over pixels of -log p. CUDA has no kernel for it on pictures that gives the same sum twice: there it is
-    written out."""
+    written out.
+    """
     if not logits.is_cuda:
         return cross_entropy(logits, label, weight=weight)
     return written_out(logits, label, weight)

@@ -35,7 +35,8 @@ class ConvLSTM(nn.Module):
 
     def remember(self, steps: int) -> None:
         """Start with channels that remember for 1 to `steps` frames (Tallec and Ollivier 2018): forget gates log u, input gates
-        -log u, u uniform in 1..steps. With a bias of 1 for all, a tenth is left of what was seen seven frames ago."""
+        -log u, u uniform in 1..steps. With a bias of 1 for all, a tenth is left of what was seen seven frames ago.
+        """
         with torch.no_grad():
             spans = torch.empty_like(self.gates.bias[: self.width]).uniform_(1, steps).log()  # type: ignore[index]
             self.gates.bias[: 2 * self.width] = torch.cat([-spans, spans])  # type: ignore[index]  # it has a bias

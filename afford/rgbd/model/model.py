@@ -48,7 +48,8 @@ class Sor3d(nn.Module):
     def forward(self, *groups: Frames) -> Said:
         """Groups of sequences, one length each -> what is said of the last frame of every sequence, in this order.
 
-        All groups of a training step go through at once, so that what is normalised over them is the same for all lengths."""
+        All groups of a training step go through at once, so that what is normalised over them is the same for all lengths.
+        """
         seen, skips = self._seen(groups)
         lasts = [self._remembered(frames)[:, -1] for frames in seen]
         action = torch.cat([self.action(last, frames) for last, frames in zip(lasts, seen, strict=True)])
@@ -59,7 +60,8 @@ class Sor3d(nn.Module):
 
     def expect(self, pixels: Tensor, actions: Tensor) -> None:
         """Start from these shares of the classes, (10,) and (9,), whatever is seen (Lin et al. 2017): else the first thing that
-        all layers learn together is how rare regions are."""
+        all layers learn together is how rare regions are.
+        """
         pixels = pixels.log() - (prior(actions.log()[None])[0, :, 0, 0] if self.config.told else 0)
         with torch.no_grad():
             for layer, start in ((self.decoder.classes, pixels), (self.action.layers[-1], actions.log())):
@@ -73,7 +75,8 @@ class Sor3d(nn.Module):
 
     def _seen(self, groups: Sequence[Frames]) -> tuple[list[Tensor], list[list[Tensor]]]:
         """Fused features of every frame, (n, t, c, h, w) by group, and the features of last frames before each pooling, by
-        stream."""
+        stream.
+        """
         streams = [self.appearance(_laid([self._channels(frames.appearance) for frames in groups]))]
         if self.motion is not None:
             streams.append(self.motion(_laid([frames.motion for frames in groups])))
@@ -95,7 +98,8 @@ def prior(action: Tensor) -> Tensor:
 def _laid(groups: Sequence[Tensor]) -> Tensor:
     """(n, t, c, h, w) of each group -> all frames, (sum of n * t, c, h, w), with the channels of a pixel beside each other:
     convolutions of single precision are quicker on a CPU. In mixed precision they are as they come: convolutions are quick anyhow,
-    and few channels side by side keep the normalisation from whole registers."""
+    and few channels side by side keep the normalisation from whole registers.
+    """
     frames = torch.cat([frames.flatten(0, 1) for frames in groups])
     mixed = frames.device.type == "cpu" and torch.is_autocast_enabled("cpu")
     return frames if mixed else frames.contiguous(memory_format=torch.channels_last)

@@ -50,7 +50,8 @@ class Action(nn.Module):
 
     def forward(self, remembered: Tensor, seen: Tensor) -> Tensor:
         """Memory (n, c, h, w) after frames of features (n, t, c, h, w) -> logits (n, actions). n of 2 or more while it is trained
-        with a norm."""
+        with a norm.
+        """
         told = [remembered, seen[:, -1]] if self.here else [remembered]
         pooled = torch.cat([value for one in told for value in (one.mean((-2, -1)), one.amax((-2, -1)))], 1)
         found: Tensor = self.layers((self.video if seen.shape[1] > 1 else self.picture)(pooled))

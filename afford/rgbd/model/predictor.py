@@ -30,7 +30,8 @@ class Predictor:
 
     def seen(self, clip: InteractionClip, flow: SceneFlow | None) -> Seen:
         """A clip as the model sees it: its middle square, at the model's size. Without `flow` nothing moves. ValueError for the
-        flow of another clip."""
+        flow of another clip.
+        """
         return self.sees(sequence_of(clip, flow, self.config.flow))
 
     def sees(self, sequence: sequences.Sequence) -> Seen:

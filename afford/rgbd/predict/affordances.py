@@ -51,7 +51,8 @@ class Identified(Protocol):
 
 def write(asked: Asked, model: Identified, folder: Path) -> Path:
     """label.png (indices, 9 where nothing is afforded), overlay.png, attention.png (of a model that attends),
-    probabilities.safetensors and prediction.json. SourceError when something else lies there."""
+    probabilities.safetensors and prediction.json. SourceError when something else lies there.
+    """
     label, sure = (spread(asked, index) for index in (asked.found.label, asked.found.confident(asked.threshold)))
     said = record(asked, label, sure, model)
     files = {"label.png": png(label).tobytes(), "overlay.png": _png(overlay(asked, sure, said)),

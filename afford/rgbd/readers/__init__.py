@@ -25,5 +25,6 @@ class ListPictures(Protocol[Own]):
 
     def __call__(self, files: FileTree, crop_px: int, every: int, params: Own) -> tuple[Listed, ...]:
         """Every n-th labelled picture of the files, by name, none of them read yet; the middle square of `crop_px` is cut out of
-        each, all of it for 0. `params` are those of this backend."""
+        each, all of it for 0. `params` are those of this backend.
+        """
         ...

@@ -10,7 +10,8 @@ from afford.common.errors import SourceError
 def centre(where: str, size_px: int, *arrays: np.ndarray) -> tuple[list[np.ndarray], tuple[int, int]]:
     """The middle `size_px` x `size_px` of arrays (h, w, ...) of one size, and how many columns and rows were cut off at the left
     and at the top; 0 for whole pictures. Of a picture that is smaller, the largest square: nothing is enlarged. SourceError when
-    they differ in size."""
+    they differ in size.
+    """
     height, width = arrays[0].shape[:2]
     for array in arrays:
         if array.shape[:2] != (height, width):

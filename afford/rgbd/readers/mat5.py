@@ -34,7 +34,8 @@ class _Element(NamedTuple):
 
 def read_matrix(data: bytes, variable: str, name: str) -> np.ndarray | None:
     """Array of whole or real numbers called `variable`, as it lies in the file; the first where several have the name, None where
-    none has. SourceError for another file or a damaged one, TooLargeError when an array is larger than MAX_ARRAY_BYTES."""
+    none has. SourceError for another file or a damaged one, TooLargeError when an array is larger than MAX_ARRAY_BYTES.
+    """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:HEADER])
     if order is None:
         raise _refused(name, "another header")

@@ -16,7 +16,8 @@ LABELS = {"umd": f"tools/<tool>/<tool>_<frame>{umd.LABEL}", "iit-aff": "affordan
 
 def pictures(root: Path, backend: str, digest: Callable[[Path], str]) -> FileTree:
     """The files of a root that `backend` can read. SourceError for a root without labels of its kind, which says of which kind it
-    is, or for no such backend."""
+    is, or for no such backend.
+    """
     if backend not in LABELS:
         raise SourceError("static_read.backend", " or ".join(LABELS), repr(backend), "choose the one that the root is")
     files = tree(root, digest)

@@ -29,7 +29,8 @@ class View:
 
 def lift(flow_px: np.ndarray, depth_m: np.ndarray, change_m: np.ndarray, K: np.ndarray) -> np.ndarray:
     """Motion in space, (h, w, 3) float32 in m, of points at `depth_m` that move by `flow_px` (h, w, 2) on the image and by
-    `change_m` (h, w) along the optical axis."""
+    `change_m` (h, w) along the optical axis.
+    """
     focal, centre = (np.array(pair, np.float32) for pair in ((K[0, 0], K[1, 1]), (K[0, 2], K[1, 2])))
     ray = (identity_map(*depth_m.shape) + flow_px - centre) / focal
     across = flow_px / focal * depth_m[..., None] + ray * change_m[..., None]

@@ -79,7 +79,8 @@ class SequencesJob:
 
 def config_of(stage: str, variant: str, of_row: str, size_px: int, batch: int) -> Sor3dConfig:
     """The model of a variant and a row. ValueError, which names the stage, for one of them that is not known, and for a batch too
-    small to normalise over."""
+    small to normalise over.
+    """
     if variant not in VARIANTS or of_row not in ROWS:
         raise ValueError(f"{stage}: expected variant of {', '.join(VARIANTS)} and row of {', '.join(ROWS)}, got {variant!r}, "
                          f"{of_row!r}")

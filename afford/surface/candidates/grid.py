@@ -34,7 +34,8 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Windows) -> PartCandid
 
 def windows(on: np.ndarray, count: int) -> np.ndarray:
     """(count ** 2, h, w) bool: squares that overlap by half and together cover the square around a silhouette (h, w) bool, cut with
-    it. ValueError when there is not one along a side."""
+    it. ValueError when there is not one along a side.
+    """
     if count < 1:
         raise ValueError(f"mask_propose.grid.windows: expected 1 or more along a side, got {count}")
     rows, columns = (_bands(side, max(s.stop - s.start for s in box(on)), length, count)

@@ -19,7 +19,8 @@ ADVICE = "ask a model that follows instructions; raise new_tokens if the answer 
 
 def read(text: str, name: str, task: str, backend: str) -> PartDescription:
     """The description in an answer, which may have words or a fence around its JSON; ValueError when there is none, or more than
-    one, or a field is not what was asked for. Who does not know the object says nothing of its parts."""
+    one, or a field is not what was asked for. Who does not know the object says nothing of its parts.
+    """
     where = f"{name}, {task or 'any use'}: answer of backend {backend!r}"
     found = [value for value in objects(text) if "category" in value]
     if len(found) != 1:

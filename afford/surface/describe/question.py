@@ -39,7 +39,8 @@ the end, in the middle, on top, around the top, on the side, on both sides, belo
 
 def question(category: str, task: str, sides: Sequence[str]) -> str:
     """The question about an object that is said to be a `category` ('' when nobody said), for a task in words ('' for any use),
-    with a picture that shows `sides`."""
+    with a picture that shows `sides`.
+    """
     said = f" Somebody says that it is this: {_quoted(category.replace('_', ' '))}." if category else ""
     doing = f"The task: {_quoted(task)}." if task else "No task is given: think of its usual use."
     return QUESTION.format(sides=", ".join(sides), said=said, task=doing, words=WORDS)

@@ -20,7 +20,8 @@ REPEATS = 16
 
 def pack(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray, int]:
     """One texture (h, w, 3) uint8 with sides that are powers of two up to `limit`, coordinates (f, 3, 2) float32 in it, and
-    how often the images had to be halved to fit. MeshError when they cannot fit."""
+    how often the images had to be halved to fit. MeshError when they cannot fit.
+    """
     unique, paint = _unique(images, paint)
     uv = np.where((np.array([image.size for image in unique]) > 3)[paint][:, None, None], uv, 0.5)
     uv, repeats = _settled(uv, paint, len(unique))

@@ -25,7 +25,8 @@ def bake(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
 @numba.njit(cache=True)
 def rasterise(uv, side):  # type: ignore[no-untyped-def]  # numba infers
     """(side, side) int32 face at each texel centre (-1 none; a texel that only the edge of a face touches counts) and
-    (side, side, 3) float64 barycentric coordinates."""
+    (side, side, 3) float64 barycentric coordinates.
+    """
     face = np.full((side, side), -1, np.int32)
     best = np.full((side, side), -1e-3)
     bary = np.zeros((side, side, 3))

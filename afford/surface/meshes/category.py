@@ -14,7 +14,8 @@ def words(name: str) -> list[str]:
 
 def category_of(name: str, categories: Iterable[str]) -> str:
     """The category whose words stand in the name, '' for none. The last one counts ('kettle_brush' is a brush), the longest of
-    those that end there."""
+    those that end there.
+    """
     said = words(name)
     best = (0, 0, "")
     for category in categories:

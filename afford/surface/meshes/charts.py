@@ -25,7 +25,8 @@ LONGEST = 0.6
 
 def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
     """(f, 3, 2) float32 coordinates 0..1 in a texture of `side` texels, for (v, 3) vertices and (f, 3) faces. MeshError when there
-    are more pieces than texels for them."""
+    are more pieces than texels for them.
+    """
     local, normals = _local(np.asarray(vertices, np.float64), faces)
     pairs = shared(faces)[0] // 3
     way = _ways(normals, pairs)

@@ -9,7 +9,8 @@ from afford.surface.meshes.net import Net, directed, shared
 
 def fill(net: Net, max_edges: int, max_share: float) -> tuple[Net, int, int]:
     """The net, the holes filled and those left open: more edges than `max_edges`, more than `max_share` of the surface, or
-    touching themselves."""
+    touching themselves.
+    """
     _, rim = shared(net.faces)
     edges = directed(net.faces)[rim]
     loops, tangled = _loops(edges)

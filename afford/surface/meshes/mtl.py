@@ -34,7 +34,8 @@ def statements(content: str) -> list[tuple[int, str, str]]:
 
 def read_mtl(files: FileTree, mtl: FileRef, pictures: Pictures) -> dict[str, np.ndarray]:
     """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only; images come from
-    `pictures`."""
+    `pictures`.
+    """
     found: dict[str, np.ndarray] = {}
     mapped: set[str] = set()
     name = ""

@@ -16,7 +16,8 @@ DARK = (WOOD, RUBBER, PLASTIC)
 
 def texture(vertices: np.ndarray, faces: np.ndarray, most: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (f, 3, 2) float32 and image (side, side, 3) uint8 for (v, 3) vertices in metres and (f, 3) faces, with at most
-    `most` materials. The thinnest of several regions looks like metal, the others like what `seed` draws."""
+    `most` materials. The thinnest of several regions looks like metal, the others like what `seed` draws.
+    """
     region, _ = regions(vertices, faces, most)
     kinds = _kinds(int(region.max()) + 1, np.random.default_rng(seed))
     tri, (middle, axes) = vertices.astype(np.float64)[faces], main_axis(vertices.astype(np.float64), faces)

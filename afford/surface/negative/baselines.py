@@ -36,7 +36,8 @@ def random_candidate(candidates: PartCandidates, rng: np.random.Generator) -> Ta
 
 def paper(candidates: PartCandidates, description: PartDescription, scores: PartScores) -> Taken:
     """AffordDex's recipe (its negative affordance segmentation) with our candidates and scores: one negative part, and the mask
-    that fits it best in each of six views, however badly."""
+    that fits it best in each of six views, however badly.
+    """
     note = _first_negative(description)
     if note is None:
         return [None] * SIX
@@ -47,7 +48,8 @@ def paper(candidates: PartCandidates, description: PartDescription, scores: Part
 def naive(views: ObjectViews, candidates: PartCandidates, windows: PartCandidates, description: PartDescription,
           fits: PartScores) -> Taken:  # fmt: skip
     """A coarse box around one negative part in each of six views, then the mask that fills it best; `fits` are scores of the
-    windows."""
+    windows.
+    """
     note, taken = _first_negative(description), Taken([None] * SIX)
     if note is None:
         return taken
@@ -75,7 +77,8 @@ def whole_object_taken(views: ObjectViews, taken: Taken) -> float:
 
 def splatted(mesh: ObjectMesh, views: ObjectViews, taken: Taken) -> np.ndarray:
     """(f,) bool: the middles of faces that fall into a mask and are not far behind the z-buffer of all middles, in any view: the
-    paper's projection."""
+    paper's projection.
+    """
     middle = mesh.vertices[mesh.faces].mean(1).astype(np.float64)
     near = NEAR * float(np.ptp(mesh.vertices, axis=0).max())
     out = np.zeros(len(middle), bool)

@@ -22,7 +22,8 @@ def coarse_box(windows: np.ndarray, fit: np.ndarray) -> Box:
 
 def segmented(asked: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
     """(h, w) bool: of the masks (m, h, w) of a view and the silhouette `on` (h, w), that whose box is most like the one asked for;
-    of equals the first."""
+    of equals the first.
+    """
     offered = [*masks, on]
     return np.asarray(offered[int(np.argmax([overlap(asked, box(mask)) for mask in offered]))])
 

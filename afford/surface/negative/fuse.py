@@ -29,7 +29,8 @@ UNSURE = 0.02
 def pixels(candidates: PartCandidates, scores: PartScores, description: PartDescription,
            face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
-    no candidate covers it. `face` (n, h, w): that of each pixel, -1 beside the object."""
+    no candidate covers it. `face` (n, h, w): that of each pixel, -1 beside the object.
+    """
     value, counts = judged(scores, description)
     shown = (face >= 0).sum((1, 2))[candidates.view]
     size = candidates.masks.sum((1, 2)) / np.maximum(shown, 1)

@@ -13,7 +13,8 @@ from afford.surface.segments.borders import shared_edges
 
 def fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(f,) float32: `value` where `known` (f,) bool, the mean of the neighbours elsewhere; pieces in which nothing is known take
-    the value of the nearest known face. All zeros when nothing is known at all."""
+    the value of the nearest known face. All zeros when nothing is known at all.
+    """
     if known.all() or not known.any():
         return np.where(known, value, 0).astype(np.float32)
     graph = adjacency(vertices, faces)

@@ -44,7 +44,8 @@ def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, de
 
 def on_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What pixels say (n, h, w) with weights (n, h, w) -> probability (f,) of every face, and the sum of its weights (f,); a face
-    without any takes what its neighbours have."""
+    without any takes what its neighbours have.
+    """
     voted, evidence = vote(views.face, value, weight, len(mesh.faces))
     return fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
 

@@ -19,6 +19,7 @@ does nearly the same"""
 def relevance(windows: PartCandidates, scores: PartScores, description: PartDescription,
               shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Relevance (n, h, w) float32 0..1 of each pixel, and the number of windows (n, h, w) that hold it. A window that fits no part
-    is relevant for none."""
+    is relevant for none.
+    """
     value, counts = judged(scores, description)
     return spread(windows, np.where(counts > 0, value, 0), np.ones_like(value), shape)

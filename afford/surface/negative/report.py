@@ -61,7 +61,8 @@ def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
 
 def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
     """Over objects, of the mean over tasks for which it is known (of IoU: those with a negative part); NaN where no object has
-    one."""
+    one.
+    """
     rows = ([getattr(row, measure) for row in one.rows if row.method == method] for one in scores)
     known = (np.array(row)[np.isfinite(row)] for row in rows)
     each = [float(row.mean()) for row in known if len(row)]

@@ -22,7 +22,8 @@ LIMIT = 2.0
 @dataclass(frozen=True, eq=False)
 class Patch:
     """Faces of a surface in their own frame: weights (f,), `middle` (3,), axes (3, 3) in columns, lowest and highest (3,) along
-    them, the axis of the largest extent first."""
+    them, the axis of the largest extent first.
+    """
 
     weight: np.ndarray
     middle: np.ndarray
@@ -92,7 +93,8 @@ def _thickness(thickness: np.ndarray, patch: Patch, longest: float) -> list[floa
 
 def _bend(points: np.ndarray, normal: np.ndarray, patch: Patch) -> list[float]:
     """How little the normals spread in two directions (0, 0: a plane; 0, more: a cylinder), and whether it bulges (positive) or is
-    hollow."""
+    hollow.
+    """
     spread = np.linalg.eigvalsh((normal * patch.weight[:, None]).T @ normal)
     bulge = patch.weight @ ((points - patch.middle) * normal).sum(1) / max(patch.size[0], 1e-12)
     return [3 * float(spread[0]), 2 * float(spread[1]), 2 * float(bulge)]

@@ -31,7 +31,8 @@ class PartsConfig:
 
 class Parts(nn.Module):
     """Candidates and phrases -> for each pair, two logits: which share of the mask shows the part, and how well mask and part
-    overlap (IoU)."""
+    overlap (IoU).
+    """
 
     def __init__(self, config: PartsConfig) -> None:
         super().__init__()

@@ -103,7 +103,8 @@ class PartsTask:
 
 def blurred(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """The numbers of a candidate (r,), its form with a little noise or, often, none at all: numbers so exact would tell which
-    object it is, and pictures would not be looked at."""
+    object it is, and pictures would not be looked at.
+    """
     out = traits.copy()
     out[-len(FORM) :] = 0 if rng.random() < FORMLESS else out[-len(FORM) :] + rng.normal(0, NOISE, len(FORM))
     return out
@@ -111,7 +112,8 @@ def blurred(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def varied(phrase: str, part: str, rng: np.random.Generator) -> str:
     """A phrase such as 'the blade of a saw, a long flat thin plate at the end': whole, with names that mean nothing, only how it
-    looks, only what it is, or only the part. Of a thing that is new, its looks must tell."""
+    looks, only what it is, or only the part. Of a thing that is new, its looks must tell.
+    """
     kind, (named, _, looks) = rng.random(), phrase.partition(", ")
     if kind < 0.25:
         return phrase
@@ -126,7 +128,8 @@ def _nonsense(rng: np.random.Generator) -> str:
 
 def _asked(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) -> tuple[np.ndarray, np.ndarray]:
     """(k, 2) truth and (k,) weight of candidate n for each pair: its own parts count fully, those of other things a little, unless
-    they have the name of one of its own."""
+    they have the name of one of its own.
+    """
     truth, weight = np.zeros((len(pairs), 2), np.float32), np.full(len(pairs), OTHERS, np.float32)
     for k, (category, part) in enumerate(pairs):
         if category == one.category and part in one.parts:

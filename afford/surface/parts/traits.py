@@ -10,7 +10,8 @@ from schemas.surface import PartCandidates
 
 def traits(views: ObjectViews, candidates: PartCandidates, thickness: np.ndarray) -> np.ndarray:
     """(m, 4) float32, all within about -1..1: share of what the view shows of the object, elongation of the mask, thickness of the
-    object behind it (f,) over that of the whole view, and how much the mask stands out."""
+    object behind it (f,) over that of the whole view, and how much the mask stands out.
+    """
     out = np.zeros((len(candidates.view), 4), np.float32)
     log = np.append(np.log(thickness), 0.0)
     for n, (view, mask) in enumerate(zip(candidates.view, candidates.masks, strict=True)):

@@ -26,7 +26,8 @@ class Wish:
 
 def pixels(said: Sequence[Prediction]) -> np.ndarray:
     """(2, n, h, w) float32 probability that each hand belongs on a pixel of each view: of its likeliest region, 0 for a hand that
-    is not returned."""
+    is not returned.
+    """
     best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in said] for side in (0, 1)]
     return np.array(best, np.float32)
 

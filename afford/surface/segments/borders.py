@@ -49,7 +49,8 @@ class Borders:
 
 def shared_edges(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(e, 2) int32 faces on both sides of each edge, and its length (e,). Corners at one place are one, so that seams of the
-    texture do not part what lies together; where more than two faces share an edge they are paired in their order."""
+    texture do not part what lies together; where more than two faces share an edge they are paired in their order.
+    """
     size = float(np.ptp(vertices, axis=0).max())
     place = np.unique(np.round(vertices / max(size * MERGE, 1e-30)), axis=0, return_inverse=True)[1].reshape(-1)[faces]
     sides = ((0, 1), (1, 2), (2, 0))

@@ -21,7 +21,8 @@ COLOUR_PX = 512
 @dataclass(frozen=True, eq=False)
 class Features:
     """Per face: `middle` (f, 3) and `normal` (f, 3) float64, `area` (f,) m^2, `colour` (f, 3) float32 CIE Lab, `thickness` (f,) m,
-    median length of rays into the object."""
+    median length of rays into the object.
+    """
 
     middle: np.ndarray
     normal: np.ndarray

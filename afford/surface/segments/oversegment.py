@@ -10,7 +10,8 @@ from afford.surface.segments.borders import Borders
 
 def oversegment(borders: Borders, area: np.ndarray, scale: float, least: float) -> np.ndarray:
     """(f,) int32 label 0..r-1 of each face. `scale`: larger gives larger regions; `least`: regions of less than this share of the
-    area join the neighbour behind their weakest border."""
+    area join the neighbour behind their weakest border.
+    """
     order = np.argsort(borders.strength, kind="stable")
     share = area / max(float(area.sum()), 1e-30)
     root = _join(borders.pair[order], borders.strength[order], share, scale, least)

@@ -23,7 +23,8 @@ SMALL = 0.25
 @dataclass(frozen=True, eq=False)
 class Tree:
     """Node n < r is a region, others are merges. `leaf` (f,) int32 region of each face; `children` (m - r, 2) int32 of each merge;
-    `persistence` (m,) float32 0..1; `share` (m,) of the area."""
+    `persistence` (m,) float32 0..1; `share` (m,) of the area.
+    """
 
     leaf: np.ndarray
     children: np.ndarray

@@ -177,7 +177,8 @@ def _brightness(top: Material) -> float:
 
 def _light(rng: np.random.Generator, brightness: float) -> Light:
     """A window or a lamp, warm or cool, from the left or right, and much light from the ceiling and the walls, as indoors; the
-    camera exposes for the worktop."""
+    camera exposes for the worktop.
+    """
     side, warm = rng.choice([-1.0, 1.0]), rng.uniform(0.0, 1.0)
     key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(0.60, 0.85)
     fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.88, 1.0)

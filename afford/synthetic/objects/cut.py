@@ -10,7 +10,8 @@ NEAR = 0.12
 
 def cut(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (v, 3), faces (f, 3) and values (v,) -> more vertices, int32 faces, the face that each is a piece of, and its
-    side: 1 where the value is positive or zero, else 0. A closed surface stays closed."""
+    side: 1 where the value is positive or zero, else 0. A closed surface stays closed.
+    """
     side = np.asarray(value) >= 0
     lone = _lone_corner(side[faces])
     crossed = np.flatnonzero(lone >= 0)

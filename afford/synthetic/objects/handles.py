@@ -42,7 +42,8 @@ def laid_inverse(shape: Manifold) -> Manifold:
 
 def blade(y: np.ndarray, spine: np.ndarray, edge: np.ndarray, thick: float, ground: float = 0.5) -> Manifold:
     """A ground blade in the plane z = 0: at each station y (n,) it reaches in x from the spine to the edge; from the share
-    `ground` of that on it thins to the edge."""
+    `ground` of that on it thins to the edge.
+    """
     shoulder = spine + ground * (edge - spine)
     t = thick / 2 * np.clip(np.abs(edge - spine) / np.abs(edge - spine).max() / 0.3, 0.25, 1)
     e = np.full_like(t, 0.00025)

@@ -28,7 +28,8 @@ AXES = np.array([(1, 2), (0, 2), (0, 1)])
 @dataclass(frozen=True, eq=False)
 class Dressed:
     """A surface with its texture: vertices (v, 3) float64, faces (f, 3) int32, uv (f, 3, 2) float32, texture (a, a, 3) uint8,
-    and source (f,) int64, the face of the bare surface that each face is a piece of."""
+    and source (f,) int64, the face of the bare surface that each face is a piece of.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray

@@ -21,7 +21,8 @@ razor's blade (hard: a thin strip across a stick)."""
 
 def specs(split: str, categories: tuple[str, ...], count: int, seed: int, plain_every: int) -> tuple[ObjectSpec, ...]:
     """`count` objects of each category, every `plain_every`-th of one material (0: none). A split has random streams of its own,
-    and so has a category, so that a new category changes no other object."""
+    and so has a category, so that a new category changes no other object.
+    """
     return tuple(
         ObjectSpec(f"{category}_{split}_{index:02d}", category, _draw(seed, split, category, index),
                    "plain" if plain_every and index % plain_every == plain_every - 1 else "mixed", split)

@@ -19,7 +19,8 @@ MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 @dataclass(frozen=True, eq=False)
 class HandModel:
     """One hand. Poses are given by the palm frame (see `afford.synthetic.things.asset`), 20 joint angles (see `hand_bones`) and the
-    place of the elbow, towards which the forearm points."""
+    place of the elbow, towards which the forearm points.
+    """
 
     side: str
     """left or right."""

@@ -38,7 +38,8 @@ def kinds(setting: str, asks: str, split: str) -> tuple[str, ...]:
 
 def is_new(verb: str, things: tuple[str, ...]) -> bool:
     """Whether training never shows one of these kinds, or never this verb with the first of them (where a tool is used, with
-    what it is used on)."""
+    what it is used on).
+    """
     return any(kind not in TRAINED for kind in things) or any((verb, kind) in NEW_PAIRS for kind in things)
 
 

@@ -33,7 +33,8 @@ LIFT = (("lift", "lift {}"), ("carry", "carry {}"), ("hold", "hold {}"))
 class Act:
     """Something to do. `parts` of the first thing are taken by one hand; `support` are the parts that the other hand takes, of
     the second thing when there is one, else of the first. Without `must`, one hand does where two have no room, and then it
-    takes `alone` (None: `parts`)."""
+    takes `alone` (None: `parts`).
+    """
 
     verb: str
     text: str

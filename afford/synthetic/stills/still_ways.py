@@ -77,7 +77,8 @@ class Reach:
 
     def ways(self, thing: Placed, side: str, names: Sequence[str] = ()) -> list[Way]:
         """The best way for each part and kind of grip of this hand that is comfortable and free, best first. `names` are the
-        parts that count, all when empty."""
+        parts that count, all when empty.
+        """
         best: dict[tuple[str, str], Way] = {}
         for way in self._all(thing, side, names):
             key = (way.grip.name, way.grip.kind)

@@ -72,7 +72,8 @@ def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: Reach, wanted: 
 
 def _by_turns(wanted: list[Act], rng: np.random.Generator, most: int) -> list[Act]:
     """At most `most` acts, no verb with the same things twice: those that may take two hands and those that take one by turns,
-    and among these every verb with the same chance."""
+    and among these every verb with the same chance.
+    """
     groups: dict[bool, dict[tuple[str, int], list[Act]]] = {True: {}, False: {}}
     for k in rng.permutation(len(wanted)):
         act = wanted[k]

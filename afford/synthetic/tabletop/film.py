@@ -66,7 +66,8 @@ class Take:
 @dataclass(frozen=True, eq=False)
 class Film:
     """The frames and what is true of them: rgb (t, h, w, 3) uint8, depth (t, h, w), flow_m (t-1, h, w, 3), flow_px (t-1, h, w, 2)
-    float32; visible (t-1, h, w) bool; label (h, w) uint8; hotspot (k, 3) float32 px."""
+    float32; visible (t-1, h, w) bool; label (h, w) uint8; hotspot (k, 3) float32 px.
+    """
 
     rgb: np.ndarray
     depth_m: np.ndarray
@@ -174,7 +175,8 @@ class Seen:
 
     def until(self, later: Seen) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """How what is seen here moves until `later`: metres (h, w, 3), pixels (h, w, 2) float32, where there is a surface, and
-        where it is also seen later (h, w) bool."""
+        where it is also seen later (h, w) bool.
+        """
         valid = self.face >= 0
         here, there = self.points(self.corners), self.points(later.corners)
         K = self.view.camera.K

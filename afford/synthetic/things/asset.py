@@ -31,7 +31,8 @@ class Part:
 @dataclass(frozen=True)
 class Joint:
     """How the moving parts move: `kind` is hinge (value in radians about axis), lift (metres along axis) or free (a lid that
-    is taken off: the choreography gives its pose)."""
+    is taken off: the choreography gives its pose).
+    """
 
     kind: str
     origin: tuple[float, float, float]

@@ -1,5 +1,6 @@
 """Methods without a network: what any trained one must beat. Each is made from a data set (or None) and says a `Prediction` of a
-case, or None where it has nothing to say."""
+case, or None where it has nothing to say.
+"""
 
 from __future__ import annotations
 

@@ -44,7 +44,8 @@ class Summary(NamedTuple):
 
 def case_score(truth: tuple[np.ndarray, ...], predicted: tuple[Grey, ...]) -> CaseScore | None:
     """Score of one case: `truth` are the (h, w) bool masks of the hands that have one, `predicted` the two hands' files. None
-    where the script skips. Predictions are resized bilinearly to the truth, and both read as `> 0`."""
+    where the script skips. Predictions are resized bilinearly to the truth, and both read as `> 0`.
+    """
     files = [mask for mask in predicted if mask is not None]
     if not truth or not files:
         return None
@@ -76,7 +77,8 @@ def _first_contour(mask: np.ndarray) -> np.ndarray | None:
 
 def summary(scores: np.ndarray, level: tuple[float, ...]) -> Summary | None:
     """(n, l, 4) of cases and thresholds, NaN where skipped -> the printed numbers; None when a threshold has no case (the
-    script divides by zero there)."""
+    script divides by zero there).
+    """
     counted = np.isfinite(scores[..., 0]).sum(axis=0)
     if not len(counted) or not counted.all():
         return None

@@ -26,7 +26,8 @@ class Method(Protocol):
 
 def open_method(files: FileTree, levels: tuple[float, ...], level: float, protocol: str, proposals: int) -> Method:
     """The method behind a folder. `levels` cut probabilities, of which up to `proposals` ways are made; `level` is taken of a
-    folder with several thresholds; a folder that does not say its protocol is of `protocol`."""
+    folder with several thresholds; a folder that does not say its protocol is of `protocol`.
+    """
     table = files.find(stored.NAME)
     return Probabilities(table, levels, proposals) if table else Masks(files, level, protocol)
 

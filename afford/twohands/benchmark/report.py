@@ -16,7 +16,8 @@ DETAILS = ("iou", "precision", "recall", "hd_px", "map", "hand_iou", "best_mode_
 
 def write(scores: tuple[MethodScores, ...], folder: Path, resamples: int, seed: int) -> FileTree:
     """report.md, tables.tex, metrics.json, cases.json, plots/ and sheets/. ValueError when methods share a name, or were not
-    scored on the same cases."""
+    scored on the same cases.
+    """
     check(scores)
     found = summary.rows(scores, resamples, seed)
     files.write_json(folder / "metrics.json", {"cases": len(scores[0].case_id)} | summary.metrics(found))

@@ -52,7 +52,8 @@ class Row(NamedTuple):
 def score(name: str, cases: Iterable[Case], levels: tuple[float, ...], answer: Callable[[Case], Answer], floor: float,
           sheets: Callable[[list[str], np.ndarray], tuple[Sheet, ...]]) -> MethodScores:  # fmt: skip
     """Scores of a method. `floor` is the probability below which pixels do not count for calibration; `sheets` draws cases from
-    their ids and IoU."""
+    their ids and IoU.
+    """
     rows = [score_case(case, answer(case), floor) for case in cases]
     _add_open(rows)
     ids = [row.case_id for row in rows]
@@ -155,7 +156,8 @@ def _reliability(case: Case, said: Answer, floor: float) -> np.ndarray:
 
 def _add_open(rows: list[Row]) -> None:
     """`taxonomy_open_accuracy`: accuracy on cases whose task alone does not say which hands it takes, because no answer is right
-    for every case with these words."""
+    for every case with these words.
+    """
     by_task: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
         by_task[row.protocol, row.task.lower()].append(row)

@@ -45,7 +45,8 @@ class Asker:
 
     def __call__(self, data: bytes, task: str, hands: str) -> dict[str, Any]:
         """The record of one answer (afford/twohands/predict/record.py) and `maps`: per hand and hypothesis an 8-bit PNG of
-        probabilities, in base64. QuestionError for a bad task or hands, SourceError (TooLargeError) for what is no picture."""
+        probabilities, in base64. QuestionError for a bad task or hands, SourceError (TooLargeError) for what is no picture.
+        """
         words = " ".join(task.split())
         if not words or len(words) > MAX_TASK:
             raise QuestionError("task", f"1 to {MAX_TASK} characters", str(len(words)), "say it in a few words")

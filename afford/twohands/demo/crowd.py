@@ -48,7 +48,8 @@ class Room:
 class CrowdServer(ThreadingHTTPServer):
     """A server with at most MAX_CONNECTIONS connections, a thread each. A further one takes the place of the one that has been
     silent for longest, or gets 503 where all are busy. A handler calls `silent` before it waits for a request, `busy` when it has
-    one."""
+    one.
+    """
 
     daemon_threads = True
     request_queue_size = 128

@@ -1,5 +1,6 @@
 """A few pictures to begin with, none of which the model was trained on: stills of a benchmark set, or of the validation part of the
-data set that the model learned from, where these lie in the store."""
+data set that the model learned from, where these lie in the store.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ class Example:
 
 def examples(benchmarks: Path) -> list[Example]:
     """Up to COUNT stills of the rendered sets below `benchmarks`, each of another room as far as there are so many; none when
-    there is no set."""
+    there is no set.
+    """
     rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob("*/masks/[!.]*"))]
     return _chosen(_still(path) for path in _in_turns(rooms))
 
@@ -53,7 +55,8 @@ def data_set(model: Path) -> str | None:
 
 def held_out(files: Mapping[str, Path]) -> list[Example]:
     """Up to COUNT pictures of the part `val` of a data set (name below its folder -> file), each of another video as far as the
-    first MANY samples have so many; none when it has no such part in Parquet files."""
+    first MANY samples have so many; none when it has no such part in Parquet files.
+    """
     videos: dict[str, list[dict[str, Any]]] = {}
     rows = (row for name in tables(files).get("val", ()) if name.endswith(".parquet") for row in _rows(files[name]))
     for row in islice(rows, MANY):

@@ -228,7 +228,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _pass_over(self, length: int) -> None:
         """Read a body that is too long and forget it, so that the browser gets to read the answer; of huge and slow ones only a
-        part."""
+        part.
+        """
         self._incoming.ends = time.monotonic() + HEAD_S
         left = min(length, 4 * MAX_BODY_BYTES)
         try:

@@ -21,7 +21,8 @@ TINY_VOCABULARY = 2048
 def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pretrained: bool) -> Any:
     """A model of a `transformers` class `kind`: with its weights from folder/name when `pretrained`, else its architecture with
     random weights; of the config that `tiny()` gives when `folder` is ''. Weights become float32, whatever they were saved as.
-    ValueError says what could not be read."""
+    ValueError says what could not be read.
+    """
     if not folder:
         return kind(tiny())
     place = Path(folder) / name

@@ -24,7 +24,8 @@ SPECK = 0.2
 
 def window(told: Told, size_px: tuple[int, int]) -> Box | None:
     """Where to look again: the box of the object with ActAffordance's border; None when the first look was close enough, or
-    nothing was found that is seen at the picture's own size."""
+    nothing was found that is seen at the picture's own size.
+    """
     if told.objects is None:
         return None
     height, width = told.probability.shape[2:]

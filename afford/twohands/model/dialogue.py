@@ -27,7 +27,8 @@ class Dialogue(NamedTuple):
 
 def dialogue(tokens: Tokens, pairs: Sequence[tuple[str, str]], image_tokens: int, begin: int, end: int, pad: int) -> Dialogue:
     """Ids of (question, answer) pairs. Every `<image>` becomes as many ids as the vision tower gives tokens, so that ids and
-    hidden states are in the same places, wherever the image stands."""
+    hidden states are in the same places, wherever the image stands.
+    """
     rows = []
     for asked, answered in pairs:
         before, answer = [begin] + _spread(tokens, asked, image_tokens), tokens.encode(" " + answered) + [end]

@@ -1,5 +1,6 @@
 """Image encoder of the small model: convolutions that are tuned by the words, down to stride 16, then a transformer that sees the
-words as well. Most are convolutions, because a CPU does more of their work in the same time."""
+words as well. Most are convolutions, because a CPU does more of their work in the same time.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +62,8 @@ class Encoder(nn.Module):
 
     def place(self, image: Tensor) -> Tensor:
         """(H/16 * W/16, c16): where the tokens of an image (b, 3, H, W) are, measured in tokens of an image of `size_px`, so that
-        the same picture at half the size has the same places."""
+        the same picture at half the size has the same places.
+        """
         height, width = image.shape[-2:]
         return self.at if (height, width) == self.size_px else self._sines(height, width).to(image.device)
 

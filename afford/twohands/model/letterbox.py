@@ -1,5 +1,6 @@
 """Image to model size and back: the whole image, its aspect kept, in the upper left corner; the rest has the mean colour.
-Training and prediction both go through here."""
+Training and prediction both go through here.
+"""
 
 from __future__ import annotations
 

@@ -32,7 +32,8 @@ class Predictor:
 
     def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True) -> None:
         """`model`: a folder that `files.save` wrote or a training published, or a model. `mirror`: it is asked about every
-        picture and its mirror image, and what it says of both is averaged (see mirror.py), for twice the time."""
+        picture and its mirror image, and what it says of both is averaged (see mirror.py), for twice the time.
+        """
         loaded = model if isinstance(model, TwoHands) else load(Path(model))
         self.model, self.device, self.mirror = loaded.to(device).eval(), device, mirror
 
@@ -47,7 +48,8 @@ class Predictor:
     def predict_batch(self, images: Sequence[np.ndarray], tasks: Sequence[str], hands: str = "auto",
                       looks: int = 2) -> list[Prediction]:  # fmt: skip
         """The same for several images, each of its own size, in one pass through the model for each look. On a CPU the model runs
-        on one thread, and torch's number of threads is afterwards as it was (see ../threads.py)."""
+        on one thread, and torch's number of threads is afterwards as it was (see ../threads.py).
+        """
         if len(images) != len(tasks):
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
@@ -96,7 +98,8 @@ class Predictor:
 
 def ranked(score: Tensor, together: bool) -> Tensor:
     """Score logits (2, k) -> probabilities (2, k). Two hands that act together share one row, the geometric mean of both, so
-    that the two top-ranked regions belong to one grasp."""
+    that the two top-ranked regions belong to one grasp.
+    """
     logs = score.log_softmax(-1)
     return (logs.mean(0, keepdim=True).expand_as(logs) if together else logs).softmax(-1).contiguous()
 

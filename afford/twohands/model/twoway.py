@@ -1,6 +1,7 @@
 """Mask decoder of the small model: tokens and image look at each other in turn (Segment Anything, Kirillov et al. 2023), then
 every hypothesis weighs the same fine features by a hypernetwork. Both hands decode together, so that a pair of regions is one
-hypothesis."""
+hypothesis.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ class TwoWayBlock(nn.Module):
 class Decoder(nn.Module):
     """Features and words -> one mask for each hand and hypothesis, one for the complete object of each hand, and where in the whole
     picture the objects are. Which hand acts is a matter of where things are and how they stand: so what is seen of the objects
-    themselves goes into the first token of each hand, of which taxonomy and scores are told."""
+    themselves goes into the first token of each hand, of which taxonomy and scores are told.
+    """
 
     def __init__(self, widths: tuple[int, int, int], heads: int, depth: int, hands: int, hypotheses: int) -> None:
         super().__init__()

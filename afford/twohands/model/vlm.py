@@ -60,7 +60,8 @@ class Vlm(TwoHands):
 
     def _talk(self, batch: Batch) -> Dialogue:
         """The conversation about each image. In training, questions and answers are drawn from torch's random state; outside it,
-        the model is asked the one question and given the first answer, whose [SEG] it has learned to fill."""
+        the model is asked the one question and given the first answer, whose [SEG] it has learned to fill.
+        """
         tasks = [task if self.config.text else "" for task in batch.task]
         image = IMAGE if self.tokens.find("<im_start>") is None else FRAMED
         if self.training:

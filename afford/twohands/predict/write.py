@@ -51,7 +51,8 @@ def index(out: Path, content: dict[str, Any]) -> None:
 def write(answer: Answer, model: Stored, out: Path, all_hypotheses: bool = False) -> Path:
     """Write `<out>/<name of the picture>/` and return it: left.png, right.png (of the picture's size, 0 and 255), overlay.png,
     prediction.json, and every hypothesis as hypotheses/<side>_<n>.png when asked. What was there before is replaced whole.
-    SourceError when something else lies there, OSError when a file does not hold what was written."""
+    SourceError when something else lies there, OSError when a file does not hold what was written.
+    """
     folder = out / answer.picture.name
     with replacing(folder) as partial:
         for name, mask in _masks(answer, all_hypotheses):

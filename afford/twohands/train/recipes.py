@@ -24,7 +24,8 @@ decoder and whole objects; hotspot: one heat map, no text; extracted: labels tha
 
 def recipes(rows: Iterable[str], seeds: int) -> tuple[Recipe, ...]:
     """Every row with seed 0, then every row with seed 1, ...: what is stopped early has something of each. ValueError for an
-    unknown row."""
+    unknown row.
+    """
     unknown = sorted(set(rows) - ROWS.keys())
     if unknown or seeds < 1:
         raise ValueError(f"ablation: expected rows of {', '.join(ROWS)} and at least one seed, got {unknown or seeds}")

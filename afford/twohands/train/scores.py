@@ -39,7 +39,8 @@ class Said:
 
 def measure(said: Sequence[Said]) -> dict[str, float]:
     """Means over samples: iou and precision of both hands' union at the threshold with the best iou, best_iou of the best of
-    the k hypotheses there, taxonomy, threshold."""
+    the k hypotheses there, taxonomy, threshold.
+    """
     table = np.array([scores(one.regions[0], one.truth) for one in said])
     iou, precision = table.mean(0)
     best = int(iou.argmax())
@@ -50,7 +51,8 @@ def measure(said: Sequence[Said]) -> dict[str, float]:
 
 def scores(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """(2, h, w) probabilities and truth -> (2, thresholds): IoU and precision of the union of both hands, 0 where the union of
-    truth and prediction, or the prediction, is empty."""
+    truth and prediction, or the prediction, is empty.
+    """
     height, true = region.max(0), truth.any(0)
     found, hit = _above(height.ravel()), _above(height[true])
     union = np.maximum(found + np.count_nonzero(true) - hit, 1)

@@ -114,7 +114,8 @@ def item(row: dict[str, Any]) -> Item:
 
 def taxonomy_of(masks: np.ndarray) -> int:
     """Taxonomy, 4-way, of (4, h, w) masks: which hands there are; both on the same object when the objects overlap by half, or
-    are not known."""
+    are not known.
+    """
     left, right = masks[0].any(), masks[1].any()
     if not (left and right):
         return 1 if right else 0

@@ -81,7 +81,8 @@ def cropped(item: Item, views: Views) -> Seen:
 
 def cut(item: Item, margins: np.ndarray) -> Seen:
     """The box of the things with margins (left, top, right, bottom), shares of the longer side; the whole sample when there are
-    none. The motion is left behind."""
+    none. The motion is left behind.
+    """
     union = things(item)
     if not union.any():
         return whole(item)
