@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def interval(values: np.ndarray, resamples: int, seed: int, share: float = 0.95) -> np.ndarray:
+def bootstrap_interval(values: np.ndarray, resamples: int, seed: int, share: float = 0.95) -> np.ndarray:
     """(n, c) with NaN where a measure does not apply -> (2, c): lower and upper end for the mean of each column.
 
     Cases are drawn whole, so that the columns stay paired. NaN for a column without a value.

@@ -10,7 +10,7 @@ import numpy as np
 
 from afford.common.bounded import check_image, load_npy, not_an_image, reason
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse
+from afford.common.strict_json import parse_json
 
 PNG_M = 0.001
 """a depth PNG counts millimetres"""
@@ -50,24 +50,24 @@ def read_png(path: Path) -> np.ndarray:
 
 def read_json(path: Path, what: str) -> Any:
     try:
-        return parse(path.read_bytes(), str(path))
+        return parse_json(path.read_bytes(), str(path))
     except OSError as error:
         raise SourceError(str(path), what, reason(error), "check the path") from error
 
 
-def matrix_of(path: Path) -> np.ndarray:
+def read_intrinsics(path: Path) -> np.ndarray:
     """Intrinsic matrix K (3, 3), px, of a camera file in JSON. SourceError when the file holds no such matrix."""
     content = read_json(path, "a camera (JSON)")
     expected = 'fx, fy, cx, cy, or "K" with three rows of three numbers'
     if isinstance(content, dict) and {"fx", "fy", "cx", "cy"} <= set(content):
         content = {"K": [[content["fx"], 0.0, content["cx"]], [0.0, content["fy"], content["cy"]], [0.0, 0.0, 1.0]]}
-    K = numbers_of(content.get("K") if isinstance(content, dict) else content, (3, 3))
+    K = finite_array(content.get("K") if isinstance(content, dict) else content, (3, 3))
     if K is None or not (K[0, 0] > 0 and K[1, 1] > 0 and np.array_equal(K[2], [0, 0, 1]) and K[1, 0] == 0):
         raise SourceError(str(path), expected, "something else", "write the pinhole matrix in pixels")
     return K
 
 
-def numbers_of(found: Any, shape: tuple[int, ...]) -> np.ndarray | None:
+def finite_array(found: Any, shape: tuple[int, ...]) -> np.ndarray | None:
     """The array, None when it is not one of finite numbers of this shape; -1 stands for any size."""
     try:
         out = np.array(found, np.float64)

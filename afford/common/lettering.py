@@ -20,7 +20,7 @@ def font(size_px: int, bold: bool = False) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size_px)
 
 
-def label(rgb: np.ndarray, text: str, at: tuple[int, int], size_px: int) -> None:
+def draw_label(rgb: np.ndarray, text: str, at: tuple[int, int], size_px: int) -> None:
     """Write white letters with a dark edge into a picture (h, w, 3) uint8, in place; `at` is the upper left corner, px (x, y).
     Letters and edge come from one outline, so that they fit each other, and may be of any alphabet.
     """

@@ -9,7 +9,7 @@ from afford.common.errors import SourceError
 from schemas.files import FileTree
 
 
-def unfold(files: FileTree, marker: str, folder: Path) -> Path:
+def copy_folder(files: FileTree, marker: str, folder: Path) -> Path:
     """Copy the files beside the one whose name ends in `marker` ('config.json') into `folder`, with those
     below them. SourceError when there is no such file, or several.
     """

@@ -7,7 +7,7 @@ import re
 ZERO = ord("0")
 
 
-def natural(name: str) -> tuple[tuple[tuple[int, int], ...], str]:
+def natural_key(name: str) -> tuple[tuple[tuple[int, int], ...], str]:
     """What to sort names by: digits count as one number, every other character as itself. Names whose numbers have as many digits
     keep the order of plain text; two names are never equal.
     """

@@ -24,7 +24,7 @@ def epic_rate(video_id: str) -> float | None:
     return 60.0 if len(match[2]) == 2 else 50.0
 
 
-def number_in(name: str) -> int | None:
+def parse_frame_number(name: str) -> int | None:
     """The last run of digits of an image's name: rgb_frames/P03_101_frame_0000000157.jpg shows frame 157. None without one, and
     for a number beyond `LAST_FRAME`.
     """
@@ -36,7 +36,7 @@ def number_in(name: str) -> int | None:
     return number if number <= LAST_FRAME else None
 
 
-def shown(times_s: np.ndarray, fps: float | None) -> np.ndarray:
+def resampled_frames(times_s: np.ndarray, fps: float | None) -> np.ndarray:
     """Which frame of the file each data-set frame shows: (n,) int64, entry k for frame number k + 1.
 
     Without `fps` frame n is the n-th of the file. With it the file is resampled as ffmpeg does at a constant rate: each

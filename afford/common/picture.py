@@ -34,10 +34,10 @@ def read_image(path: Path) -> np.ndarray:
         data = path.read_bytes()
     except OSError as error:
         raise SourceError(str(path), "an image", error.strerror or str(error), "check the path") from error
-    return decode(data, str(path))
+    return decode_image(data, str(path))
 
 
-def decode(data: bytes, name: str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
+def decode_image(data: bytes, name: str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """(h, w, 3) uint8 RGB, turned as EXIF asks; transparency is dropped. SourceError (TooLargeError) when it cannot be had."""
     check_image(data, name, max_pixels)
     try:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from afford.common import encode
+from afford.common.encode import encode_jpeg, encode_png
 from afford.common.palette import Palette
 
 JPEG_QUALITY = 90
@@ -18,22 +18,22 @@ OPACITY = 150
 
 def jpeg(rgb: np.ndarray) -> bytes:
     """JPEG of (h, w, 3) uint8 sRGB."""
-    return encode.jpeg(rgb, JPEG_QUALITY).tobytes()
+    return encode_jpeg(rgb, JPEG_QUALITY).tobytes()
 
 
 def mask_png(mask: np.ndarray) -> bytes:
     """PNG of (h, w) bool, 0 and 255, so that any viewer shows it."""
-    return encode.png(mask.view(np.uint8) * np.uint8(255), PNG).tobytes()
+    return encode_png(mask.view(np.uint8) * np.uint8(255), PNG).tobytes()
 
 
 def grey_png(values: np.ndarray) -> bytes:
     """PNG of (h, w) uint8."""
-    return encode.png(values, PNG).tobytes()
+    return encode_png(values, PNG).tobytes()
 
 
 def colour_png(labels: np.ndarray, palette: Palette) -> bytes:
     """PNG of (h, w) uint8 labels, each painted in its colour of the palette."""
-    return encode.png(_painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG).tobytes()
+    return encode_png(_painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG).tobytes()
 
 
 def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
@@ -41,7 +41,7 @@ def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
     labels = np.zeros(masks.shape[1:], np.uint8)
     for n, mask in enumerate(masks, 1):
         np.copyto(labels, np.uint8(n), where=mask)
-    return encode.png(_painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG).tobytes()
+    return encode_png(_painted(labels, [(0, 0, 0, 0), *((*colour, OPACITY) for colour in palette)]), PNG).tobytes()
 
 
 def _painted(labels: np.ndarray, rgba: Sequence[tuple[int, ...]]) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def sample(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, count: int,
+def sample_surface(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, count: int,
            rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """(count, 3) float32 points drawn evenly from faces in proportion to `weight` (f,), and the face (count,) int32 of each.
 
@@ -24,7 +24,7 @@ def sample(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, count: i
     return points.astype(np.float32), face.astype(np.int32)
 
 
-def farthest(points: np.ndarray, count: int) -> np.ndarray:
+def farthest_point_sampling(points: np.ndarray, count: int) -> np.ndarray:
     """(k,) int64 indices of farthest-point sampling, k = min(count, n): first the point farthest from the middle, then always the
     one that is farthest from those taken.
     """

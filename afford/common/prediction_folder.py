@@ -17,14 +17,14 @@ RECORD = "prediction.json"
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
     """Write a prediction's files, RECORD among them, into `folder` and return it, as `write` does."""
-    with replacing(folder) as partial:
+    with replace_folder(folder) as partial:
         for name, data in files.items():
-            keep(partial / name, data)
+            write_verified(partial / name, data)
     return folder
 
 
 @contextmanager
-def replacing(folder: Path) -> Iterator[Path]:
+def replace_folder(folder: Path) -> Iterator[Path]:
     """A folder aside, which takes the place of an earlier prediction when all is in it."""
     if folder.exists() and not (folder / RECORD).is_file():
         raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
@@ -37,7 +37,7 @@ def replacing(folder: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def keep(path: Path, data: bytes) -> None:
+def write_verified(path: Path, data: bytes) -> None:
     path.write_bytes(data)
     if path.read_bytes() != data:
         raise OSError(f"{path}: expected the bytes that were written, read others; check the disk")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def matrix(quaternion: np.ndarray) -> np.ndarray:
+def quaternion_matrix(quaternion: np.ndarray) -> np.ndarray:
     """(4,) unit quaternion -> (3, 3)."""
     x, y, z, w = map(float, quaternion)
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -20,7 +20,7 @@ def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
-def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def quaternion_product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(4,) that turns by `second`, then by `first`."""
     a, b, c, d = map(float, first)
     x, y, z, w = map(float, second)
@@ -28,7 +28,7 @@ def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
                      d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z])  # fmt: skip
 
 
-def inverse(quaternion: np.ndarray) -> np.ndarray:
+def quaternion_inverse(quaternion: np.ndarray) -> np.ndarray:
     """(4,) of a unit quaternion."""
     found: np.ndarray = np.asarray(quaternion, np.float64) * (-1.0, -1.0, -1.0, 1.0)
     return found

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 from afford.common.errors import SourceError
 
 
-def parse(data: bytes, name: str) -> Any:
+def parse_json(data: bytes, name: str) -> Any:
     """The document in `data`. SourceError names the file and the line when it is not strict JSON in UTF-8."""
 
     def refuse(word: str) -> NoReturn:
@@ -28,7 +28,7 @@ def parse(data: bytes, name: str) -> Any:
         raise SourceError(name, "numbers of a usual length", "one of thousands of digits", "correct it") from error
 
 
-def entry(record: Any, key: str, kind: type, where: str) -> Any:
+def json_field(record: Any, key: str, kind: type, where: str) -> Any:
     """`record[key]` when it is a `kind`; SourceError otherwise."""
     if not isinstance(record, dict):
         raise SourceError(where, "an object with fields", type(record).__name__,

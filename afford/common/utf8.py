@@ -7,7 +7,7 @@ from pathlib import Path
 from afford.common.errors import SourceError
 
 
-def read_text(path: Path, name: str) -> str:
+def read_utf8(path: Path, name: str) -> str:
     """Text of a file called `name`; SourceError when a byte of it is not UTF-8."""
     try:
         return path.read_bytes().decode("utf-8-sig")

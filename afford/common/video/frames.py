@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.number import number_in
-from afford.common.video import pack
+from afford.common.number import parse_frame_number
 from afford.common.video.decode import Decoded, decode_video
+from afford.common.video.pack import pack_of, read_file, read_pack
 from afford.common.video.stills import read_stills
 from schemas.files import FileRef, FileTree
 from schemas.video import Clip, Footage, Frames
@@ -43,14 +43,14 @@ def _from_video(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Deco
 
 
 def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
-    number = np.array([number_in(name) for name in clip.media], np.int64)
+    number = np.array([parse_frame_number(name) for name in clip.media], np.int64)
     time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
     return number, time_ns, read_stills(zip(clip.media, pictures(files, clip), strict=True), box_wh)
 
 
 def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:
     """The bytes of every image, out of the pack that holds them or files of their own."""
-    whole = pack.pack_of(files, clip.media[0])
+    whole = pack_of(files, clip.media[0])
     if whole is not None:
-        return pack.read(whole, clip.media, clip.spans)
-    return (pack.plain(_find(files, name).path, name) for name in clip.media)
+        return read_pack(whole, clip.media, clip.spans)
+    return (read_file(_find(files, name).path, name) for name in clip.media)

@@ -40,7 +40,7 @@ class Pack:
     """where each lies, for a tar; empty otherwise"""
 
 
-def index(path: Path) -> Pack:
+def index_pack(path: Path) -> Pack:
     """What a pack holds, from its headers, central directory or listing alone. ValueError when it was cut short or is none."""
     find = _in_folder if path.is_dir() else _in_zip if path.suffix.lower() == ".zip" else _in_tar
     found = sorted(find(path))
@@ -54,20 +54,20 @@ def pack_of(files: FileTree, frame: str) -> FileRef | None:
     return next((file for file in files.files if file.name in parents), None)
 
 
-def read(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
+def read_pack(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
     """The bytes of frames of a pack, by name, or by their place where it is a tar. SourceError names what cannot be read, or states
     more than `MOST_BYTES`.
     """
     names = [frame.removeprefix(f"{pack.name}/") for frame in frames]
     if pack.path.is_dir():
-        yield from (plain(pack.path / name, name) for name in names)
+        yield from (read_file(pack.path / name, name) for name in names)
     elif pack.path.suffix.lower() == ".zip":
         yield from _from_zip(pack, names)
     else:
         yield from _from_tar(pack, names, spans)
 
 
-def _is_image(name: str) -> bool:
+def _is_frame(name: str) -> bool:
     path = PurePosixPath(name)
     return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
 
@@ -75,7 +75,7 @@ def _is_image(name: str) -> bool:
 def _in_folder(path: Path) -> Iterator[tuple[str, Span]]:
     with os.scandir(path) as found:
         for item in found:
-            if _is_image(item.name):
+            if _is_frame(item.name):
                 yield item.name, (0, item.stat().st_size)
 
 
@@ -83,7 +83,7 @@ def _in_zip(path: Path) -> Iterator[tuple[str, Span]]:
     try:
         with zipfile.ZipFile(path) as archive:
             for item in archive.infolist():
-                if _is_image(item.filename):
+                if _is_frame(item.filename):
                     yield item.filename.removeprefix("./"), (item.header_offset, item.file_size)
     except ZIP_ERRORS as error:
         raise ValueError(f"a zip that was cut short ({reason(error)})") from error
@@ -95,7 +95,7 @@ def _in_tar(path: Path) -> Iterator[tuple[str, Span]]:
         with tarfile.open(path, "r:") as archive:
             for item in archive:
                 last = item.name
-                if item.isreg() and _is_image(item.name):
+                if item.isreg() and _is_frame(item.name):
                     yield item.name.removeprefix("./"), (item.offset_data, item.size)
             end = archive.offset
     except tarfile.TarError as error:
@@ -138,7 +138,7 @@ def _from_tar(pack: FileRef, names: Sequence[str], spans: Sequence[Span]) -> Ite
             yield data
 
 
-def plain(path: Path, name: str) -> bytes:
+def read_file(path: Path, name: str) -> bytes:
     """The bytes of an image that is a file of its own; SourceError when it is larger than `MOST_BYTES` or cannot be read."""
     try:
         _check(path.stat().st_size, name)

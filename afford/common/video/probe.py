@@ -12,7 +12,7 @@ import numpy as np
 
 from afford.common.bounded import MAX_PIXELS
 from afford.common.errors import SourceError
-from afford.common.number import shown
+from afford.common.number import resampled_frames
 
 CONTAINERS = ("mov", "matroska", "avi", "mpeg", "mpegts", "mpegvideo", "m4v", "h264", "hevc", "obu", "ivf", "av1", "asf", "flv",
               "ogg", "mjpeg", "mxf", "dv", "nut", "rm", "gif", "vvc")  # fmt: skip
@@ -86,7 +86,7 @@ def _unreadable(name: str, got: str) -> SourceError:
 def frames_at(info: Probe, fps: float | None, name: str) -> np.ndarray:
     """Frame of the file that each data-set frame shows (`shown`); SourceError when its times are those of no video."""
     try:
-        return shown(info.times_s, fps)
+        return resampled_frames(info.times_s, fps)
     except ValueError as error:
         raise _unreadable(name, str(error)) from error
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
-from afford.common.lettering import label
+from afford.common.encode import encode_jpeg
+from afford.common.lettering import draw_label
 from afford.common.palette import LEFT, RIGHT, Palette, colours_of
 from afford.extraction.report.score import Aligned
 from schemas.affordance import Affordances
@@ -41,8 +41,8 @@ def clip_row(
     ]
     name = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
-    label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
-    return jpeg(row, JPEG_QUALITY)
+    draw_label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
+    return encode_jpeg(row, JPEG_QUALITY)
 
 
 def busiest(aligned: Aligned) -> int:

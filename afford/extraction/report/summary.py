@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.encode import encode_jpeg
 from afford.common.figures import Figure
 from afford.common.files import tree
 from afford.extraction.report.sheet import JPEG_QUALITY, TITLES, decode_jpeg
@@ -47,7 +47,7 @@ def write(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
     (folder / "metrics.json").write_text(json.dumps(metrics, indent=1, sort_keys=True) + "\n")
     (folder / "report.md").write_text(table(metrics, len(standard), len(hard)) + per_clip(scores))
     plot(scores, folder / "scores.png")
-    (folder / "sheet.jpg").write_bytes(jpeg(sheet(scores), JPEG_QUALITY).tobytes())
+    (folder / "sheet.jpg").write_bytes(encode_jpeg(sheet(scores), JPEG_QUALITY).tobytes())
     return tree("extraction_report", folder)
 
 

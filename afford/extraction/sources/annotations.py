@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from afford.common.bounded import ZIP_ERRORS, read_member, reason
 from afford.common.errors import SourceError
 from afford.common.number import epic_rate
-from afford.common.strict_json import parse
+from afford.common.strict_json import parse_json
 from afford.extraction.sources import coco, visor
 from afford.extraction.sources.corrections import check_used, read_corrections
 from afford.extraction.sources.discover import DENSE, EXTRAS, SPARSE
@@ -70,7 +70,7 @@ def _placed(sheets: list[Sheet], name: str, notes: list[Note]) -> list[Sheet]:
 
 
 def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
-    document = parse(_bytes(file), file.name)
+    document = parse_json(_bytes(file), file.name)
     if isinstance(document, dict) and "video_annotations" in document:
         return visor.sheets(document, file.name, visor.DENSE_GRID_WH if dense else visor.SPARSE_GRID_WH, mapped)
     if isinstance(document, dict) and {"images", "annotations", "categories"} <= document.keys():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse, word_tables
+from afford.common.strict_json import parse_json, word_tables
 from afford.extraction.sources.discover import CORRECTIONS
 from afford.extraction.sources.hands import Corrections, plain
 from afford.extraction.sources.rows import Sheet
@@ -16,7 +16,7 @@ from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 def read_corrections(files: FileTree) -> Corrections:
     """Image name -> hand name -> annotation id; SourceError when the file is of another form."""
     file = next((found for name in CORRECTIONS if (found := files.find(name))), None)
-    return word_tables(parse(file.path.read_bytes(), file.name), file.name) if file else {}
+    return word_tables(parse_json(file.path.read_bytes(), file.name), file.name) if file else {}
 
 
 def check_used(corrections: Corrections, sheets: Iterable[Sheet], video: str) -> None:

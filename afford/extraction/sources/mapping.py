@@ -11,8 +11,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate, number_in
-from afford.common.strict_json import parse, word_tables
+from afford.common.number import epic_rate, parse_frame_number
+from afford.common.strict_json import parse_json, word_tables
 from afford.extraction.sources.discover import DENSE, FRAME_MAPPING, SPARSE
 from schemas.files import FileTree
 
@@ -34,7 +34,7 @@ def read_mapping(files: FileTree, frames: Sequence[str]) -> Mapping[str, str]:
         raise SourceError(FRAME_MAPPING, f"VISOR's table of frame numbers, because {frames[0]} is one of EPIC's released frames, "
                           "which are numbered otherwise", "nothing", "put it beside the tables (`python pipeline.py fetch-list` "
                           "says where it is), or use the video itself")
-    found = word_tables(parse(table.path.read_bytes(), FRAME_MAPPING), FRAME_MAPPING)
+    found = word_tables(parse_json(table.path.read_bytes(), FRAME_MAPPING), FRAME_MAPPING)
     if needed and files.name not in found:
         raise SourceError(FRAME_MAPPING, f"an entry for {files.name}", f"{len(found)} other videos", "get the file again")
     return found.get(files.name, {})
@@ -45,15 +45,15 @@ def released(image: Mapping[str, Any], name: str, mapped: Mapping[str, str]) -> 
     as the sparse ones between which it was interpolated.
     """
     if name in mapped:
-        return number_in(mapped[name])
+        return parse_frame_number(mapped[name])
     ends = [str(image.get(f"interpolation_{end}_frame", "")).replace(".png", ".jpg") for end in ("start", "end")]
     shifts = {_shift(end, mapped[end]) for end in ends if end in mapped}
-    number = number_in(name)
+    number = parse_frame_number(name)
     return number + shifts.pop() if number is not None and len(shifts) == 1 and set(ends) <= mapped.keys() else None
 
 
 def _shift(ours: str, theirs: str) -> int:
-    return (number_in(theirs) or 0) - (number_in(ours) or 0)
+    return (parse_frame_number(theirs) or 0) - (parse_frame_number(ours) or 0)
 
 
 def _by_visor(files: FileTree) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from afford.common.bootstrap import interval
+from afford.common.bootstrap import bootstrap_interval
 from schemas.grasp import GraspComparison
 
 RESAMPLES = 2000
@@ -46,7 +46,7 @@ def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:
             if {one, other} <= set(found[0].methods):
                 both = (_trials(found, engine, method, "success") for method in (one, other))
                 pairs = [float(a.mean() - b.mean()) for a, b in zip(*both, strict=True)]
-                low, high = interval(np.array(pairs)[:, None], RESAMPLES, seed)[:, 0]
+                low, high = bootstrap_interval(np.array(pairs)[:, None], RESAMPLES, seed)[:, 0]
                 yield Row(engine, f"{one} - {other}", "success", float(np.mean(pairs)), float(low), float(high), len(pairs))
 
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common import strict_json
 from afford.common.bounded import TooLargeError, load_npz, reason
 from afford.common.errors import SourceError
+from afford.common.strict_json import parse_json
 from afford.grasping.motion import mano
 from afford.grasping.motion.build import build
 from schemas.files import FileRef, FileTree
@@ -55,7 +55,7 @@ def _sequence(files: FileTree, file: FileRef, models: dict[str, mano.Mano]) -> l
 
 def _program(file: FileRef) -> dict[str, dict[str, Any]]:
     """Interval -> what is done in it."""
-    found = strict_json.parse(file.path.read_bytes(), file.name)
+    found = parse_json(file.path.read_bytes(), file.name)
     good = isinstance(found, dict) and all(
         isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
         for entry in found.values())  # fmt: skip

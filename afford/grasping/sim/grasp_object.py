@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from afford.common.points import farthest, sample
+from afford.common.points import farthest_point_sampling, sample_surface
 from afford.grasping.sim.hulls import corners, decomposed
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
@@ -58,6 +58,6 @@ def _mass(solids: Sequence[trimesh.Trimesh], density_kg_m3: float) -> tuple[floa
 
 
 def _points(solid: trimesh.Trimesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    drawn, face = sample(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
-    kept = farthest(drawn, count)
+    drawn, face = sample_surface(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
+    kept = farthest_point_sampling(drawn, count)
     return drawn[kept], face[kept]

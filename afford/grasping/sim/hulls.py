@@ -14,7 +14,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
-from afford.common.points import sample
+from afford.common.points import sample_surface
 from afford.surface.meshes.nearest import Nearest
 
 OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)
@@ -113,7 +113,7 @@ def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
     def stand_out_m(hull: ConvexHull) -> float:
         corner = hull.points[hull.simplices]
         area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-        probes = sample(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
+        probes = sample_surface(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
         away = np.where(inside(solid, probes), 0.0, nearest(probes)[2])
         return float(np.percentile(away, 95))
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from afford.common.morphology import dilate
-from afford.common.optical_flow import flow_between, follow, identity_map
+from afford.common.optical_flow import compose_flow, flow_between, identity_map
 from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Flow, Propagated
 from afford.extraction.tracks.propagate.leaps import better_of, step_between
 from afford.extraction.tracks.propagate.patches import REACH_PX, UNMATCHED, colours, match
@@ -169,7 +169,7 @@ def _flows_to(rgb: np.ndarray, key: Key, order: range) -> Iterator[tuple[int, np
     flow = np.zeros((*last.shape, 2), np.float32)
     for at in order:
         grey = _grey(rgb[at])
-        followed = follow(step_between(grey, last, _carried(key[1], flow)), flow)
+        followed = compose_flow(step_between(grey, last, _carried(key[1], flow)), flow)
         flow = better_of(grey, grey_key, [followed, flow_between(grey, grey_key, start=followed)])
         last = grey
         yield at, flow
