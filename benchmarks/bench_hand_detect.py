@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.encode import encode_jpeg
-from afford.common.mask_metrics import iou
+from afford.common.image_files import encode_jpeg
+from afford.common.masks import iou
 from afford.common.palette import HANDS, colours_of
 from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.common.video.pack import index_pack
+from afford.common.folders import index_pack
 from tests.helpers.made_epic import write_tables
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -18,7 +18,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from afford.common.lettering import draw_label  # noqa: E402
+from afford.common.drawing import draw_label  # noqa: E402
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, InteractionSpec, InteractionTruth  # noqa: E402
 from stages.rgbd import interaction_read  # noqa: E402
 from stages.synthetic import interaction_plan, interaction_render  # noqa: E402

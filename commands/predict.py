@@ -50,7 +50,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     if predict_sequence.wanted(options.model):
         return predict_sequence.predict(image, task, options)
     _check(task, options)
-    from afford.common.video.sources import find
+    from afford.common.video.inputs import find
     from afford.twohands.predict.ask import Question
     from afford.twohands.predict.batch import answers, count
     from afford.twohands.predict.write import claim

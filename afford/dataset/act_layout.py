@@ -13,9 +13,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.boxes import box
-from afford.common.encode import encode_png
 from afford.common.files import write_json
+from afford.common.image_files import encode_png
+from afford.common.masks import box
 from schemas.scene import Mode, Still, Stills
 from schemas.video import SIDES
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from afford.dataset.motion import Paths
 from schemas.affordance import Affordances, FrameLabels, Rejection, Sample, Samples
 from schemas.masks import CompleteObjects, Tracks

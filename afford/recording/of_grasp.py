@@ -18,9 +18,9 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from afford.common.geometry import sample_surface
+from afford.common.image_files import jpeg
 from afford.common.palette import Colour
-from afford.common.pictures import jpeg
-from afford.common.points import sample_surface
 from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
 from afford.grasping.evaluate.traced import Traced, traced
 from afford.grasping.hand.kinematics import forward, moving

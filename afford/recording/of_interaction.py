@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.common.encode import encode_png
-from afford.common.pictures import PNG, jpeg, overlay_png
+from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
 from afford.dataset.sor3d.sequences import Sequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState

@@ -15,9 +15,8 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from afford.common.encode import encode_png
+from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
 from afford.common.palette import Palette
-from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud, entity, scene, triangles

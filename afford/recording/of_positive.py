@@ -12,9 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
-from afford.common.encode import encode_png
+from afford.common.image_files import PNG, encode_png, jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import PNG, jpeg
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.of_object import FRAME, OPACITY, STEP_NS, VIEW
 from afford.recording.own_types import Document

@@ -38,9 +38,8 @@ class Params:
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every frame of each sequence, and write both files."""
-    from afford.common.files import empty_folder, tree
-    from afford.common.materialise import copy_folder
-    from afford.common.tiles import write_page
+    from afford.common.drawing import write_page
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset.sor3d import sequences
     from afford.recording.files import write
     from afford.recording.interaction_strips import strips_of

@@ -35,8 +35,7 @@ class Params:
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> InteractionScores:
     """Ask about every sequence of the part."""
-    from afford.common.files import empty_folder
-    from afford.common.materialise import copy_folder
+    from afford.common.files import copy_folder, empty_folder
     from afford.dataset.sor3d import sequences
     from afford.rgbd.evaluate.examine import examine
     from afford.rgbd.model import files

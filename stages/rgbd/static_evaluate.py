@@ -51,8 +51,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     """Ask the model about every picture of the split."""
     import numpy as np
 
-    from afford.common.files import empty_folder, tree
-    from afford.common.materialise import copy_folder
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import block, load
     from afford.rgbd.evaluate.static_sets import Scored, Tally, write
     from afford.rgbd.model.static import last_picture

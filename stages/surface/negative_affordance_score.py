@@ -36,7 +36,7 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         scores: PartScores, windows: PartCandidates, window_scores: PartScores, found: NegativeAffordances, params: Params,
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` is that of a procedural one."""
-    from afford.common.encode import encode_jpeg
+    from afford.common.image_files import encode_jpeg
     from afford.surface.describe.lexicon import truth
     from afford.surface.describe.rules import known
     from afford.surface.negative.score import Known, Scored, score

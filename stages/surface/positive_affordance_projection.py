@@ -52,8 +52,7 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, model: FileTree, params: Params,
         ctx: Context) -> PositiveAffordances:  # fmt: skip
     """Ask about every view, and put the answers on the surface."""
-    from afford.common.files import empty_folder
-    from afford.common.materialise import copy_folder
+    from afford.common.files import copy_folder, empty_folder
     from afford.surface.positive.project import Wish, project
     from afford.surface.positive.words import in_words
     from afford.twohands.model.predictor import Predictor

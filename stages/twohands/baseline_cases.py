@@ -42,8 +42,7 @@ class Params:
 
 def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the baseline about every case; a case it has nothing to say of gets no row."""
-    from afford.common.files import empty_folder, tree
-    from afford.common.materialise import copy_folder
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import load
     from afford.dataset import layout
     from afford.twohands.benchmark import stored

@@ -46,8 +46,7 @@ class Params:
 
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
-    from afford.common.files import empty_folder, tree
-    from afford.common.materialise import copy_folder
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset import layout
     from afford.twohands.benchmark import stored, words
     from afford.twohands.benchmark.cases import picture, task

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.encode import encode_jpeg, encode_png
+from afford.common.image_files import encode_jpeg, encode_png
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (7, 5), (7, 5, 3), (7, 5, 4)])

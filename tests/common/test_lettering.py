@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.lettering import draw_label
+from afford.common.drawing import draw_label
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afford.common.natural import natural_key
+from afford.common.text import natural_key
 
 WORDS = st.text(st.sampled_from("aZ_-. /:é"), max_size=3)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.nearest import fill_nearest
+from afford.common.masks import fill_nearest
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.common.quaternions import quaternion_inverse, quaternion_matrix, quaternion_product
+from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
 
 
 def test_as_scipy_has_it() -> None:

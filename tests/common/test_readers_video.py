@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate, parse_frame_number, resampled_frames
-from afford.common.video.decode import decode_video
-from afford.common.video.probe import probe
-from afford.common.video.size import fit
+from afford.common.video.frames import decode_video, fit
+from afford.common.video.probe import epic_rate, parse_frame_number, probe, resampled_frames
 from tests.helpers.tiny_root import HEIGHT, WIDTH, spelt, write_video
 
 BOX = (456, 256)

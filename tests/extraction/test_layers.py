@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
 from afford.extraction.layers.camera import far_homography, register
 from afford.extraction.layers.follow import follow
 from afford.extraction.layers.gather import gather_colour, gather_votes

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
 from afford.common.optical_flow import compose_flow, flow_between
 from afford.extraction.tracks.propagate import UNKNOWN, Flow, dense, flow, nearest
 from afford.extraction.tracks.propagate.leaps import step_between

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from schemas.affordance import Affordances, FrameLabels, Sample, Samples
 from schemas.masks import CompleteObjects, Entity, Tracks
 from schemas.video import Annotation, Clip, Frames, Inpainted, KeyFrame, Narration, Polygon

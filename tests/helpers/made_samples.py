@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from schemas.affordance import Sample, Samples
 from schemas.video import Narration
 

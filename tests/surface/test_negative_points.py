@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.points import farthest_point_sampling, sample_surface
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from tests.helpers.made_meshes import ball
 
 

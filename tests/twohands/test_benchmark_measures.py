@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import directed_hausdorff
 
-from afford.common.bootstrap import bootstrap_interval
+from afford.common.statistics import bootstrap_interval
 from afford.twohands.benchmark import calibration, compat, measures, modes
 from tests.helpers.made_cases import box
 

@@ -16,12 +16,12 @@ import pytest
 from PIL import Image
 
 from afford.common.bounded import TooLargeError
+from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.overlay import overlay
+from afford.common.image_files import Picture, decode_image, read_image
 from afford.common.palette import HANDS
-from afford.common.picture import Picture, decode_image, read_image
-from afford.common.video.decode import decode_video, every_nth
-from afford.common.video.sources import find
+from afford.common.video.frames import decode_video, every_nth
+from afford.common.video.inputs import find
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.predict import stored
 from afford.twohands.predict.ask import Question, ask

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries
-from afford.common.utf8 import read_utf8
+from afford.common.text import read_utf8
 from afford.dataset.sor3d.names import SPLITS, VIEWS
 from schemas.files import FileRef, FileTree
 

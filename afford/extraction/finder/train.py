@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import jpeg
 from afford.extraction.finder.disguise import Disguise, disguised
 from afford.extraction.finder.model import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
 from schemas import scene as truth_of

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.common.nearest import fill_nearest
+from afford.common.masks import dilate, fill_nearest
 from afford.extraction.hands.looks import Looks
 
 NEAR_PX = 6.0

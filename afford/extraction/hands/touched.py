@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.hands.follow import Piece, Track
 from afford.extraction.hands.looks import Looks
 from afford.extraction.hands.moving import moves_along, remembered

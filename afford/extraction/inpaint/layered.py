@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate, erode
+from afford.common.masks import dilate, erode
 from afford.extraction.inpaint import Filled
 from afford.extraction.inpaint.telea import spread
 from afford.extraction.layers import regions

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.extraction.layers.outline import signed_distance
 
 MARGIN = 0.35

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.layers.align import align
 from afford.extraction.layers.canvas import Canvas
 from afford.extraction.layers.outline import signed_distance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.layers.follow import Path
 from afford.extraction.layers.gather import gather_votes
 

@@ -14,9 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.image_metrics import psnr_db
-from afford.common.mask_metrics import boundary_f, precision, recall, region_similarity
-from afford.common.morphology import dilate
+from afford.common.masks import boundary_f, dilate, precision, psnr_db, recall, region_similarity
 from afford.extraction.report import baselines
 from afford.extraction.report.tally import Tally
 from schemas.affordance import Affordances

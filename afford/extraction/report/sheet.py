@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_jpeg
-from afford.common.lettering import draw_label
+from afford.common.drawing import draw_label
+from afford.common.image_files import encode_jpeg
 from afford.common.palette import LEFT, RIGHT, Palette, colours_of
 from afford.extraction.report.score import Aligned
 from schemas.affordance import Affordances

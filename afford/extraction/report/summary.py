@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_jpeg
 from afford.common.figures import Figure
 from afford.common.files import tree
+from afford.common.image_files import encode_jpeg
 from afford.extraction.report.sheet import JPEG_QUALITY, TITLES, decode_jpeg
 from schemas.benchmark import ClipScores
 from schemas.files import FileTree

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from afford.common.bounded import ZIP_ERRORS, read_member, reason
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate
-from afford.common.strict_json import parse_json
+from afford.common.text import parse_json
+from afford.common.video.probe import epic_rate
 from afford.extraction.sources import coco, visor
 from afford.extraction.sources.corrections import check_used, read_corrections
 from afford.extraction.sources.discover import DENSE, EXTRAS, SPARSE

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
-from afford.common.effort import box_px, check_drawn, outline_px
+from afford.common.bounded import box_px, check_drawn, outline_px
 from afford.common.errors import SourceError
-from afford.common.number import LAST_FRAME
-from afford.common.strict_json import json_field
+from afford.common.text import json_field
+from afford.common.video.probe import LAST_FRAME
 from afford.extraction.sources.grid import refuse_normalised
 from afford.extraction.sources.polygons import FAR_PX, trace
 from afford.extraction.sources.rows import Row, Sheet, grid_size, once, worn_on

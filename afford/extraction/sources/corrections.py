@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse_json, word_tables
+from afford.common.text import parse_json, word_tables
 from afford.extraction.sources.discover import CORRECTIONS
 from afford.extraction.sources.hands import Corrections, plain
 from afford.extraction.sources.rows import Sheet

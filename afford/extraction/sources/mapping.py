@@ -11,8 +11,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate, parse_frame_number
-from afford.common.strict_json import parse_json, word_tables
+from afford.common.text import parse_json, word_tables
+from afford.common.video.probe import epic_rate, parse_frame_number
 from afford.extraction.sources.discover import DENSE, FRAME_MAPPING, SPARSE
 from schemas.files import FileTree
 

@@ -10,10 +10,8 @@ from typing import Literal
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
-from afford.common.number import epic_rate
-from afford.common.video.pack import Span, index_pack
-from afford.common.video.probe import Probe, frames_at, probe
+from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, Span, index_pack, is_pack
+from afford.common.video.probe import Probe, epic_rate, frames_at, probe
 from afford.extraction.sources.visor import frame_number
 from schemas.files import FileRef, FileTree
 

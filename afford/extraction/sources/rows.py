@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from afford.common.bounded import MAX_PIXELS
-from afford.common.effort import outline_px
+from afford.common.bounded import MAX_PIXELS, outline_px
 from afford.common.errors import SourceError
-from afford.common.strict_json import json_field
+from afford.common.text import json_field
 from afford.extraction.sources.polygons import FAR_PX
 from schemas.video import Polygon
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from afford.common.effort import check_drawn
+from afford.common.bounded import check_drawn
 from afford.common.errors import SourceError
-from afford.common.number import parse_frame_number
-from afford.common.strict_json import json_field
+from afford.common.text import json_field
+from afford.common.video.probe import parse_frame_number
 from afford.extraction.sources.grid import refuse_normalised
 from afford.extraction.sources.mapping import released
 from afford.extraction.sources.rows import Row, Sheet, grid_size, once, outlines, worn_on

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.tracks.keys import Key
 from afford.extraction.tracks.link import Links
 from afford.extraction.tracks.provenance import Bracket

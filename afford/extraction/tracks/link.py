@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.extraction.tracks.keys import Key
 from schemas.masks import Entity
 from schemas.video import SIDES, Annotation

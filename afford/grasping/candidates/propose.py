@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest_point_sampling
+from afford.common.geometry import farthest_point_sampling
 from afford.grasping.candidates.cloud import Cloud
 from afford.grasping.candidates.support import Support
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.bounded import load_npy, reason
-from afford.common.depth import finite_array, read_depth, read_intrinsics, read_json, read_png
 from afford.common.errors import SourceError
-from afford.common.picture import read_image
-from afford.common.prediction_folder import RECORD
+from afford.common.files import RECORD
+from afford.common.image_files import finite_array, read_depth, read_image, read_intrinsics, read_json, read_png
 from schemas.affordance import TAKES, TAXONOMY
 from schemas.grasp import GraspScene
 from schemas.video import SIDES

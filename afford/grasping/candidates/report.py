@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest
 
-from afford.common.bootstrap import bootstrap_interval
+from afford.common.statistics import bootstrap_interval, wilson_interval
 from schemas.grasp import GraspComparison
 
 RESAMPLES = 2000
@@ -35,8 +34,7 @@ def shares(found: Sequence[GraspComparison]) -> Iterator[Row]:
     """Wilson's interval for each figure, method and engine."""
     for engine, method, name in _cells(found):
         values = np.concatenate(_trials(found, engine, method, name))
-        ends = binomtest(int(values.sum()), len(values)).proportion_ci(method="wilson")
-        yield Row(engine, method, name, float(values.mean()), float(ends.low), float(ends.high), len(values))
+        yield Row(engine, method, name, float(values.mean()), *wilson_interval(int(values.sum()), len(values)), len(values))
 
 
 def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:

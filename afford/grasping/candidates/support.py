@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from afford.common.points import farthest_point_sampling
+from afford.common.geometry import farthest_point_sampling
 from afford.grasping.candidates.cloud import Cloud
 
 PROPOSALS = 64

@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_png
 from afford.common.files import write_json
+from afford.common.image_files import encode_png
 from afford.common.palette import HANDS
 from afford.grasping.candidates.cloud import unproject
 from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest_point_sampling
+from afford.common.geometry import farthest_point_sampling
 from schemas.grasp import GraspObject, GraspTask
 
 NEGATIVE_POINTS = 100

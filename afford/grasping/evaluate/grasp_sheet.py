@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.common.encode import encode_png
-from afford.common.lettering import font
+from afford.common.drawing import font
+from afford.common.image_files import encode_png
 from afford.common.palette import FAINT, INK, PAPER, Colour
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
 from afford.grasping.env.studio import Episode
 from afford.grasping.evaluate.traced import PHASES, phases, traced

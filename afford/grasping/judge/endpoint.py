@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from afford.grasping.judge.question import question, read, sheet
 from afford.models.chat import Endpoint
 from afford.models.chat_endpoint import ask

@@ -12,8 +12,7 @@ import numpy as np
 
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse_json
-from afford.common.utf8 import read_utf8
+from afford.common.text import parse_json, read_utf8
 from afford.grasping.motion.build import DOCS, build
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.common.bounded import TooLargeError, load_npz, reason
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse_json
+from afford.common.text import parse_json
 from afford.grasping.motion import mano
 from afford.grasping.motion.build import build
 from schemas.files import FileRef, FileTree

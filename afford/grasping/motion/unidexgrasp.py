@@ -12,7 +12,7 @@ from collections import Counter
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_utf8
+from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.grasp import SPLITS, GraspObjects
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.points import farthest_point_sampling
+from afford.common.geometry import farthest_point_sampling
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.policies.cameras import HAND, OBJECT, Images, spots
 from afford.grasping.policies.proprioception import Body, Proprioception, Start

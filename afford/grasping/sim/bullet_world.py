@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from afford.common.bullet import Client
-from afford.common.quaternions import quaternion_inverse, quaternion_matrix, quaternion_product
+from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
 from afford.grasping.hand.coupling import commanded, driven
 from afford.grasping.hand.folder import save as save_hand
 from afford.grasping.hand.kinematics import moving

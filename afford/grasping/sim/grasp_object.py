@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from afford.common.points import farthest_point_sampling, sample_surface
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.grasping.sim.hulls import corners, decomposed
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh

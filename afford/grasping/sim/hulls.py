@@ -14,7 +14,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
-from afford.common.points import sample_surface
+from afford.common.geometry import sample_surface
 from afford.surface.meshes.nearest import Nearest
 
 OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from afford.common.quaternions import cross
+from afford.common.geometry import cross
 from afford.grasping.hand.coupling import driven
 from afford.grasping.hand.folder import files as files_of
 from afford.grasping.hand.kinematics import moving, points

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import cv2
 
-from afford.common.encode import encode_png
 from afford.common.files import write_json
+from afford.common.image_files import encode_png
 from afford.rgbd.evaluate import flow, page, sheet
 from afford.rgbd.evaluate.figures import figures, intervals
 from afford.rgbd.evaluate.recipes import WHOLE, label

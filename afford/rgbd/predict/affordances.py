@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from safetensors.numpy import save
 
-from afford.common.encode import encode_png
-from afford.common.overlay import MIN_WIDTH_PX
-from afford.common.prediction_folder import RECORD, write_files
+from afford.common.drawing import MIN_WIDTH_PX
+from afford.common.files import RECORD, write_files
+from afford.common.image_files import encode_png
 from afford.rgbd.evaluate import drawn
 from afford.rgbd.model.found import Found, likeliest
 from afford.rgbd.predict.footage import Footage

@@ -11,14 +11,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.depth import read_depth, read_intrinsics
 from afford.common.errors import SourceError
 from afford.common.folders import VIDEO_SUFFIXES
-from afford.common.natural import natural_key
-from afford.common.picture import read_image
-from afford.common.video.decode import every_nth
+from afford.common.image_files import read_depth, read_image, read_intrinsics
+from afford.common.text import natural_key
+from afford.common.video.frames import every_nth
+from afford.common.video.inputs import IMAGES
 from afford.common.video.probe import probe
-from afford.common.video.sources import IMAGES
 from schemas.interaction import BACKGROUND, InteractionClip
 
 FOCAL_SHARE = 365.0 / 300

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_utf8
+from afford.common.text import read_utf8
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.pictures import picture
 from afford.rgbd.readers.static_set import Listed

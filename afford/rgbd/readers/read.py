@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.natural import natural_key
-from afford.common.strict_json import parse_json
+from afford.common.text import natural_key, parse_json
 from afford.dataset.sor3d.colours import commonest, unpaint
 from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
 from afford.dataset.sor3d.write import GRID

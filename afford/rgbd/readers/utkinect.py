@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_utf8
+from afford.common.text import read_utf8
 from afford.dataset.sor3d.names import DEPTH_MM
 from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from afford.models.chat_endpoint import ask
 from afford.render.views.contact import contact_sheet, labels
 from afford.surface.describe import Served, answer

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from afford.common.nearest import fill_nearest
+from afford.common.masks import fill_nearest
 
 ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""

@@ -17,7 +17,7 @@ import numpy as np
 from trimesh.transformations import quaternion_matrix
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse_json
+from afford.common.text import parse_json
 from afford.surface.meshes.files import Pictures, locate, picture
 from afford.surface.meshes.surface import Surface, check_triangles, join, moved
 from schemas.files import FileRef, FileTree

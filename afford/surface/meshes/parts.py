@@ -9,7 +9,7 @@ import numpy as np
 
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
-from afford.common.strict_json import json_field, parse_json
+from afford.common.text import json_field, parse_json
 from afford.surface.meshes.files import LABELS
 from afford.surface.meshes.surface import Surface
 from schemas.files import FileTree

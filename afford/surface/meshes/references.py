@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import parse_json
+from afford.common.text import parse_json
 from afford.surface.meshes import urdf
 from afford.surface.meshes.files import MESH_SUFFIXES, URDF, suffix, target
 from afford.surface.meshes.mtl import image_name, statements

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.points import farthest_point_sampling, sample_surface
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.surface.negative.distance import field
 from afford.surface.negative.fuse import by_task, pixels
 from afford.surface.negative.neighbours import fill

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_jpeg
 from afford.common.files import empty_folder, tree, write_json
+from afford.common.image_files import encode_jpeg
 from afford.surface.negative.score import METHODS
 from afford.surface.negative.sheet import QUALITY
 from schemas.files import FileTree

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.points import sample_surface
+from afford.common.geometry import sample_surface
 from afford.surface.negative import baselines
 from afford.surface.negative.fuse import by_task
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.lettering import draw_label, font
+from afford.common.drawing import draw_label, font
 from afford.surface.describe.looks import phrase
 from afford.surface.parts.crops import CHANNELS, SIZE
 from afford.surface.parts.model import Parts

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.common.files import empty_folder
-from afford.common.materialise import copy_folder
+from afford.common.files import copy_folder, empty_folder
 from afford.surface.positive.words import in_words
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree

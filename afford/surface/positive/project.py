@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.points import farthest_point_sampling, sample_surface
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.surface.negative.project import DENSE, on_faces
 from afford.surface.negative.votes import squareness
 from schemas.benchmark import Prediction

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from afford.synthetic.kitchens.cast import plain_name
 from afford.synthetic.kitchens.write_epic import narration
 from afford.synthetic.stills.still_draw import Shot, Sizes, shoot

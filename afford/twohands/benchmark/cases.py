@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import json_field, parse_json
+from afford.common.text import json_field, parse_json
 from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
 from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_jpeg
+from afford.common.image_files import encode_jpeg
 from afford.common.palette import INK, LEFT, PAPER, RIGHT, Colour
 from afford.twohands.benchmark import cases
 from afford.twohands.benchmark.answers import Answer

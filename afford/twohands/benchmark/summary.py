@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.bootstrap import bootstrap_interval
+from afford.common.statistics import bootstrap_interval
 from afford.dataset.layout import PROTOCOLS
 from afford.twohands.benchmark import calibration, compat
 from afford.twohands.benchmark.cases import KITCHEN, SHIFT

@@ -17,7 +17,7 @@ import numpy as np
 from skimage.draw import polygon
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import json_field, parse_json
+from afford.common.text import json_field, parse_json
 from afford.dataset.layout import CaseFiles
 from schemas.files import FileTree
 from schemas.video import SIDES

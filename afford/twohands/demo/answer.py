@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.picture import Picture, decode_image
-from afford.common.pictures import grey_png
+from afford.common.image_files import Picture, decode_image, grey_png
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.model.select import HANDS
 from afford.twohands.predict.ask import Answer, Question, ask

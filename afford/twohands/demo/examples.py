@@ -17,8 +17,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from afford.common.errors import SourceError
-from afford.common.picture import decode_image, read_image
-from afford.common.pictures import jpeg
+from afford.common.image_files import decode_image, jpeg, read_image
 from afford.dataset.layout import ANNOTATION, IMAGE
 from afford.training.written import CARD
 from afford.twohands.train.sources import tables

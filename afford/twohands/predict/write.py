@@ -11,12 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.encode import encode_png
+from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.files import write_json
-from afford.common.overlay import overlay
-from afford.common.pictures import mask_png
-from afford.common.prediction_folder import RECORD, replace_folder, write_verified
+from afford.common.files import RECORD, replace_folder, write_json, write_verified
+from afford.common.image_files import encode_png, mask_png
 from afford.twohands.predict.ask import Answer
 from afford.twohands.predict.record import record
 from afford.twohands.predict.stored import Stored

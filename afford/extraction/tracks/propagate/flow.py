@@ -13,7 +13,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.common.optical_flow import compose_flow, flow_between, identity_map
 from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Flow, Propagated
 from afford.extraction.tracks.propagate.leaps import better_of, step_between
