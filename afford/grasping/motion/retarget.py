@@ -53,7 +53,7 @@ class Wishes:
     """How a hand is fitted."""
 
     weights: Weights
-    clip_rules: Rules
+    rules: Rules
     keep_tips: float
     """with an object: 1 leaves fingertips where the person has them, 0 where a robot's longer finger of that shape ends"""
     max_rate_hz: float
