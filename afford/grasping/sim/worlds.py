@@ -25,7 +25,7 @@ def most_parts(scenes: Sequence[Scene]) -> int:
 
 
 class ThreadWorlds:
-    """See afford.grasping.sim.batch.WorldBatch. `parts`: the most that an object has; forces on others are padded with 0."""
+    """See afford.grasping.sim.worlds.WorldBatch. `parts`: the most that an object has; forces on others are padded with 0."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1) -> None:
         """ValueError for no scenes, hands that differ in their joints, or no threads."""
@@ -92,7 +92,7 @@ LEAVE_S = 10.0
 
 
 class ProcessWorlds:
-    """See afford.grasping.sim.batch.WorldBatch: the same bits as Worlds, on more cores."""
+    """See afford.grasping.sim.worlds.WorldBatch: the same bits as Worlds, on more cores."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 2) -> None:
         """ValueError as Worlds, RuntimeError when a process does not begin."""
