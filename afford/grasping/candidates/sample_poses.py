@@ -13,9 +13,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from afford.common.geometry import farthest_point_sampling
-from afford.grasping.candidates.cloud import Cloud
-from afford.grasping.candidates.support import Support
+from afford.common.points import farthest
+from afford.grasping.candidates.point_cloud import Cloud, Support
 
 PATCH_M = 0.03
 """around a place: where its long axis and its normal come from"""
@@ -51,7 +50,7 @@ class Pose:
 def places(region: np.ndarray, found: Cloud, count: int) -> np.ndarray:
     """(k,) indices of points of the region (n,) bool, far apart."""
     mine = np.flatnonzero(region)
-    return mine[farthest_point_sampling(found.points[mine], count)]
+    return mine[farthest(found.points[mine], count)]
 
 
 def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_deg: float,
