@@ -231,7 +231,7 @@ def test_a_full_disk_leaves_what_was_there(store: Path, tmp_path: Path, monkeypa
     predict(store, image, out)
     before = {path: path.read_bytes() for path in (out / "kettle").iterdir()}
     with monkeypatch.context() as patched:
-        patched.setattr("afford.twohands.predict.write.keep", full)
+        patched.setattr("afford.twohands.prediction_files.keep", full)
         failed = predict(store, image, out)
     assert failed.code == 1 and "no space left" in failed.json["failures"][0]["message"]
     assert {path: path.read_bytes() for path in (out / "kettle").iterdir()} == before and not list(out.glob(".*"))

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest
 from schemas.grasp import GraspScene
 
 NEIGHBOURS = 16

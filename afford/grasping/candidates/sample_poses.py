@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest
 from afford.grasping.candidates.point_cloud import Cloud, Support
 
 PATCH_M = 0.03

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from afford.common import strict_json
+from afford.common import text
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
+from afford.common.text import read_text
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion
 
@@ -83,7 +83,7 @@ def _npz(file: FileRef) -> dict[str, Any]:
 
 
 def _json(file: FileRef) -> dict[str, Any]:
-    record = strict_json.parse(file.path.read_bytes(), file.name)
+    record = text.parse(file.path.read_bytes(), file.name)
     if not isinstance(record, dict):
         raise SourceError(file.name, "an object with fields", type(record).__name__, DOCS)
     return record

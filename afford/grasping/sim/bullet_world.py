@@ -17,7 +17,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from afford.common.bullet import Client
-from afford.common.quaternions import inverse, matrix, product
+from afford.common.geometry import inverse, matrix, product
 from afford.grasping.hand.export import save as save_hand
 from afford.grasping.hand.kinematics import commanded, driven, moving
 from afford.grasping.sim.engine import State, checked, solver_steps

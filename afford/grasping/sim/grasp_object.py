@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
-from afford.common.points import farthest, sample
+from afford.common.geometry import farthest, sample
 from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
