@@ -13,7 +13,7 @@ import pytest
 from afford.common.mask_metrics import iou
 from afford.common.morphology import dilate
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED
-from afford.extraction.hands.clip import Finder, detect
+from afford.extraction.hands.detect import Finder, detect
 from afford.extraction.sources.polygons import fill
 from afford.extraction.sources.speech import untold
 from schemas.video import NOT_IN_CONTACT, Annotation, Clip, Frames, KeyFrame

@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 
 from afford.common.morphology import dilate
-from afford.extraction.hands.follow import Piece, Track
-from afford.extraction.hands.looks import Looks
-from afford.extraction.hands.moving import moves_along, remembered
-from afford.extraction.hands.outline import outlined
-from afford.extraction.hands.refine import pieces
+from afford.extraction.hands.motion import Looks, moves_along, remembered
+from afford.extraction.hands.part_tracks import Piece, Track
+from afford.extraction.hands.refine import outlined, pieces
 from schemas.video import SIDES, Hand
 
 Hands = Mapping[Hand, Mapping[int, np.ndarray]]

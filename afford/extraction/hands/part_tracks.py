@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from afford.common.mask_metrics import iou
-from afford.extraction.hands.looks import Looks
+from afford.extraction.hands.motion import Looks
 
 GROWN = 0.2
 """of the larger one's size, that the smaller of two looks of the same thing has"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
@@ -9,15 +10,14 @@ from typing import Literal
 import numpy as np
 
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
-from afford.extraction.hands.follow import Track, follow
-from afford.extraction.hands.looks import Looks, look, spread
-from afford.extraction.hands.moving import own_motion
-from afford.extraction.hands.names import names
+from afford.extraction.hands.held_objects import NOTHING, Hands, Reach, contacts, held
+from afford.extraction.hands.motion import Looks, look, own_motion, spread
+from afford.extraction.hands.part_tracks import Track, follow
 from afford.extraction.hands.refine import along_edges, coloured, steadied
 from afford.extraction.hands.sides import Bearing, hands_of, sided, usual
-from afford.extraction.hands.touched import NOTHING, Hands, Reach, contacts, held
 from afford.extraction.sources.polygons import trace
-from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame
+from afford.extraction.sources.speech import UNTOLD
+from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
 Finder = Callable[[np.ndarray], np.ndarray]
 """a backend with its own parameters and weights, see `Find`: pictures -> how likely each pixel is what"""
@@ -110,3 +110,30 @@ def _hand(frame: int, side: Hand, mask: np.ndarray, touched: int, shown: Mapping
 
 def _annotation(key: str, name: str, class_id: int, side: Hand | Literal[""], contact: str, mask: np.ndarray) -> Annotation:
     return Annotation(key, name, class_id, side, contact, "inconclusive", trace(mask))
+
+
+Name = tuple[str, int]
+"""a name and its noun class, -1 for none"""
+UNNAMED: Name = (UNTOLD[1], -1)
+
+
+def names(objects: Sequence[Track], touch: Mapping[Hand, np.ndarray], narrations: Sequence[Narration],
+          frame: np.ndarray) -> list[Name]:  # fmt: skip
+    """A name for every object, no two alike: the second that is called a mug is `mug:2`. frame: (k,) number of every look."""
+    votes: list[Counter[Name]] = [Counter() for _ in objects]
+    for narration in narrations:
+        during = (frame >= narration.start_frame) & (frame <= narration.stop_frame)
+        looks = Counter(int(i) for said in touch.values() for i in said[during] if i != NOTHING)
+        if len(looks) == 1 and narration.noun:
+            ((thing, count),) = looks.items()
+            votes[thing][narration.noun, narration.noun_class] += count
+    return _apart([vote.most_common(1)[0][0] if vote else UNNAMED for vote in votes])
+
+
+def _apart(called: Sequence[Name]) -> list[Name]:
+    used: Counter[str] = Counter()
+    out = []
+    for name, class_id in called:
+        used[name] += 1
+        out.append((name if used[name] == 1 else f"{name}:{used[name]}", class_id))
+    return out

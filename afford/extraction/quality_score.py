@@ -1,28 +1,77 @@
-"""Scores of every extraction stage on one clip with ground truth; the definitions of the quality report.
-
-- `densify.*`: J and F over entities and non-key frames where truth or prediction is not empty; F with 2 px tolerance.
-- `inpaint.*`: PSNR per frame inside the true hands dilated 3 px, against the truth that keeps the shadows of the hands.
-- `completion.*`: every object that a hand truly touches, in frames where a part of it is hidden; hidden = complete minus visible.
-- `affordance.*`: every hand that truly touches an object, against amodal object AND visible hand. `affordance.iou_strict`
-  counts the hands that were only believed to touch something as well.
-"""
+"""A tally collects scores by name and forgets the undefined ones (NaN: both masks empty)."""
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
+import cv2
 import numpy as np
 
+from afford.codecs import load
 from afford.common.image_metrics import psnr_db
 from afford.common.mask_metrics import boundary_f, precision, recall, region_similarity
 from afford.common.morphology import dilate
-from afford.extraction.report import baselines
-from afford.extraction.report.tally import Tally
 from schemas.affordance import Affordances
+from schemas.benchmark import Score
+from schemas.files import FileTree
 from schemas.masks import CompleteObjects, TrackFlag, Tracks
 from schemas.scene import ClipTruth
 from schemas.video import Frames, Inpainted
+
+
+class Tally:
+    """Sums and counts by name. Infinite scores (a perfect PSNR) are capped at 99 so that a mean stays a number."""
+
+    def __init__(self) -> None:
+        self._total: dict[str, float] = defaultdict(float)
+        self._count: dict[str, int] = defaultdict(int)
+
+    def add(self, name: str, score: float) -> None:
+        """Count `score` under `name`, unless it is NaN."""
+        if not math.isnan(score):
+            self._total[name] += min(score, 99.0)
+            self._count[name] += 1
+
+    def scores(self) -> tuple[Score, ...]:
+        """Everything counted, by name."""
+        return tuple(Score(name, self._total[name], self._count[name]) for name in sorted(self._total))
+
+
+def nearest_key(masks: np.ndarray, is_key: np.ndarray) -> np.ndarray:
+    """Copy the masks (n, t, h, w) of the nearest key frame, earlier on a tie; `is_key` is (t,) bool with at least one True."""
+    keys = np.flatnonzero(is_key)
+    nearest = keys[np.abs(np.arange(masks.shape[1])[:, None] - keys[None]).argmin(axis=1)]
+    return masks[:, nearest]
+
+
+def telea(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """`cv2.inpaint` (Telea 2004, radius 3 px) of one (h, w, 3) uint8 frame inside an (h, w) bool mask."""
+    return cv2.inpaint(rgb, mask.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+
+
+def hull(visible: np.ndarray, hands: np.ndarray) -> np.ndarray:
+    """The visible mask (h, w) and, inside the hands, its convex hull."""
+    if not visible.any():
+        return visible
+    points = cv2.findNonZero(visible.astype(np.uint8))
+    filled = cv2.fillConvexPoly(np.zeros(visible.shape, np.uint8), cv2.convexHull(points), 1) > 0
+    return visible | (filled & hands)
+
+
+def load_truth(tree: FileTree) -> ClipTruth:
+    """Read `truth/<video_id>/` (docs/synthetic/truth-format.md); ValueError names the file when one is missing."""
+    files = {PurePosixPath(file.name).name: file.path for file in tree.files}
+    if "value.json" not in files:
+        raise ValueError(f"truth of {tree.name}: expected value.json among {sorted(files)}; see docs/synthetic/truth-format.md")
+    value = load("ClipTruth", files)
+    if not isinstance(value, ClipTruth):
+        raise ValueError(f"truth of {tree.name}: expected a ClipTruth, got {type(value).__name__}")
+    return value
+
 
 HAND_BORDER_PX = 3
 F_TOLERANCE_PX = 2
@@ -72,7 +121,7 @@ def align(truth: ClipTruth, frame: np.ndarray) -> Aligned:
 def score_densify(tally: Tally, aligned: Aligned, tracks: Tracks, gap: str) -> None:
     """J and F of the tracks and of the nearest key frame, e.g. `densify.j.gap15`, `baseline.nearest.j.gap15`."""
     is_key = np.asarray((tracks.flags & TrackFlag.KEY).any(axis=0))
-    copied = baselines.nearest_key(tracks.masks, is_key)
+    copied = nearest_key(tracks.masks, is_key)
     for entity_id, found, plain in _tracked(aligned, tracks, copied):
         truth = aligned.visible(entity_id)
         for t in np.flatnonzero(~is_key):
@@ -101,7 +150,7 @@ def score_inpaint(tally: Tally, aligned: Aligned, frames: Frames, inpainted: Inp
         if not region.any():
             continue
         shadowed, clean = aligned.truth.rgb_no_hands_shadow[row], aligned.truth.rgb_no_hands[row]
-        plain = baselines.telea(frames.rgb[t], inpainted.mask[t])
+        plain = telea(frames.rgb[t], inpainted.mask[t])
         found = inpainted.rgb[t]
         tally.add("inpaint.psnr_db", psnr_db(found, shadowed, region))
         tally.add("inpaint.psnr_no_shadow_db", psnr_db(found, clean, region))
@@ -131,7 +180,7 @@ def score_completion(tally: Tally, aligned: Aligned, tracks: Tracks, complete: C
                 continue
             mine = visible.get(entity_id, nothing)[t]
             found = completed.get(entity_id, nothing)[t]
-            ways = {"completion": found, "baseline.visible": mine, "baseline.hull": baselines.hull(mine, hands[t])}
+            ways = {"completion": found, "baseline.visible": mine, "baseline.hull": hull(mine, hands[t])}
             for name, mask in ways.items():
                 tally.add(f"{name}.amodal_iou", region_similarity(mask, amodal))
                 tally.add(f"{name}.hidden_iou", region_similarity(mask & ~mine, amodal & ~seen))

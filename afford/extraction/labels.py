@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from schemas.video import Narration
+from schemas.affordance import FrameLabels
+from schemas.video import Clip, Narration
 
 Pairs = tuple[np.ndarray, np.ndarray]
 """positions among the frames (m,) and narration numbers (m,), by frame and then by narration"""
@@ -35,3 +36,20 @@ def _first(covers: np.ndarray, order: Sequence[int]) -> Pairs:
     at = np.flatnonzero(ranked.any(axis=1))
     return at, np.array(order, np.int64)[ranked[at].argmax(axis=1)] if len(at) else np.zeros(0, np.int64)
 
+
+def label_frames(
+    clip: Clip, frame: np.ndarray, excluded: Collection[str], choose: Callable[[np.ndarray, Sequence[Narration]], Pairs]
+) -> FrameLabels:
+    """Labels of the frames `frame` (t,) int64. Narrations whose verb is `excluded` (the word as narrated, or the key of its
+    class, exactly) are put aside before `choose` settles overlaps.
+    """
+    kept = [n for n in clip.narrations if not {n.verb, n.verb_key} & set(excluded)]
+    start, stop = np.array([(n.start_frame, n.stop_frame) for n in kept], np.int64).reshape(-1, 2).T
+    covers = (frame[:, None] >= start) & (frame[:, None] <= stop)
+    at, number = choose(covers, kept)
+    used, index = np.unique(number, return_inverse=True)
+    silent = [n.narration_id for n, column in zip(kept, covers.T, strict=True) if not column.any()]
+    return FrameLabels(
+        clip_id=clip.clip_id, narrations=tuple(kept[k] for k in used), frame=frame[at].astype(np.int64),
+        narration=index.astype(np.int32), unmatched=tuple(silent),
+        excluded=tuple(n.narration_id for n in clip.narrations if n not in kept))

@@ -4,6 +4,7 @@ out.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +17,9 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from afford.common.palette import LEFT, RIGHT
 from afford.common.pictures import jpeg
-from afford.extraction.finder.disguise import Disguise, disguised
-from afford.extraction.finder.model import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
+from afford.extraction.hands.augment import Disguise, disguised
+from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
+from afford.training.state import State
 from schemas import scene as truth_of
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 
@@ -156,3 +158,22 @@ def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndar
         outlines, _ = cv2.findContours((label == which).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(drawn, outlines, -1, colour, 1)
     return drawn
+
+
+def card_text(lessons: Sequence[HandLessons], state: State) -> str:
+    """The whole card, Markdown."""
+    found = {point.name: point.value for point in state.points if point.step == state.best_step}
+    rooms = Counter(one.split for one in lessons)
+    pictures = {split: sum(len(one.pictures) for one in lessons if one.split == split) for split in rooms}
+    parts = {"hands": "iou", "touched things": "touched_iou", "sleeves": "sleeve_iou"}
+    scores = "IoU " + ", ".join(f"{found['val.' + name]:.3f} of {what}" for what, name in parts.items())
+    sides = f"the side of {found['val.sides']:.3f} of the hands' pixels"
+    return f"""# Finder of hands
+
+Learned from {pictures["train"]} rendered pictures of {rooms["train"]} rooms, each in many disguises, and was judged by
+{pictures["val"]} of {rooms["val"]} others. Kept after step {state.best_step}: {scores};
+{sides} is right, on disguised pictures. These figures chose the step, so they flatter.
+
+It has never seen a real hand. Skin counts up to the sleeve, with gloves and watches. It takes the person to be on the near side,
+looks at each picture by itself, and knows no other people's hands: whatever looks like a hand is one of the person's own.
+"""

@@ -15,9 +15,8 @@ import numpy as np
 
 from afford.common.morphology import dilate
 from afford.common.optical_flow import flow_between, follow, identity_map
-from afford.extraction.tracks.propagate import BACKGROUND, UNKNOWN, Flow, Propagated
-from afford.extraction.tracks.propagate.leaps import better_of, step_between
-from afford.extraction.tracks.propagate.patches import REACH_PX, UNMATCHED, colours, match
+from afford.extraction.tracks import BACKGROUND, UNKNOWN, Flow, Propagated
+from afford.extraction.tracks.match import REACH_PX, UNMATCHED, better_of, colours, match, step_between
 
 BLUR = (5, 5)
 """window over which colour differences are averaged, px"""
@@ -43,7 +42,7 @@ class View:
     labels: np.ndarray
     """(h, w) int16 of the key frame"""
     colours: np.ndarray
-    """of the key frame, see `afford.extraction.tracks.propagate.patches.colours`"""
+    """of the key frame, see `afford.extraction.tracks.match.colours`"""
     nearness: float
     """1 at the key frame, 0 at the next one"""
     doubt: float = 0.0
