@@ -15,8 +15,8 @@ from afford.extraction.hands.motion import Looks, look, own_motion, spread
 from afford.extraction.hands.part_tracks import Track, follow
 from afford.extraction.hands.refine import along_edges, coloured, steadied
 from afford.extraction.hands.sides import Bearing, hands_of, sided, usual
-from afford.extraction.sources.polygons import trace
-from afford.extraction.sources.speech import UNTOLD
+from afford.extraction.sources.narrations import UNTOLD
+from afford.extraction.sources.outlines import trace
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
 Finder = Callable[[np.ndarray], np.ndarray]
