@@ -3,8 +3,8 @@
     PYTHONPATH=. python benchmarks/bench_first_run.py [--test]
 
 Clones the checked-out commit into a temporary folder and runs the commands of the README there, one after the other. Needs an idle
-machine and access to a package index. Linux only, since memory is read from /proc. With --test `make test` is measured, too;
-otherwise its row stays as it was.
+machine and access to a package index. Memory counts shared pages as their share (PSS), so Linux only. With --test
+`make test` is measured, too; otherwise its row stays as it was.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import threading
 import time
 from pathlib import Path
 from typing import NamedTuple
+
+import psutil
 
 from benchmarks.pages import ROOT, into
 
@@ -76,31 +78,11 @@ def measure(command: str, folder: Path) -> Cost:
 def watch(pid: int, peak: list[float], done: threading.Event) -> None:
     """Raise `peak[0]` to the memory of a process and its descendants, until `done`."""
     while not done.wait(PERIOD_S):
-        peak[0] = max(peak[0], sum(map(memory, descendants(pid))))
-
-
-def descendants(pid: int) -> list[int]:
-    """A process and the processes below it, as they are now."""
-    children = dict[int, list[int]]()
-    for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
-            child, parent = int(stat.parent.name), int(stat.read_text().rpartition(")")[2].split()[1])
-        except (FileNotFoundError, ProcessLookupError):  # ended meanwhile
+            family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
+            peak[0] = max(peak[0], sum(one.memory_full_info().pss for one in family) / 1e9)
+        except psutil.NoSuchProcess:  # one of them ended meanwhile
             continue
-        children.setdefault(parent, []).append(child)
-    found = [pid]
-    for one in found:
-        found += children.get(one, [])
-    return found
-
-
-def memory(pid: int) -> float:
-    """Proportional set size in GB; 0 for a process that has ended."""
-    try:
-        text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-    except (FileNotFoundError, ProcessLookupError):
-        return 0.0
-    return int(re.search(r"^Pss:\s+(\d+) kB", text, re.M)[1]) * 1024 / 1e9  # type: ignore[index]  # always there
 
 
 def used(folder: Path) -> float:
