@@ -11,7 +11,7 @@ import numpy as np
 from afford.common.encode import png
 from afford.common.files import write_json
 from afford.common.palette import HANDS
-from afford.grasping.candidates.cloud import unproject
+from afford.grasping.candidates.point_cloud import unproject
 from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
 
 FORMAT, RECORD, OVERLAY, CLOUD = "afford-grasps-1", "candidates.json", "overlay.png", "cloud.ply"

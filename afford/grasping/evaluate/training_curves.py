@@ -97,4 +97,3 @@ def _title(name: str) -> str:
 
 def _word(name: str) -> str:
     return name.replace("/", ".").replace(f"{REWARD}_", f"{REWARD}.").rpartition(".")[2]
-

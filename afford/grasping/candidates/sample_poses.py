@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from afford.common.points import farthest
-from afford.grasping.candidates.cloud import Cloud
-from afford.grasping.candidates.support import Support
+from afford.grasping.candidates.point_cloud import Cloud, Support
 
 PATCH_M = 0.03
 """around a place: where its long axis and its normal come from"""

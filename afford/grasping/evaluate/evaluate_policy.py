@@ -12,7 +12,7 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Round, play
 from afford.grasping.env.metrics import MEANING
 from afford.grasping.env.task import of
-from afford.grasping.evaluate.likeness import CRITERIA, Humans, humans, likeness, log_jerk
+from afford.grasping.evaluate.human_likeness import CRITERIA, Humans, humans, likeness, log_jerk
 from afford.grasping.policies.acting import load
 from afford.grasping.sim.engine import stageable
 from afford.grasping.sim.scene import Physics
@@ -95,3 +95,24 @@ def _traces(played: Round, tasks: Sequence[GraspTask], number: int, first: int, 
         return []
     chosen = set(np.linspace(0, total - 1, min(wanted, total)).round().astype(int).tolist())
     return [played.trace(k, one.name, number) for k, one in enumerate(tasks) if first + k in chosen]
+
+
+ITERATIONS = 100
+"""of the solver, at most"""
+
+
+def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, seed: int) -> list[GraspTrace]:
+    """One episode of each task, side by side; the policy's mean action. ValueError for files that are no policy."""
+    policy = load(files, {})
+    grasping = Grasping(hand, [of(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    try:
+        played = play(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
+    finally:
+        grasping.close()
+    return [played.trace(k, one.name, 0) for k, one in enumerate(tasks)]
+
+
+def spread(tasks: Sequence[GraspTask], count: int) -> list[GraspTask]:
+    """At most `count` tasks, evenly over all of them."""
+    chosen = np.linspace(0, len(tasks) - 1, min(count, len(tasks))).round().astype(int)
+    return [tasks[k] for k in dict.fromkeys(chosen.tolist())]
