@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from afford.models import api_key
-from afford.render.views.contact import LINE_PX, contact_sheet
+from afford.render.views.draw import LINE_PX, contact_sheet
 from schemas.surface import PartDescription
 from stages.surface import part_describe
 from tests.helpers.blocks import changed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from afford.common.image_files import encode_jpeg
 from afford.models.chat_endpoint import ask
-from afford.render.views.contact import contact_sheet, labels
+from afford.render.views.draw import contact_sheet, labels
 from afford.surface.describe import Served, answer
 from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
