@@ -74,9 +74,9 @@ Batch = tuple[np.ndarray, np.ndarray]
 
 
 class FinderTask:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: Hands, learned: Shown, judged: Shown, seed: int, batch: int, size: tuple[int, int],
                  judging: int) -> None:

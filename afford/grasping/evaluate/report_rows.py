@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.grasping.evaluate.cells import PCT, Cell, cells, number
-from afford.training.ablation import done
+from afford.training.ablation import seeds_cell
 from schemas.episodes import GraspEpisodes
 
 FIGURES: tuple[tuple[str, str, Callable[[Cell], float]], ...] = (
@@ -70,7 +70,7 @@ def _figures(cell: Cell) -> dict[str, float]:
 
 def _line(row: Row) -> str:
     shown = [number(row.figures.get(name, np.nan) * (PCT if name in SHARES else 1), _digits(head)) for name, head, _ in FIGURES]
-    return f"| {row.policy} | {row.level} | {row.engine} | {' | '.join((*shown, done(row.seeds, row.planned)))} |"
+    return f"| {row.policy} | {row.level} | {row.engine} | {' | '.join((*shown, seeds_cell(row.seeds, row.planned)))} |"
 
 
 def _digits(head: str) -> int:

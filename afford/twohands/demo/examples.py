@@ -20,7 +20,7 @@ from afford.common.errors import SourceError
 from afford.common.picture import decode, read_image
 from afford.common.pictures import jpeg
 from afford.dataset.layout import ANNOTATION, IMAGE
-from afford.training.written import CARD
+from afford.training.artifacts import CARD
 from afford.twohands.train.sources import tables
 
 COUNT, MANY = 6, 1000

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.dataset.load import Item
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 from afford.twohands.model.letterbox import letterbox, letterbox_masks
 from afford.twohands.train.views import Seen, Views, view
 
@@ -54,7 +54,7 @@ class Batches:
     """`batches(n)` is batch n."""
 
     samples: Sequence[Item]
-    order: Order
+    order: BalancedSampler
     views: Views
     boxes: Boxes
     size: int

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from afford.training.curves import at_best, table
+from afford.training.curves import scores_at_best, scores_table
 from schemas.affordance import TAXONOMY
 from schemas.training import TrainingLog
 
@@ -71,7 +71,7 @@ step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 ## Validation
 
-{table(at_best(curves))}
+{scores_table(scores_at_best(curves))}
 
 On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle

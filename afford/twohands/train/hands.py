@@ -23,9 +23,9 @@ TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 
 
 class Hands:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: TwoHands, batches: Batches, judged: Sequence[Arrays], loss: LossParams, target: str,
                  device: str) -> None:

@@ -14,9 +14,9 @@ from torch import nn
 
 from afford.dataset.load import Item
 from afford.training.job import Dataset
-from afford.training.order import Order
-from afford.training.state import State
-from afford.training.task import Plan
+from afford.training.params import Plan
+from afford.training.sampler import BalancedSampler
+from afford.training.state import TrainingState
 from afford.twohands.model import files, known
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
@@ -65,7 +65,7 @@ class HandsJob:
     def task(self, scratch: Path, processes: int) -> Hands:
         """A new model, the batches of training and those of validation."""
         learned, boxes = cache.Cache(scratch / "train"), Boxes(self.config.size_px)
-        order = Order([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
+        order = BalancedSampler([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(learned, order, self.views, boxes, self.batch, self.seed, coarse)
         judged = judged_batches(self.judges(cache.Cache(scratch / "val")), boxes, self.batch)
@@ -77,7 +77,7 @@ class HandsJob:
         chosen = [samples[round(n * (len(samples) - 1) / max(count - 1, 1))] for n in range(count)]
         return [cropped(item, self.views) if n % 2 else whole(item) for n, item in enumerate(chosen)]
 
-    def finish(self, model: nn.Module, state: State) -> None:
+    def finish(self, model: nn.Module, state: TrainingState) -> None:
         """The threshold that was best for the weights that were kept."""
         found = {point.name: point.value for point in state.points if point.step == state.best_step}
         if "val.threshold" in found:

@@ -1,4 +1,4 @@
-"""Which sample comes when: a function of (seed, position), so that a training can go on from anywhere."""
+"""Class-balanced sampler: the sample at a position is a function of (seed, position), so that a training can resume anywhere."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from functools import lru_cache
 import numpy as np
 
 
-class Order:
-    """Epochs of `len(labels)` positions each. With `balance` 0 every sample comes once per epoch, with 1 every class equally
-    often (over epochs, every sample of a class equally often); between them, by the power of the class's share.
+class BalancedSampler:
+    """Endless sequence of sample indices in epochs of `len(labels)` positions.
+
+    With `balance` 0 every sample occurs once per epoch. With 1 every class occurs equally often, and over epochs every sample of a
+    class too. Values between them weight each class by a power of its frequency.
     """
 
     def __init__(self, labels: Sequence[Hashable], balance: float, seed: int) -> None:
         if not labels:
-            raise ValueError("training: expected samples, found none; look at the splits and at what is held out")
+            raise ValueError("training: no samples found; check the splits and the held-out groups")
         count = Counter(labels)
         weight = np.array([count[label] ** -balance for label in labels])
         self.ends = np.cumsum(weight / weight.sum()) * len(labels)
@@ -24,12 +26,12 @@ class Order:
         self._epoch = lru_cache(maxsize=2)(self._draw)
 
     def sample(self, position: int) -> tuple[int, int]:
-        """(epoch, index of the sample) at a position of the endless sequence."""
+        """(epoch, sample index) at a position of the endless sequence."""
         epoch, place = divmod(position, len(self.ends))
         return epoch, int(self._epoch(epoch)[place])
 
     def _draw(self, epoch: int) -> np.ndarray:
-        """Systematic resampling: a comb with one tooth per position, moved by chance; then shuffled."""
+        """Systematic resampling: a comb with one tooth per position and a random offset, then a shuffle."""
         rng = np.random.default_rng((self.seed, epoch))
         teeth = np.arange(len(self.ends)) + rng.random()
         chosen = np.minimum(np.searchsorted(self.ends, teeth, side="right"), len(self.ends) - 1)

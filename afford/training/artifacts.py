@@ -1,4 +1,4 @@
-"""What a training leaves: the folder of model, card, curves and pictures."""
+"""Files of a finished training: model, card, history of curves, TensorBoard events and previews."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from torch import nn
 
 from afford.codecs.identity import digest
 from afford.common.files import empty_folder
-from afford.training.fit import Fitted
-from afford.training.job import Job
-from afford.training.task import Batch
+from afford.training.job import Batch, Job
 from schemas.files import FileTree
 from schemas.training import TrainingLog
 
@@ -23,30 +22,30 @@ MODEL, CARD, HISTORY = "model", "card.md", "history.parquet"
 
 
 class Source(NamedTuple):
-    """A data set as a whole (`afford.training.job.Dataset`)."""
+    """Facts about the data set that the card reports (`afford.training.job.Dataset`)."""
 
     name: str
     digest: str
     licence: str
 
 
-def write(scratch: Path, name: str, dataset: FileTree, job: Job[Batch], fitted: Fitted,
-          curves: TrainingLog) -> Path:  # fmt: skip
-    """The folder of files; everything in it is a function of the data set, the job and the weights."""
+def write_artifacts(scratch: Path, name: str, dataset: FileTree, job: Job[Batch], model: nn.Module,
+                    curves: TrainingLog) -> Path:  # fmt: skip
+    """Write the folder of files; its contents are a function of the data set, the job and the weights."""
     root = empty_folder(scratch / "out")
-    job.save(fitted.model, root / MODEL, scratch)
+    job.save(model, root / MODEL, scratch)
     for folder in ("tensorboard", "previews"):
         if (scratch / folder).exists():
             shutil.copytree(scratch / folder, root / folder)
     _history(curves, root / HISTORY)
     source = Source(dataset.name, digest(dataset), _licence(dataset))
-    text = job.card(name, source, scratch, fitted.model, curves)
+    text = job.card(name, source, scratch, model, curves)
     (root / CARD).write_text(text, encoding="utf-8", newline="\n")
     return root
 
 
 def _history(curves: TrainingLog, path: Path) -> None:
-    """One row per point: step, name, value; by name, then step."""
+    """Write one row (step, name, value) per point, sorted by name, then step."""
     table = pa.table({
         "step": np.concatenate([curve.step for curve in curves.curves]),
         "name": [curve.name for curve in curves.curves for _ in curve.step],
@@ -56,7 +55,7 @@ def _history(curves: TrainingLog, path: Path) -> None:
 
 
 def _licence(dataset: FileTree) -> str:
-    """The licence on the data set's own card, 'unknown' where it says none."""
+    """Licence on the data set's own card, 'unknown' when it has none."""
     found = dataset.find("README.md")
     line = re.search(r"^license: *(\S+)", found.path.read_text(encoding="utf-8"), re.MULTILINE) if found else None
     return line[1] if line else "unknown"
