@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from commands.errors import UsageError
-from commands.part import Publisher
+from commands.outputs import Publisher
 from commands.publish import publish, publish_text
 from commands.targets import build
 from maps.extraction import compared

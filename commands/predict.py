@@ -14,7 +14,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import UsageError, unknown
-from commands.predict_options import Options, usable
 from commands.progress import Shown, observer
 from commands.session import STORE
 from runner import Reason
@@ -23,6 +22,41 @@ from schemas.video import SIDES
 if TYPE_CHECKING:
     from afford.twohands.model.predictor import Predictor
     from afford.twohands.predict.stored import Stored
+
+
+@dataclass(frozen=True)
+class Options:
+    """What was asked for beside the picture and the task."""
+
+    out: Path
+    model: Path | None = None
+    hands: str = "auto"
+    threshold: float | None = None
+    all_hypotheses: bool = False
+    every: int = 10
+    batch: int | None = None
+    device: str = "cpu"
+    force: bool = False
+    store: Path | None = None
+    json: bool = False
+    depth: Path | None = None
+    intrinsics: Path | None = None
+    focal_px: float | None = None
+    rate_hz: float = 10.0
+    frames: int = 10
+
+
+def usable(device: str) -> str:
+    """The device that was asked for. UsageError when there is none such."""
+    if device not in ("cpu", "cuda"):
+        raise unknown("--device", device, ("cpu", "cuda"))
+    if device == "cuda":
+        import torch
+
+        if not torch.cuda.is_available():
+            raise UsageError("--device cuda: expected a GPU that torch can use, got none; leave --device away")
+    return device
+
 
 STAGE = "predict"
 GPU_BATCH = 8
@@ -43,12 +77,8 @@ class Done:
 def predict(image: Path, task: str, options: Options) -> int:
     """Write masks, overlay and JSON of every picture; 0 when all went well, 1 when one failed. UsageError for a wrong call.
 
-    A model of sequences (`--model sor3d`, or a folder with one) answers in its own way: `commands.predict_sequence`.
+    Models of sequences (`--model sor3d`, or a folder with one) are served by `commands.predict_sequence`.
     """
-    from commands import predict_sequence
-
-    if predict_sequence.wanted(options.model):
-        return predict_sequence.predict(image, task, options)
     _check(task, options)
     from afford.common.video.sources import find
     from afford.twohands.predict.ask import Question

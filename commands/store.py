@@ -17,7 +17,6 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from commands.belongs import laid_out
 from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.only import plan as plan_of_stages
@@ -25,7 +24,7 @@ from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, digester, open_runner, seen_runner
 from commands.settings import columns
-from commands.stages import home, resolved, target_named
+from commands.target_graphs import home, laid_out, resolved, target_named
 from commands.targets import TARGETS
 from commands.weights import weighed
 from runner import Graph, Runner, TaskPlan

@@ -26,7 +26,7 @@ MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"vidm": 4.0, "lama": 3.0}
 
 BACKENDS = {
-    "layered": "afford.extraction.inpaint.layered:inpaint",
+    "layered": "afford.extraction.inpaint.layered:telea",
     "median": "afford.extraction.inpaint.median:inpaint",
     "telea": "afford.extraction.inpaint.telea:inpaint",
     "vidm": "afford.extraction.inpaint.vidm:inpaint",

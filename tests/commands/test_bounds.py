@@ -8,10 +8,8 @@ from afford.dataset.card import MADE
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import build
-from commands.blocks import blocks, types
-from commands.bounds import EVERYWHERE, SEQUENCES, WORDS, check, registry
 from commands.errors import UsageError
-from commands.settings import settings
+from commands.settings import EVERYWHERE, SEQUENCES, WORDS, blocks, check, registry, settings, types
 from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from commands.blocks import blocks
+from commands.settings import blocks
 from runner.canonical import canonical
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
