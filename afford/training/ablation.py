@@ -23,14 +23,14 @@ def write_ablation(root: Path, recipes: Sequence[Recipe], scores: Sequence[Metho
 
     ValueError for scores that do not belong to `recipes`.
     """
-    seeds_cell = {one.name: measures(one) for one in scores}
-    if strange := sorted(seeds_cell.keys() - {recipe.name for recipe in recipes}):
-        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(strange)}")
-    rows = {row: [seeds_cell[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in seeds_cell]
+    done = {one.name: mean_scores(one) for one in scores}
+    if unknown := sorted(done.keys() - {recipe.name for recipe in recipes}):
+        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(unknown)}")
+    rows = {row: [done[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in done]
             for row in dict.fromkeys(recipe.row for recipe in recipes)}  # fmt: skip
     planned = {row: sum(recipe.row == row for recipe in recipes) for row in rows}
     write_json(root / "metrics.json", metrics(rows, planned))
-    write_json(root / "ablation.json", seeds_cell)
+    write_json(root / "ablation.json", done)
     (root / "ablation.md").write_text(ablation_table(rows, planned), encoding="utf-8")
 
 
