@@ -26,7 +26,7 @@ from afford.common.mask_metrics import iou
 from afford.common.palette import HANDS, colours_of
 from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover
-from afford.extraction.sources.polygons import rasterise
+from afford.extraction.sources.outlines import rasterise
 from afford.models.hub import files
 from afford.render.batch import batch
 from afford.render.view import View

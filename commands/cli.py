@@ -288,7 +288,7 @@ def grasp(
     json: Json = False,
 ) -> None:
     """From masks and depth to grasps: poses of one or two hands, best first."""
-    from afford.grasping.candidates.read import Files
+    from afford.grasping.candidates.read_scene import Files
     from commands.grasp import Options
     from commands.grasp import grasp as find
 

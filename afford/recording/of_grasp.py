@@ -22,9 +22,9 @@ from afford.common.palette import Colour
 from afford.common.pictures import jpeg
 from afford.common.points import sample
 from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
-from afford.grasping.evaluate.traced import Traced, traced
+from afford.grasping.evaluate.trace_metrics import Traced, traced
 from afford.grasping.hand.kinematics import forward, moving
-from afford.grasping.hand.skin import Skin, skins
+from afford.grasping.hand.link_meshes import Skin, skins
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles

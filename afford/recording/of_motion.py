@@ -21,7 +21,7 @@ from afford.common.pictures import jpeg
 from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.env.studio import hand_colour
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Scalar
 from afford.recording.spatial import cloud, entity, loop, pose, scene, transforms, triangles

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from afford.extraction.tracks.propagate import Sam2
+from afford.extraction.tracks import Sam2
 from afford.models.hub import files, find
 from afford.models.weights import placed, root, stamp
 from commands import backends

@@ -13,8 +13,8 @@ import pytest
 from safetensors.torch import load_file, save_file
 
 from afford.codecs import CODEC
-from afford.extraction.tracks.propagate import BACKGROUND, Sam2
-from afford.extraction.tracks.propagate.sam2 import propagate
+from afford.extraction.tracks import BACKGROUND, Sam2
+from afford.extraction.tracks.sam2 import propagate
 from afford.models.sam2_video import follow, full_size, load_model, session, track
 from runner.store import Store
 from runner.traces import Traces

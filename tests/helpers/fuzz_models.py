@@ -18,9 +18,9 @@ from safetensors.torch import save_file
 from afford.common.depth import read_depth
 from afford.common.errors import SourceError
 from afford.common.picture import read_image
-from afford.extraction.finder import files as hands_files
-from afford.extraction.finder.model import Hands, HandsConfig
-from afford.grasping.candidates.read import read_mask
+from afford.extraction.hands import network as hands_files
+from afford.extraction.hands.network import Hands, HandsConfig
+from afford.grasping.candidates.read_scene import read_mask
 from afford.models.archive import read_tensors
 from afford.rgbd.model import vgg
 from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder

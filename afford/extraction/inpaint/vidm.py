@@ -13,8 +13,7 @@ import numpy as np
 
 from afford.common.morphology import dilate
 from afford.extraction.inpaint import Filled, VidmParams
-from afford.extraction.inpaint.networks.vidm_files import load
-from afford.extraction.inpaint.networks.vidm_model import Vidm, ddim, fill
+from afford.extraction.inpaint.vidm_model import Vidm, ddim, fill, load
 from afford.extraction.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows
 from afford.models.pretrained import device_of, dtype_of
 from schemas.masks import Tracks

@@ -12,10 +12,8 @@ from afford.common.effort import box_px, check_drawn, outline_px
 from afford.common.errors import SourceError
 from afford.common.number import LAST_FRAME
 from afford.common.strict_json import entry
-from afford.extraction.sources.grid import refuse_normalised
-from afford.extraction.sources.polygons import FAR_PX, trace
-from afford.extraction.sources.rows import Row, Sheet, grid_size, once, worn_on
-from afford.extraction.sources.run_lengths import boxed, run_lengths
+from afford.extraction.sources.outlines import FAR_PX, boxed, run_lengths, trace
+from afford.extraction.sources.rows import Row, Sheet, grid_size, once, refuse_normalised, worn_on
 from afford.extraction.sources.visor import frame_number
 from schemas.video import Polygon
 

@@ -2,16 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any
 
 from afford.common.effort import check_drawn
 from afford.common.errors import SourceError
-from afford.common.number import number_in
-from afford.common.strict_json import entry
-from afford.extraction.sources.grid import refuse_normalised
-from afford.extraction.sources.mapping import released
-from afford.extraction.sources.rows import Row, Sheet, grid_size, once, outlines, worn_on
+from afford.common.number import epic_rate, number_in
+from afford.common.strict_json import entry, parse, word_tables
+from afford.extraction.sources.discover import DENSE, FRAME_MAPPING, SPARSE
+from afford.extraction.sources.rows import Row, Sheet, grid_size, once, outlines, refuse_normalised, worn_on
+from schemas.files import FileTree
+
+RELEASED = "frame_"
+"""how EPIC's own frames are called; VISOR's begin with the video's id"""
+
+
+def read_mapping(files: FileTree, frames: Sequence[str]) -> Mapping[str, str]:
+    """VISOR's image names -> those of EPIC's released frames, empty where `frames` (names of the media) are others.
+
+    SourceError when the table is needed and missing, malformed, or silent about the video.
+    """
+    if not any(PurePosixPath(name).name.startswith(RELEASED) for name in frames):
+        return {}
+    table, needed = files.find(FRAME_MAPPING), epic_rate(files.name) is not None and _by_visor(files)
+    if table is None and not needed:
+        return {}
+    if table is None:
+        raise SourceError(FRAME_MAPPING, f"VISOR's table of frame numbers, because {frames[0]} is one of EPIC's released frames, "
+                          "which are numbered otherwise", "nothing", "put it beside the tables (`python pipeline.py fetch-list` "
+                          "says where it is), or use the video itself")
+    found = word_tables(parse(table.path.read_bytes(), FRAME_MAPPING), FRAME_MAPPING)
+    if needed and files.name not in found:
+        raise SourceError(FRAME_MAPPING, f"an entry for {files.name}", f"{len(found)} other videos", "get the file again")
+    return found.get(files.name, {})
+
+
+def released(image: Mapping[str, Any], name: str, mapped: Mapping[str, str]) -> int | None:
+    """The released frame that an image of VISOR shows; None when the table does not say. A dense image is as far from its place
+    as the sparse ones between which it was interpolated.
+    """
+    if name in mapped:
+        return number_in(mapped[name])
+    ends = [str(image.get(f"interpolation_{end}_frame", "")).replace(".png", ".jpg") for end in ("start", "end")]
+    shifts = {_shift(end, mapped[end]) for end in ends if end in mapped}
+    number = number_in(name)
+    return number + shifts.pop() if number is not None and len(shifts) == 1 and set(ends) <= mapped.keys() else None
+
+
+def _shift(ours: str, theirs: str) -> int:
+    return (number_in(theirs) or 0) - (number_in(ours) or 0)
+
+
+def _by_visor(files: FileTree) -> bool:
+    return any(file.name.startswith((SPARSE, DENSE)) for file in files.files)
+
 
 SPARSE_GRID_WH = (1920, 1080)
 DENSE_GRID_WH = (854, 480)

@@ -15,7 +15,7 @@ from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.write import write_video
 from afford.grasping.env.measures import TOUCH_N
 from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.traced import PHASES, phases, traced
+from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)
