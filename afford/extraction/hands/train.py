@@ -19,7 +19,7 @@ from afford.common.palette import LEFT, RIGHT
 from afford.common.pictures import jpeg
 from afford.extraction.hands.augment import Disguise, disguised
 from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
-from afford.training.state import State
+from afford.training.state import TrainingState
 from schemas import scene as truth_of
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 
@@ -160,7 +160,7 @@ def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndar
     return drawn
 
 
-def card_text(lessons: Sequence[HandLessons], state: State) -> str:
+def card_text(lessons: Sequence[HandLessons], state: TrainingState) -> str:
     """The whole card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     rooms = Counter(one.split for one in lessons)
