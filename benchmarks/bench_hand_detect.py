@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.encode import jpeg
-from afford.common.mask_metrics import iou
+from afford.common.image_files import encode_jpeg
+from afford.common.masks import iou
 from afford.common.palette import HANDS, colours_of
 from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover
@@ -254,7 +254,7 @@ def main() -> None:
         measure(scene, finder, tallies.setdefault(scene.name.partition(" ")[0], Tally()), tiles)
         strips.append(np.concatenate(tiles[:TILES], axis=1))
     print(page(tallies, args.seed))
-    PICTURE.write_bytes(jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
+    PICTURE.write_bytes(encode_jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
     PAGE.write_text(page(tallies, args.seed))
 
 

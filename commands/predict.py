@@ -80,7 +80,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     Models of sequences (`--model sor3d`, or a folder with one) are served by `commands.predict_sequence`.
     """
     _check(task, options)
-    from afford.common.video.sources import find
+    from afford.common.video.inputs import find
     from afford.twohands.predict.ask import Question
     from afford.twohands.predict.batch import answers, count
     from afford.twohands.predict.write import claim

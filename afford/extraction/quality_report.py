@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.drawing import draw_label
 from afford.common.figures import Figure
 from afford.common.files import tree
-from afford.common.lettering import label
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT, Palette, colours_of
 from afford.extraction.quality_score import Aligned
 from schemas.affordance import Affordances
@@ -82,7 +82,7 @@ def table(metrics: dict[str, float], standard: int, hard: int) -> str:
 
 def _beside(plain: dict[str, str]) -> Callable[[dict[str, float], str], str]:
     """The cell that names the baselines, as a function of the metrics and the prefix."""
-    return lambda metrics, prefix: ", ".join(f"{label} {_cell(metrics, prefix + name)}" for label, name in plain.items())
+    return lambda metrics, prefix: ", ".join(f"{draw_label} {_cell(metrics, prefix + name)}" for draw_label, name in plain.items())
 
 
 def _cell(metrics: dict[str, float], name: str) -> str:
@@ -161,7 +161,7 @@ def clip_row(
     ]
     name = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
-    label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
+    draw_label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
     return jpeg(row, JPEG_QUALITY)
 
 

@@ -50,7 +50,7 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     """Replace the hands. Outside `mask` no pixel changes."""
     import numpy as np
 
-    from afford.common.morphology import dilate
+    from afford.common.masks import dilate
     from afford.common.registry import block, load
     from afford.extraction import layers
     from afford.models.weights import placed

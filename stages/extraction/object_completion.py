@@ -69,7 +69,7 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
 def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
-    from afford.common.morphology import dilate
+    from afford.common.masks import dilate
 
     touching = (dilate(visible, 3) & others).any(axis=(1, 2))
     return touching | ~visible.any(axis=(1, 2))

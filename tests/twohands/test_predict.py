@@ -15,14 +15,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from afford.common import picture
 from afford.common.bounded import TooLargeError
+from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.overlay import overlay
+from afford.common.image_files import Picture, decode_image, read_image
 from afford.common.palette import HANDS
-from afford.common.picture import Picture, decode
-from afford.common.video.decode import decode_video, every_nth
-from afford.common.video.sources import find
+from afford.common.video.frames import decode_video, every_nth
+from afford.common.video.inputs import find
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.predict import stored
 from afford.twohands.predict.ask import Question, ask
@@ -232,7 +231,7 @@ def test_a_full_disk_leaves_what_was_there(store: Path, tmp_path: Path, monkeypa
     predict(store, image, out)
     before = {path: path.read_bytes() for path in (out / "kettle").iterdir()}
     with monkeypatch.context() as patched:
-        patched.setattr("afford.twohands.predict.write.keep", full)
+        patched.setattr("afford.twohands.prediction_files.keep", full)
         failed = predict(store, image, out)
     assert failed.code == 1 and "no space left" in failed.json["failures"][0]["message"]
     assert {path: path.read_bytes() for path in (out / "kettle").iterdir()} == before and not list(out.glob(".*"))
@@ -316,7 +315,7 @@ def test_a_picture_is_turned_as_its_file_says(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(tiny_asked.picture(60, 90)).save(tmp_path / "phone.jpg", exif=exif)
-    assert picture.read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
+    assert read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGBA", "P", "I;16", "1"])
@@ -325,7 +324,7 @@ def test_any_kind_of_pixels_becomes_rgb(mode: str, tmp_path: Path) -> None:
     grey = Image.fromarray(tiny_asked.picture()[..., 0])
     made = Image.fromarray(np.asarray(grey).astype(np.uint16) * 257) if mode == "I;16" else grey.convert(mode)
     made.save(tmp_path / "one.png")
-    found = picture.read_image(tmp_path / "one.png")
+    found = read_image(tmp_path / "one.png")
     assert found.shape == (60, 90, 3) and found.dtype == np.uint8
     assert mode == "1" or np.abs(found[..., 0].astype(int) - np.asarray(grey)).max() <= 1
 
@@ -334,18 +333,18 @@ def test_large_pictures_are_refused_before_they_are_decoded(tmp_path: Path) -> N
     """By the header; a bomb of 10^10 pixels as well."""
     data = write_picture(tmp_path / "one.png").read_bytes()
     with pytest.raises(TooLargeError, match=r"at most 0\.001 megapixels, got 90 x 60"):
-        decode(data, "one.png", 1000)
+        decode_image(data, "one.png", 1000)
     header = data[12:16] + (100_000).to_bytes(4, "big") * 2 + data[24:29]
     bomb = data[:12] + header + zlib.crc32(header).to_bytes(4, "big") + data[33:]
     with pytest.raises(TooLargeError):
-        decode(bomb, "bomb.png")
+        decode_image(bomb, "bomb.png")
 
 
 def test_a_cut_file_is_refused(tmp_path: Path) -> None:
     """A header without its picture."""
     data = write_picture(tmp_path / "one.png").read_bytes()
     with pytest.raises(SourceError, match=r"one\.png: expected an image"):
-        decode(data[:40], "one.png")
+        decode_image(data[:40], "one.png")
 
 
 # -- overlay and object ------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch.nn.functional import avg_pool2d
 
-from afford.common.boxes import BORDER
+from afford.common.masks import BORDER
 from afford.twohands.model.batch import Batch, Output
 from afford.twohands.model.closer import joined, window
 from afford.twohands.model.config import ModelConfig

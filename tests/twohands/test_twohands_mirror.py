@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 from afford.twohands.model.build import build
 from afford.twohands.model.config import ModelConfig
 from afford.twohands.model.mirror import agreed, mirrored

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.common.nearest import filled
+from afford.common.masks import dilate, fill_nearest
 from afford.common.optical_flow import flow_between, identity_map
 from afford.extraction.tracks.key_frames import runs
 from schemas.video import Frames
@@ -121,7 +120,7 @@ def _nearest(own: np.ndarray, mine: np.ndarray) -> np.ndarray:
     """(h, w, 2) the motion of the nearest pixel of a hand, a mean of what is near that one."""
     share = cv2.GaussianBlur(mine.astype(np.float32), (0, 0), NEAR_PX)
     mean = cv2.GaussianBlur(own * mine[..., None], (0, 0), NEAR_PX) / np.maximum(share, 1e-6)[..., None]
-    return filled(mean, mine)
+    return fill_nearest(mean, mine)
 
 
 def background(flow: np.ndarray, free: np.ndarray) -> np.ndarray:

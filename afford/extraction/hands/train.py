@@ -15,8 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import jpeg
 from afford.extraction.hands.augment import Disguise, disguised
 from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
 from afford.training.state import TrainingState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate, erode
+from afford.common.masks import dilate, erode
 from afford.extraction import layers
 from afford.extraction.inpaint import Filled
 from afford.extraction.layers.appearance import gather_colour, grip_shade, log_ratio, membrane, relight

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.inpaint import Filled, VidmParams
 from afford.extraction.inpaint.vidm_model import Vidm, ddim, fill, load
 from afford.extraction.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows

@@ -13,8 +13,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.common.optical_flow import flow_between, follow, identity_map
+from afford.common.masks import dilate
+from afford.common.optical_flow import compose_flow, flow_between, identity_map
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Flow, Propagated
 from afford.extraction.tracks.match import REACH_PX, UNMATCHED, better_of, colours, match, step_between
 
@@ -168,7 +168,7 @@ def _flows_to(rgb: np.ndarray, key: Key, order: range) -> Iterator[tuple[int, np
     flow = np.zeros((*last.shape, 2), np.float32)
     for at in order:
         grey = _grey(rgb[at])
-        followed = follow(step_between(grey, last, _carried(key[1], flow)), flow)
+        followed = compose_flow(step_between(grey, last, _carried(key[1], flow)), flow)
         flow = better_of(grey, grey_key, [followed, flow_between(grey, grey_key, start=followed)])
         last = grey
         yield at, flow

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from afford.common.quaternions import cross
+from afford.common.geometry import cross
 from afford.grasping.hand.export import files as files_of
 from afford.grasping.hand.kinematics import driven, moving, points
 from afford.grasping.sim.engine import State, checked, solver_steps

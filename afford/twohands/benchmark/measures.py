@@ -11,7 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.common.boxes import box
+from afford.common.masks import box
 
 
 class Overlap(NamedTuple):

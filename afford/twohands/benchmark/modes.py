@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 
 
 def best_mode(found: np.ndarray, modes: np.ndarray) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.boxes import BORDER, Box, box
+from afford.common.masks import BORDER, Box, box
 from afford.twohands.model.letterbox import content_size
 from afford.twohands.model.select import taking
 from afford.twohands.model.told import Told, agreed_taxonomy

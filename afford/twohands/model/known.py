@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 from afford.models.words import split
 
 FILE, FORMAT = "words.json", "afford-words-1"

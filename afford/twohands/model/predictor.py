@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 from afford.models.threads import one_thread
 from afford.twohands.model.batch import Batch
 from afford.twohands.model.closer import joined, window

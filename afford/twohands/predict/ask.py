@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from afford.common.picture import Picture
+from afford.common.image_files import Picture
 from afford.twohands.model.predictor import Predictor
 from schemas.benchmark import Prediction
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from afford.common.boxes import box
+from afford.common.masks import box
 from afford.twohands.predict.ask import Answer
 from afford.twohands.predict.stored import Stored, unknown_words
 from schemas.affordance import TAXONOMY

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import jpeg
 from afford.twohands.train.scores import Said
 
 COLUMNS, ROWS = 4, 3

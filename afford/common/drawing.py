@@ -1,16 +1,67 @@
-"""A picture with both hands' regions drawn in, and below it what was asked and what was said."""
+"""Letters in pictures: the same on every machine, with Greek, Cyrillic and accents."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
 import cv2
+import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.common.lettering import font
 from afford.common.palette import FAINT, HANDS, INK, PAPER, Colour
 from schemas.affordance import TAXONOMY
 from schemas.benchmark import Prediction
 from schemas.video import SIDES
+
+EDGE_PX = 2
+"""dark edge around the letters of a label"""
+
+
+@cache
+def font(size_px: int, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which matplotlib ships on every platform."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size_px)
+
+
+def draw_label(rgb: np.ndarray, text: str, at: tuple[int, int], size_px: int) -> None:
+    """Write white letters with a dark edge into a picture (h, w, 3) uint8, in place; `at` is the upper left corner, px (x, y).
+    Letters and edge come from one outline, so that they fit each other, and may be of any alphabet.
+    """
+    picture = Image.fromarray(rgb)
+    ImageDraw.Draw(picture).text(at, text, (255, 255, 255), font(size_px), stroke_width=EDGE_PX, stroke_fill=(0, 0, 0))
+    rgb[:] = np.asarray(picture)
+
+
+TILE_W, TITLE_H, GAP = 304, 30, 4
+TILE_BACKGROUND, TILE_INK = (24, 26, 30), (236, 238, 240)
+
+
+def title_row(words: Sequence[str], width: int, step: int = TILE_W) -> np.ndarray:
+    """A line of titles, one over each tile."""
+    page = Image.new("RGB", (width, TITLE_H), TILE_BACKGROUND)
+    draw = ImageDraw.Draw(page)
+    for n, title in enumerate(words):
+        draw.text((n * (step + GAP) + 8, 6), title, fill=TILE_INK, font=ImageFont.load_default(15))
+    return np.asarray(page)
+
+
+def pad_tile(tile: np.ndarray) -> np.ndarray:
+    """A tile with a gap to the right and below."""
+    return cv2.copyMakeBorder(tile, 0, GAP, 0, GAP, cv2.BORDER_CONSTANT, value=TILE_BACKGROUND)
+
+
+def write_page(out: Path, strips: Sequence[np.ndarray]) -> None:
+    """Strips below each other as a PNG; narrower ones are filled up."""
+    width = max(strip.shape[1] for strip in strips)
+    wide = [cv2.copyMakeBorder(strip, 0, 0, 0, width - strip.shape[1], cv2.BORDER_CONSTANT, value=TILE_BACKGROUND)
+            for strip in strips]
+    out.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.concatenate(wide)).save(out)
+
 
 TRACK = (226, 228, 226)
 WORDS = {"left": "left hand", "right": "right hand", "both_same": "both, one thing", "both_different": "both, two things"}

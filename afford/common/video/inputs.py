@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from afford.common.errors import SourceError
+from afford.common.files import RECORD
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, entries
-from afford.common.picture import Picture, read_image
-from afford.common.prediction_folder import RECORD
-from afford.common.video.decode import every_nth
+from afford.common.image_files import Picture, read_image
+from afford.common.video.frames import every_nth
 
 IMAGES = (*IMAGE_SUFFIXES, ".webp", ".bmp", ".tif", ".tiff")
 
