@@ -28,7 +28,7 @@ from afford.extraction.inpaint.networks.lama_generator import Generator, LamaCon
 from afford.extraction.inpaint.networks.vidm_config import VidmConfig
 from afford.extraction.inpaint.networks.vidm_model import Vidm
 from afford.extraction.inpaint.networks.vidm_model import fill as fill_vidm
-from afford.models.pretrained import device_of, dtype_of
+from afford.models.loading import device_of, dtype_of
 
 PAGE = Path(__file__).with_name("inpaint.md")
 ROOT = PAGE.parent.parent

@@ -13,7 +13,7 @@ from afford.extraction.finder import files
 from afford.extraction.finder import train as finder
 from afford.extraction.finder.model import SIDE, HandsConfig
 from afford.extraction.hands.finder import find
-from afford.models.weights import root
+from afford.models.weights import weights_root
 from afford.training.loop import train
 from afford.training.repeatable import repeatable
 from afford.training.task import Plan
@@ -77,7 +77,7 @@ def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
     assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
     assert {"train.hand", "train.side", "train.touched", "train.sleeve", "val.iou", "val.sides", "val.touched_iou",
             "val.sleeve_iou"} <= {curve.name for curve in trained.log.curves}  # fmt: skip
-    folder = root(trained.files)
+    folder = weights_root(trained.files)
     assert "16 rendered pictures of 2 rooms" in (folder / "card.md").read_text()
     assert find(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 4)
     assert files.read(folder).config == HandsConfig()

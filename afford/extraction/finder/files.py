@@ -11,7 +11,7 @@ import torch
 from safetensors.torch import save_file
 
 from afford.extraction.finder.model import Hands, HandsConfig
-from afford.models.described import fill, read_config
+from afford.models.loading import fill_from_file, read_config
 from schemas.files import FileTree
 
 CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-2"
@@ -39,7 +39,7 @@ def read(where: Path | FileTree) -> Hands:
     sizes = read_config(config, HandsConfig, FORMAT, str(config), "train a finder with hands_train")
     with torch.device("meta"):
         model = Hands(sizes)
-    return fill(model, weights, str(weights))
+    return fill_from_file(model, weights, str(weights))
 
 
 def _file(where: Path | FileTree, name: str) -> Path:

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from afford.extraction.finder import files
 from afford.extraction.finder.model import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
-from afford.models.weights import stamp
+from afford.models.weights import file_stamps
 from schemas.files import FileTree
 
 AT_ONCE = 8
@@ -37,7 +37,7 @@ def find(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
     hand, touched thing and sleeve; those of the two hands sum to at most 1.
     """
     found = np.zeros((*pictures.shape[:3], 4), np.float32)
-    network = _network(model, stamp(model) if isinstance(model, Path) else None)
+    network = _network(model, file_stamps(model) if isinstance(model, Path) else None)
     for zoom in ZOOMS:
         for at, small in _batches(pictures, size(pictures.shape[1], pictures.shape[2], network.config, zoom)):
             for n, answer in enumerate(said(network, small).permute(0, 2, 3, 1).numpy(), at):

@@ -16,7 +16,7 @@ from afford.extraction.inpaint import Filled, LamaParams
 from afford.extraction.inpaint.networks.lama_files import load
 from afford.extraction.inpaint.networks.lama_generator import Generator
 from afford.extraction.inpaint.windows import chunks, side_of, windows
-from afford.models.pretrained import device_of, dtype_of
+from afford.models.loading import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 

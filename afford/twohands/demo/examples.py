@@ -21,7 +21,7 @@ from afford.common.picture import decode, read_image
 from afford.common.pictures import jpeg
 from afford.dataset.layout import ANNOTATION, IMAGE
 from afford.training.written import CARD
-from afford.twohands.train.sources import tables
+from afford.twohands.train.samples import tables
 
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from afford.extraction.inpaint.networks.lama_generator import GIVEN, Generator, LamaConfig
 from afford.models.archive import read_tensors
-from afford.models.fitting import fit
+from afford.models.loading import fill_weights
 
 NEEDED = "LaMa's published checkpoint (best.ckpt), its TorchScript (big-lama.pt), or safetensors with the names of either"
 INSIDE = "generator."
@@ -27,7 +27,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype) -> Generator:
     given = generator_tensors(read_tensors(path))
     with torch.device("meta"):
         model = Generator(config_of(given, str(path)))
-    fit(model, given, str(path), f"give {NEEDED}")
+    fill_weights(model, given, str(path), f"give {NEEDED}")
     return model.to(device, dtype).eval()
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from afford.extraction.inpaint.networks.vidm_config import VidmConfig, config_text, read_config
 from afford.extraction.inpaint.networks.vidm_model import Vidm
 from afford.models.archive import read_tensors
-from afford.models.fitting import fit
+from afford.models.loading import fill_weights
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PUBLISHED = VidmConfig()
@@ -51,7 +51,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype, published: VidmCon
     with torch.device("meta"):
         model = Vidm(config)
     given = our_names(read_tensors(path / WEIGHTS if path.is_dir() else path), model.unet.state_dict(), config)
-    fit(model, given, str(path), f"give {NEEDED}")
+    fill_weights(model, given, str(path), f"give {NEEDED}")
     model.unet.to(dtype)
     return model.to(device).eval()
 
