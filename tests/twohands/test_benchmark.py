@@ -96,4 +96,4 @@ def test_confusion_counts_true_by_row() -> None:
     scores = made_scores("m", [0, 0, 0], [("all", "kitchen")] * 3)
     counts = tables.confusion(scores, np.ones(3, bool))
     assert counts is not None and counts[0, 0] == counts[1, 0] == 1 and counts.sum() == 2
-    assert "| **right** | 1 | 0 | 0 | 0 |" in tables.confusion("m", counts)
+    assert "| **right** | 1 | 0 | 0 | 0 |" in tables.confusion_table("m", counts)
