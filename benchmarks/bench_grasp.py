@@ -20,8 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from afford.grasping.evaluate.cells import MAIN, PCT
-from afford.grasping.evaluate.report_rows import Row
+from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow
 from afford.training.ablation import done
 from benchmarks import grasp_kept
 from benchmarks.pages import ROOT, head, into, make, took
@@ -90,7 +89,7 @@ def section(text: str, title: str) -> str:
     return after.partition("\n## ")[0].strip() + "\n"
 
 
-def short(rows: Sequence[Row]) -> str:
+def short(rows: Sequence[ResultRow]) -> str:
     """A line for each policy that is shown and level in PyBullet; those that are not finished marked so."""
     lines = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
              "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip

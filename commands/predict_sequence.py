@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from commands.errors import UsageError
-from commands.predict_options import Options, usable
+from commands.predict import Options, usable
 from commands.session import STORE
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ ALIEN = ("hands", "all_hypotheses", "every", "batch")
 """options that a model of sequences does not have"""
 
 
-def wanted(model: Path | None) -> bool:
+def is_sequence_model(model: Path | None) -> bool:
     """Whether `--model` names a model of sequences: by the word, or a folder by its config."""
     if model is None:
         return False

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.registry import block
+from commands.backends import of_stage
 from commands.errors import UsageError
-from commands.registries import of_stage
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
 

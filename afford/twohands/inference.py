@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from afford.common.errors import SourceError
-from afford.common.picture import Picture
+from afford.common.image_files import Picture
+from afford.common.video.inputs import Source, pictures
 from afford.common.video.probe import probe
-from afford.common.video.sources import Source, pictures
 from afford.twohands.model.predictor import Predictor
 from schemas.benchmark import Prediction
 

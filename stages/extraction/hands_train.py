@@ -54,10 +54,9 @@ class Params:
 def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.extraction.finder import card as finder_card
-    from afford.extraction.finder import files
-    from afford.extraction.finder import train as finder
-    from afford.extraction.finder.model import HandsConfig
+    from afford.extraction.hands import network
+    from afford.extraction.hands import train as finder
+    from afford.extraction.hands.network import HandsConfig
     from afford.training import curves
     from afford.training.loop import seed_of, train
     from afford.training.repeatable import repeatable
@@ -66,7 +65,7 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Train
         model = finder.seeded(HandsConfig(), seed_of(params.seed))
         task = finder.task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
         state = train(task, _plan(params), ctx.scratch, ctx.progress)
-    root = files.write(ctx.scratch, model, finder_card.text(lessons, state))
+    root = network.write_network(ctx.scratch, model, finder.card_text(lessons, state))
     return Trained(tree("hands-finder", root), curves.log("hands-finder", state))
 
 

@@ -42,14 +42,13 @@ class Params:
 
 def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the baseline about every case; a case it has nothing to say of gets no row."""
-    from afford.common import materialise
-    from afford.common.files import empty_folder, tree
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import load
     from afford.dataset import layout
     from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import read
 
-    root = materialise.unfold(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
+    root = copy_folder(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
     answer = load(BACKENDS, params.backend)(root)
     listed = layout.cases(cases)
 

@@ -46,15 +46,14 @@ class Params:
 
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
-    from afford.common import materialise
-    from afford.common.files import empty_folder, tree
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset import layout
     from afford.twohands.benchmark import cases as cases_module
     from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import picture, task
     from afford.twohands.model.predictor import Predictor
 
-    predictor = Predictor(materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
+    predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
                           params.mirror)
     listed = layout.cases(cases)
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from afford.common.files import tree as files_of
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.judge.question import question
 from commands.origin import origin

@@ -11,7 +11,7 @@ import pytest
 from safetensors.numpy import load_file
 
 from afford.common.errors import SourceError
-from afford.common.video.decode import decode_video
+from afford.common.video.frames import decode_video
 from afford.rgbd.model.files import FORMAT
 from afford.rgbd.model.predictor import Predictor, last, until
 from afford.rgbd.predict import footage

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.common.boxes import box
+from afford.common.masks import box
 from afford.render.views.six import SIX
 from afford.surface.candidates.grid import windows
 from afford.surface.negative import baselines

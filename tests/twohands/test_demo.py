@@ -24,8 +24,8 @@ import pytest
 from rich.console import Console
 
 from afford.codecs import identity
+from afford.common.image_files import jpeg
 from afford.common.palette import HANDS
-from afford.common.pictures import jpeg
 from afford.twohands.demo import server
 from afford.twohands.demo.examples import Example, examples
 from afford.twohands.demo.server import Site

@@ -13,7 +13,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import task
-from afford.grasping.hand.coupling import commanded
+from afford.grasping.hand.kinematics import commanded
 from afford.grasping.imitation.proof import held
 from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.rl import saved

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor, nn
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.boxes.losses import extents, losses
 from afford.rgbd.boxes.model import Boxes, painted, proposals

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.model.losses import LossParams, losses

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.common.boxes import box
+from afford.common.masks import box
 from schemas.benchmark import Case, Prediction
 
 SPREAD = 0.15

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.common.palette import INK, LEFT, PAPER, RIGHT, Colour
 from afford.twohands.benchmark import cases
 from afford.twohands.benchmark.answers import Answer
@@ -36,7 +36,7 @@ def draw(protocol: str, chosen: Sequence[Sequence[tuple[Case, Answer, float]]]) 
         for n, (case, said, iou) in enumerate(row):
             x, y = GAP_PX + n * (TILE_PX + GAP_PX), top + 20
             sheet[y : y + TILE_PX + BAND_PX, x : x + TILE_PX] = tile(case, said, iou)
-    return Sheet(protocol, jpeg(sheet, JPEG_QUALITY))
+    return Sheet(protocol, encode_jpeg(sheet, JPEG_QUALITY))
 
 
 def tile(case: Case, said: Answer, iou: float) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import entry, parse
+from afford.common.text import json_field, parse_json
 from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
 from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case
@@ -67,7 +67,7 @@ def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
 
 def task(files: CaseFiles) -> str:
     """The narration alone."""
-    return str(entry(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
+    return str(json_field(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
 
 
 def picture(files: CaseFiles) -> np.ndarray:
@@ -105,7 +105,7 @@ def resize_mask(mask: np.ndarray, size: Size) -> np.ndarray:
 def _json(files: CaseFiles, name: str) -> Any:
     if name not in files.files:
         raise SourceError(files.where, name, "no such file", "every case needs one")
-    return parse(files.files[name].path.read_bytes(), f"{files.where}/{name}")
+    return parse_json(files.files[name].path.read_bytes(), f"{files.where}/{name}")
 
 
 def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarray | None, str]]], list[int]]:
@@ -115,7 +115,7 @@ def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarra
         taxonomy = [_taxonomy(annotation, f"{files.where}/{ANNOTATION}")]
     else:
         where = f"{files.where}/{MODES}"
-        names = entry(_json(files, MODES), "modes", list, where)
+        names = json_field(_json(files, MODES), "modes", list, where)
         if not names or not all(isinstance(mode, dict) for mode in names):
             raise SourceError(where, "a list of objects, one per mode", repr(names), "list the mode of aff_*.png first")
         taxonomy = [_taxonomy(mode, where) for mode in names]

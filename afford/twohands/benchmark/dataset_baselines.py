@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.boxes import BORDER, box
+from afford.common.masks import BORDER, box
 from afford.dataset import load, masks
 from afford.dataset.columns import MASKS
 from afford.twohands.benchmark.baselines import Baseline, one_hypothesis

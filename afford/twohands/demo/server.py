@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from afford.common.bounded import TooLargeError
-from afford.common.deadline import Until
+from afford.common.deadline import DeadlineStream
 from afford.common.errors import SourceError
 from afford.twohands.demo.bounded_server import BoundedServer, ByteBudget, FullError, error_json
 from afford.twohands.demo.examples import Example
@@ -116,7 +116,7 @@ class Handler(BaseHTTPRequestHandler):
     def setup(self) -> None:
         """The connection, read until a deadline."""
         super().setup()
-        self._incoming = Until(self.connection, self.rfile.detach(), 0.0)  # type: ignore[attr-defined]  # it is a BufferedReader
+        self._incoming = DeadlineStream(self.connection, self.rfile.detach(), 0.0)  # type: ignore[attr-defined]  # it is a BufferedReader
         self.rfile = io.BufferedReader(self._incoming)
 
     def handle_one_request(self) -> None:

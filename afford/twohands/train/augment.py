@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.common.boxes import BORDER, box
+from afford.common.masks import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 
