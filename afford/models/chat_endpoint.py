@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from urllib.error import HTTPError
 from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, ProxyHandler, Request, build_opener
 
-from afford.common.deadline import Until, left_s
+from afford.common.deadline import DeadlineStream, seconds_left
 from afford.models import chat
 from afford.models.chat import Endpoint
 
@@ -54,7 +54,7 @@ class _Reply(HTTPResponse):
 
     def __init__(self, ends: float, sock: socket.socket, *args: Any, **more: Any) -> None:
         super().__init__(sock, *args, **more)
-        self.fp = io.BufferedReader(Until(sock, self.fp.detach(), ends))
+        self.fp = io.BufferedReader(DeadlineStream(sock, self.fp.detach(), ends))
 
 
 class _Connection(HTTPConnection):
@@ -69,15 +69,15 @@ class _Connection(HTTPConnection):
     def connect(self) -> None:
         """Each address of the host gets an equal share of the time."""
         addresses = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)
-        self.timeout = left_s(self._ends) / len(addresses)
+        self.timeout = seconds_left(self._ends) / len(addresses)
         super().connect()
-        self.sock.settimeout(left_s(self._ends))
+        self.sock.settimeout(seconds_left(self._ends))
 
     def send(self, data: Any) -> None:
         """All of the data."""
         if self.sock is None:
             self.connect()
-        self.sock.settimeout(left_s(self._ends))
+        self.sock.settimeout(seconds_left(self._ends))
         super().send(data)
 
 

@@ -11,13 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.boxes import box
-from afford.common.encode import png
+from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.files import write_json
-from afford.common.overlay import overlay
-from afford.common.pictures import mask_png
-from afford.common.prediction_folder import RECORD, keep, replacing
+from afford.common.files import RECORD, replace_folder, write_json, write_verified
+from afford.common.image_files import encode_png, mask_png
+from afford.common.masks import box
 from afford.twohands.inference import Answer
 from afford.twohands.model.model_folder import ModelFolder, unknown_words
 from schemas.affordance import TAXONOMY
@@ -124,11 +122,11 @@ def write_prediction(answer: Answer, model: ModelFolder, out: Path, all_hypothes
     SourceError when something else lies there, OSError when a file does not hold what was written.
     """
     folder = out / answer.picture.name
-    with replacing(folder) as partial:
+    with replace_folder(folder) as partial:
         for name, mask in _masks(answer, all_hypotheses):
             _save(partial / name, mask)
         drawn = overlay(answer.picture.rgb, answer.prediction)
-        keep(partial / OVERLAY, png(drawn[..., ::-1]).tobytes())
+        write_verified(partial / OVERLAY, encode_png(drawn[..., ::-1]).tobytes())
         write_json(partial / RECORD, record(answer, model))
     return folder
 
@@ -143,7 +141,7 @@ def _masks(answer: Answer, all_hypotheses: bool) -> Iterator[tuple[str, np.ndarr
 
 def _save(path: Path, mask: np.ndarray) -> None:
     path.parent.mkdir(exist_ok=True)
-    keep(path, mask_png(mask))
+    write_verified(path, mask_png(mask))
     back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if back is None or not np.array_equal(back > 0, mask):
         raise OSError(f"{path}: expected the mask that was written, read something else; check the disk")

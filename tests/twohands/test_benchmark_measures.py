@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import directed_hausdorff
 
-from afford.common import bootstrap
+from afford.common import statistics
 from afford.twohands.benchmark import compat, measures
 from tests.helpers.made_cases import box
 
@@ -155,8 +155,8 @@ def test_intervals_are_seeded_and_hold_the_mean() -> None:
     rng = np.random.default_rng(1)
     half = np.where(np.arange(400) < 200, np.nan, 1.0)
     values = np.stack([rng.normal(5, 1, 400), np.full(400, 2.0), half, np.full(400, np.nan)], axis=1)
-    low, high = bootstrap.interval(values, 500, seed=3)
-    assert np.array_equal((low, high), bootstrap.interval(values, 500, seed=3), equal_nan=True)
-    assert not np.array_equal(low[0], bootstrap.interval(values, 500, seed=4)[0][0])
+    low, high = statistics.bootstrap_interval(values, 500, seed=3)
+    assert np.array_equal((low, high), statistics.bootstrap_interval(values, 500, seed=3), equal_nan=True)
+    assert not np.array_equal(low[0], statistics.bootstrap_interval(values, 500, seed=4)[0][0])
     assert low[0] < values[:, 0].mean() < high[0] and high[0] - low[0] == pytest.approx(2 * 1.96 / 20, rel=0.2)
     assert (low[1], high[1], low[2], high[2]) == (2, 2, 1, 1) and np.isnan(low[3])

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from afford.common import picture
+from afford.common import image_files
 from afford.common.bounded import TooLargeError
+from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.overlay import overlay
+from afford.common.image_files import Picture, decode_image
 from afford.common.palette import HANDS
-from afford.common.picture import Picture, decode
-from afford.common.video.decode import decode_video, every_nth
-from afford.common.video.sources import find
+from afford.common.video.frames import decode_video, every_nth
+from afford.common.video.inputs import find
 from afford.twohands.inference import Question, ask
 from afford.twohands.model import model_folder
 from afford.twohands.model.predictor import Predictor
@@ -317,7 +317,7 @@ def test_a_picture_is_turned_as_its_file_says(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(tiny_asked.picture(60, 90)).save(tmp_path / "phone.jpg", exif=exif)
-    assert picture.read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
+    assert image_files.read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGBA", "P", "I;16", "1"])
@@ -326,7 +326,7 @@ def test_any_kind_of_pixels_becomes_rgb(mode: str, tmp_path: Path) -> None:
     grey = Image.fromarray(tiny_asked.picture()[..., 0])
     made = Image.fromarray(np.asarray(grey).astype(np.uint16) * 257) if mode == "I;16" else grey.convert(mode)
     made.save(tmp_path / "one.png")
-    found = picture.read_image(tmp_path / "one.png")
+    found = image_files.read_image(tmp_path / "one.png")
     assert found.shape == (60, 90, 3) and found.dtype == np.uint8
     assert mode == "1" or np.abs(found[..., 0].astype(int) - np.asarray(grey)).max() <= 1
 
@@ -335,18 +335,18 @@ def test_large_pictures_are_refused_before_they_are_decoded(tmp_path: Path) -> N
     """By the header; a bomb of 10^10 pixels as well."""
     data = write_picture(tmp_path / "one.png").read_bytes()
     with pytest.raises(TooLargeError, match=r"at most 0\.001 megapixels, got 90 x 60"):
-        decode(data, "one.png", 1000)
+        decode_image(data, "one.png", 1000)
     header = data[12:16] + (100_000).to_bytes(4, "big") * 2 + data[24:29]
     bomb = data[:12] + header + zlib.crc32(header).to_bytes(4, "big") + data[33:]
     with pytest.raises(TooLargeError):
-        decode(bomb, "bomb.png")
+        decode_image(bomb, "bomb.png")
 
 
 def test_a_cut_file_is_refused(tmp_path: Path) -> None:
     """A header without its picture."""
     data = write_picture(tmp_path / "one.png").read_bytes()
     with pytest.raises(SourceError, match=r"one\.png: expected an image"):
-        decode(data[:40], "one.png")
+        decode_image(data[:40], "one.png")
 
 
 # -- overlay and object ------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch.nn.functional import avg_pool2d
 
-from afford.common.boxes import BORDER
+from afford.common.masks import BORDER
 from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
 from afford.twohands.model.predictor import Predictor, Told, joined, window
 

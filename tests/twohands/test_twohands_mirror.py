@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.predictor import Predictor, Told, agreed, mirrored
 from schemas.affordance import MIRRORED

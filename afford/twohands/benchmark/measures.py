@@ -11,8 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.common.boxes import box
-from afford.common.mask_metrics import iou
+from afford.common.masks import box, iou
 
 
 def best_mode(found: np.ndarray, modes: np.ndarray) -> int:

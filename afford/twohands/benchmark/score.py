@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.twohands.benchmark import compat, measures
 from afford.twohands.benchmark.answers import Answer
 from schemas.affordance import Taxonomy

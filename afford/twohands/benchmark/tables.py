@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common import bootstrap
+from afford.common import statistics
 from afford.dataset.layout import PROTOCOLS
 from afford.twohands.benchmark import compat, measures
 from afford.twohands.benchmark.cases import KITCHEN, SHIFT
@@ -57,7 +57,7 @@ def row(one: MethodScores, protocol: str, group: str, resamples: int, seed: int)
     if not chosen.any():
         return None
     values = one.values[chosen]
-    low, high = bootstrap.interval(values, resamples, seed)
+    low, high = statistics.bootstrap_interval(values, resamples, seed)
     told = [n for n in range(len(one.measure)) if np.isfinite(values[:, n]).any()]
     mean = {one.measure[n]: float(np.nanmean(values[:, n])) for n in told} | _errors(one, chosen)
     ends = [{one.measure[n]: float(end[n]) for n in told} for end in (low, high)]

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.picture import Picture, decode
-from afford.common.pictures import grey_png
+from afford.common.image_files import Picture, decode_image, grey_png
 from afford.twohands.inference import Answer, Question, ask
 from afford.twohands.model.hand_selection import HANDS
 from afford.twohands.model.model_folder import ModelFolder
@@ -53,7 +52,7 @@ class PredictionService:
         if hands not in HANDS:
             raise QuestionError("hands", f"one of {', '.join(HANDS)}", repr(hands), "choose one of them")
         with self._lock:
-            picture = Picture("picture", "picture", _shrunk(decode(data, "picture", MAX_PIXELS)))
+            picture = Picture("picture", "picture", _shrunk(decode_image(data, "picture", MAX_PIXELS)))
             answer = ask(self._predictor, [picture], Question(words, hands))[0]
         return {**record(answer, self._model), "maps": _maps(answer)}
 

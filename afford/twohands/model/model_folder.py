@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from afford.common.errors import SourceError
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 from afford.models.loading import fill_weights
 from afford.models.word_vectors import split_words
 from afford.twohands.model.interface import ModelConfig, TwoHands, build

@@ -12,8 +12,8 @@ import torch
 from scipy.optimize import linear_sum_assignment
 from torch import Tensor, from_numpy
 
-from afford.common.boxes import BORDER, Box, box
-from afford.common.sides import swap_sides
+from afford.common.masks import BORDER, Box, box
+from afford.common.text import swap_sides
 from afford.models.loading import one_thread
 from afford.twohands.model.hand_selection import select_hands, taking
 from afford.twohands.model.interface import Batch, TwoHands

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from torch import Tensor
 
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import jpeg
 from afford.twohands.model.hand_selection import select_hands
 from afford.twohands.model.predictor import ranked
 
