@@ -67,7 +67,7 @@ class Scene:
     """A video to look at, and what is true of some of its frames."""
 
     name: str
-    weight_files: FileTree
+    files: FileTree
     viewpoint: Viewpoint
     shots: list[Shot]
 

@@ -88,7 +88,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        model_folder, predictor = open_model(options.model, options.store, options.device)
+        stored, predictor = open_model(options.model, options.store, options.device)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -97,22 +97,22 @@ def predict(image: Path, task: str, options: Options) -> int:
         for source in sources:
             for _ in range(picture_count(source, options.every)):
                 shown.planned(STAGE, source.name)
-        shown.started(STAGE, sources[0].name, Reason("forced", model_folder.name))
+        shown.started(STAGE, sources[0].name, Reason("forced", stored.name))
         for item in answer_all(predictor, sources, question, options.every, batch):
-            _keep(item, model_folder, options, done, shown)
-    return _tell(_summary(question.task, model_folder, options, done, time.perf_counter() - began), options)
+            _keep(item, stored, options, done, shown)
+    return _tell(_summary(question.task, stored, options, done, time.perf_counter() - began), options)
 
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
     """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
-    from afford.twohands.model import model_folder
+    from afford.twohands.model.model_folder import find_model, latest_model
     from afford.twohands.model.predictor import Predictor
 
-    folder = given or model_folder.latest_model((store or STORE) / "models")
+    folder = given or latest_model((store or STORE) / "models")
     if folder is None:
         raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
     try:
-        found = model_folder.find_model(folder)
+        found = find_model(folder)
         return found, Predictor(found.folder, usable(device))
     except ValueError as error:
         raise UsageError(str(error)) from error
@@ -144,7 +144,7 @@ def _keep(item: Any, stored: ModelFolder, options: Options, done: Done, shown: S
         _failed(item.source, item.message, done, shown)
         return
     try:
-        folder = write_prediction(item, model_folder, options.out, options.all_hypotheses)
+        folder = write_prediction(item, stored, options.out, options.all_hypotheses)
     except (ValueError, OSError) as error:
         _failed(item.picture.source, str(error), done, shown)
         return
@@ -160,12 +160,12 @@ def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
 
 def _summary(task: str, stored: ModelFolder, options: Options, done: Done, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
-    picture_count = max(len(done.predictions), 1)
+    count = max(len(done.predictions), 1)
     from afford.twohands.model.model_folder import unknown_words
 
-    return {"task": task, "unknown_words": unknown_words(model_folder, task), "hands_asked": options.hands,
-            "model": {"name": model_folder.name, "digest": model_folder.digest}, "predictions": done.predictions, "failures": done.failures,
-            "ms_per_image": {"cpu": round(done.cpu_ms / picture_count, 3), "wall": round(done.wall_ms / picture_count, 3)},
+    return {"task": task, "unknown_words": unknown_words(stored, task), "hands_asked": options.hands,
+            "model": {"name": stored.name, "digest": stored.digest}, "predictions": done.predictions, "failures": done.failures,
+            "ms_per_image": {"cpu": round(done.cpu_ms / count, 3), "wall": round(done.wall_ms / count, 3)},
             "seconds": round(seconds, 3)}  # fmt: skip
 
 
