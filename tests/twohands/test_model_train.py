@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
-from afford.models.hub import files
+from afford.models.weights import weight_files
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
 from afford.recording.files import opened
@@ -126,7 +126,7 @@ def test_where_pretrained_parts_lie_changes_nothing_and_what_they_hold_does(data
     params = replace(PARAMS, variant="clip", steps=1, warmup=1, validate_every=0, val_samples=2, height_px=64, backbones="both")
 
     def made(place: str, seed: int) -> dict[str, str]:
-        weights = files(str(save_backbones(tmp_path / place, seed=seed)), digest)
+        weights = weight_files(str(save_backbones(tmp_path / place, seed=seed)), digest)
         found = model_train.run(dataset, params, Scratch(tmp_path / f"{place}-scratch"), weights=weights)
         return {file.name: digest(file.path) for file in found.files.files if file.name.startswith("model/")}
 
