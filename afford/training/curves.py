@@ -123,12 +123,12 @@ def _masked_crc(data: bytes) -> bytes:
 
 
 def _crc_table() -> list[int]:
-    table = []
+    entries = []
     for byte in range(256):
         for _ in range(8):
             byte = byte >> 1 ^ (POLYNOMIAL if byte & 1 else 0)
-        table.append(byte)
-    return table
+        entries.append(byte)
+    return entries
 
 
 CRC_TABLE = _crc_table()

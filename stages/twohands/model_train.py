@@ -106,7 +106,7 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
 
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     """What the parameters say, where a recipe does not say otherwise."""
-    from afford.training.job import plan_of
+    from afford.training.params import plan_of
     from afford.twohands.model.interface import ModelConfig
     from afford.twohands.model.losses import LossParams
     from afford.twohands.train.augment import Augmentation

@@ -13,8 +13,8 @@ from afford.extraction.hands import network
 from afford.extraction.hands import train as finder
 from afford.extraction.hands.network import SIDE, HandsConfig, segment
 from afford.models.weights import weights_root
-from afford.training.job import Plan
 from afford.training.loop import deterministic, train
+from afford.training.params import Plan
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 from stages.extraction import hands_train
 from tests.helpers.made_finder import SMALL_TRAINING, made_up

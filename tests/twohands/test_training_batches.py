@@ -128,7 +128,8 @@ def test_order_is_a_function_of_seed_and_position() -> None:
     forward = [one.sample(n) for n in range(150)]
     assert [two.sample(n) for n in reversed(range(150))] == forward[::-1]
     assert sorted(index for epoch, index in forward if epoch == 0) == list(range(57))
-    assert forward[:57] != [(0, i) for _, i in forward[57:114]] and forward != [BalancedSampler(labels, 0.0, 2).sample(n) for n in range(150)]
+    assert forward[:57] != [(0, i) for _, i in forward[57:114]]
+    assert forward != [BalancedSampler(labels, 0.0, 2).sample(n) for n in range(150)]
 
 
 def test_balance_makes_classes_equal() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from afford.dataset.load import Item
-from afford.training.job import Plan
 from afford.training.loop import deterministic, train
+from afford.training.params import Plan
 from afford.training.sampler import BalancedSampler
 from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.losses import LossParams

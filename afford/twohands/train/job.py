@@ -13,8 +13,9 @@ from typing import Any
 from torch import nn
 
 from afford.dataset.load import Item
-from afford.training.curves import scores_at_best, table
-from afford.training.job import Dataset, Plan
+from afford.training.curves import scores_at_best, scores_table
+from afford.training.job import Dataset
+from afford.training.params import Plan
 from afford.training.sampler import BalancedSampler
 from afford.training.state import TrainingState
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
@@ -87,7 +88,7 @@ step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 ## Validation
 
-{table(scores_at_best(curves))}
+{scores_table(scores_at_best(curves))}
 
 On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle

@@ -100,7 +100,7 @@ TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 class TwoHandsTask:
     """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: TwoHands, batches: Batches, judged: Sequence[SampleBatch], loss: LossParams, target: str,
                  device: str) -> None:
