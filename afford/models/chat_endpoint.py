@@ -21,7 +21,7 @@ from urllib.error import HTTPError
 from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, ProxyHandler, Request, build_opener
 
 from afford.common.deadline import DeadlineStream, seconds_left
-from afford.models import api_key
+from afford.models import chat
 from afford.models.chat import Endpoint
 
 LARGEST_REPLY = 1 << 22
@@ -109,7 +109,7 @@ def ask(server: Endpoint, text: str, jpeg: bytes) -> str:
     if not isinstance(said, str):
         raise ValueError(f"{server.url}: expected choices[0].message.content with text, got {len(reply.body)} bytes without it; "
                          "check that url is the base address of an OpenAI-compatible server")  # fmt: skip
-    return api_key.absent(said, server.key_variable, server.url)
+    return chat.refuse_key_in(said, server.key_variable, server.url)
 
 
 def _body(server: Endpoint, text: str, jpeg: bytes) -> dict[str, Any]:
@@ -134,7 +134,7 @@ def _asked(server: Endpoint, body: bytes) -> Reply:
 
 
 def _request(server: Endpoint, body: bytes) -> Request:
-    key = api_key.read(server.key_variable, server.url)
+    key = chat.read_key(server.key_variable, server.url)
     headers = {"Content-Type": "application/json", "Accept": "application/json"}
     if key:
         headers["Authorization"] = f"Bearer {key}"
@@ -143,7 +143,7 @@ def _request(server: Endpoint, body: bytes) -> Request:
 
 def _tried(request: Request, timeout_s: float) -> Reply:
     """One try. Exceptions of the library end here: they may hold what the server said."""
-    proxies = [ProxyHandler({})] if api_key.is_here(request.full_url) else []
+    proxies = [ProxyHandler({})] if chat.is_here(request.full_url) else []
     try:
         try:
             with build_opener(_NoRedirects, _Http, _Https, *proxies).open(request, timeout=timeout_s) as reply:
@@ -190,7 +190,7 @@ def _message(server: Endpoint, reply: Reply) -> str:
         said = json.loads(reply.body)["error"]["message"]
     except (ValueError, LookupError, TypeError, RecursionError):
         return ""
-    key = api_key.read(server.key_variable, server.url)
+    key = chat.read_key(server.key_variable, server.url)
     if not isinstance(said, str) or (key and key in said):
         return ""
     return f": {' '.join(said.split())[:SHOWN]}"

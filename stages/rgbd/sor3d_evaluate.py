@@ -39,10 +39,10 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Int
     from afford.dataset.sor3d import sequences
     from afford.rgbd.evaluate.examine import examine
     from afford.rgbd.model import files
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import deterministic
 
     folder = copy_folder(model, files.CONFIG, empty_folder(ctx.scratch / "model"))
     paths = sequences.part({file.name: file.path for file in dataset.files}, params.split)
-    with repeatable(THREADS, params.device):
+    with deterministic(THREADS, params.device):
         trained = files.load(folder).to(params.device)
         return examine(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)

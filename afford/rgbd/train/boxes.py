@@ -20,9 +20,9 @@ PREVIEWS, COLUMNS = 12, 4
 
 
 class Detecting:
-    """What the loop trains (`afford.training.task.Task`). What it says from its own boxes judges."""
+    """What the loop trains (`afford.training.job.Task`). What it says from its own boxes judges."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: Boxes, batches: SequenceBatches, judged: Listed[Sequence], device: str) -> None:
         """`judged` are the sequences of validation; their last frames are looked at."""
