@@ -28,8 +28,8 @@ from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.outlines import rasterise
 from afford.models.weights import weight_files
-from afford.render.batch import batch
-from afford.render.view import View
+from afford.render.raster import View
+from afford.render.scene import batch
 from afford.synthetic.kitchens.play import LENGTH
 from afford.synthetic.kitchens.specs import standard_specs
 from afford.synthetic.kitchens.world import World, build_world
