@@ -99,13 +99,13 @@ def _holds_meshes(root: Path) -> bool:
 
 def _meshes(root: Path) -> Checked:
     from afford.surface.meshes.discover import discover as find
-    from afford.surface.meshes.read import read
+    from afford.surface.meshes.read import read_surface
 
     source, checked = find(root, _unread), Checked(str(root), "meshes")
     checked.refused += [(one.name, one.reason) for one in source.refused]
     for files in source.objects:
         try:
-            surface = read(files)
+            surface = read_surface(files)
         except (SourceError, OSError) as error:
             checked.refused.append((files.name, str(error)))
             continue

@@ -59,9 +59,9 @@ def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, 
     from afford.grasping.candidates.compare import Subject, Trials, compare
     from afford.grasping.candidates.find import Wish
     from afford.grasping.candidates.render_view import Eye
-    from afford.surface.positive.asked import asker
+    from afford.surface.positive.asked import load_region_predictor
 
-    ask = asker(model, mesh.category, ctx.scratch / "model") if model.files else None
+    ask = load_region_predictor(model, mesh.category, ctx.scratch / "model") if model.files else None
     eye, wish = Eye(down_deg=params.down_deg, noise_m=params.noise_m), Wish(places=params.places, span_m=params.span_m, count=1)
     trials = Trials(params.engines, params.looks, params.xy_m, eye, wish, params.seed)
     return compare(Subject(hand, mesh, parts, body), descriptions, ask, trials)

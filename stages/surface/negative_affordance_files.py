@@ -31,4 +31,4 @@ def run(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAfforda
     """Write the files of one object."""
     from afford.surface.negative import files
 
-    return files.write(mesh, descriptions, found, ctx.scratch)
+    return files.write_files(mesh, descriptions, found, ctx.scratch)

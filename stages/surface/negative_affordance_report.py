@@ -30,4 +30,4 @@ def run(scores: tuple[NegativeScores, ...], params: Params, ctx: Context) -> Fil
     """One report of all objects."""
     from afford.surface.negative import report
 
-    return report.write(scores, params.per_category, ctx.scratch)
+    return report.write_report(scores, params.per_category, ctx.scratch)

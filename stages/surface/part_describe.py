@@ -47,8 +47,8 @@ def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree 
     from afford.common.registry import block, load
     from afford.models.weights import with_weights
     from afford.surface.describe.lexicon import TASKS
-    from afford.surface.describe.rules import known
+    from afford.surface.describe.rules import known_category
 
     describe, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
-    tasks = params.tasks or TASKS.get(known(mesh.category), ("",))
+    tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))

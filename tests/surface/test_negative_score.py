@@ -59,19 +59,19 @@ def test_the_papers_recipe_always_takes_a_mask() -> None:
     """With true overlaps it finds much of the part; it also takes something where the view shows none of it."""
     x = looked()
     use = x.told.descriptions[0]
-    found = baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, true_scores(x)))
+    found = baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, use, true_scores(x)))
     shaft = x.parts.part == x.parts.names.index("shaft")
     assert found[shaft].mean() > 0.5 and found.any()
     silent = replace(true_scores(x), overlap=np.zeros_like(true_scores(x).overlap))
-    assert baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, silent)).any()
-    assert not baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, replace(use, notes=()), silent)).any()
+    assert baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, use, silent)).any()
+    assert not baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, replace(use, notes=()), silent)).any()
 
 
 def test_a_random_candidate_is_random_by_its_seed() -> None:
     """The same seed, the same faces."""
     x = looked()
     taken = (baselines.random_candidate(x.candidates, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4))
-    a, b, *others = (baselines.splatted(x.mesh, x.views, masks) for masks in taken)
+    a, b, *others = (baselines.splat_masks(x.mesh, x.views, masks) for masks in taken)
     assert np.array_equal(a, b) and any(not np.array_equal(a, other) for other in others)
 
 

@@ -12,9 +12,9 @@ from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
 from afford.grasping.hand.tree import GREY, Coupling, Joint, Link, Shape, Tree, ordered
 from afford.surface.meshes.files import URDF, suffix
-from afford.surface.meshes.files import text as file_text
+from afford.surface.meshes.files import decode_text as file_text
 from afford.surface.meshes.read import read_mesh
-from afford.surface.meshes.surface import Surface, check_triangles, moved
+from afford.surface.meshes.surface import Surface, check_triangles, transform_surface
 from afford.surface.meshes.urdf import mesh_file, numbers, origin, parse
 from schemas.files import FileRef, FileTree
 
@@ -162,7 +162,7 @@ class Meshes:
         file = mesh_file(self.files, self.urdf, mesh)
         scale = tuple(map(float, numbers(mesh, "scale", (1.0, 1.0, 1.0), self.urdf.name)))
         if (file.name, scale) not in self._names:
-            surface = moved(self._surface(file), np.diag([*scale, 1.0]))
+            surface = transform_surface(self._surface(file), np.diag([*scale, 1.0]))
             if not len(surface.faces):
                 raise SourceError(file.name, "triangles", "none", "export the mesh again")
             self._triangles += len(surface.faces)

@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw
 
 from afford.common.drawing import font
 from afford.common.palette import INK, PAPER
-from afford.surface.describe.answer import ADVICE, QUOTED, objects
+from afford.surface.describe.answer import ADVICE, QUOTED, json_objects
 
 COLUMNS, LINE_PX = 4, 20
 LEAST, MOST = 1.0, 10.0
@@ -37,7 +37,7 @@ def read(text: str, name: str, backend: str) -> float:
     """The score in an answer, which may have words or a fence around its JSON; ValueError when there is none, or more than one, or
     it is no number from 1 to 10. Nothing is filled in.
     """
-    found = [value["score"] for value in objects(text) if "score" in value]
+    found = [value["score"] for value in json_objects(text) if "score" in value]
     score = found[0] if len(found) == 1 else None
     if isinstance(score, bool) or not isinstance(score, (int, float)) or not LEAST <= score <= MOST:
         got = repr(score)[:QUOTED] if found[1:] == [] and found else f"{len(found) or 'none'} in {text[:QUOTED]!r}"

@@ -10,7 +10,7 @@ import numpy as np
 from afford.common.masks import box
 from afford.render.views.plan import SIX
 from afford.surface.candidates import Windows
-from afford.surface.segments.suppress import collected
+from afford.surface.segments.suppress import collect_candidates
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
@@ -29,7 +29,7 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Windows) -> PartCandid
         least = max(params.least_window * (face >= 0).sum(), 1)
         distinct = {mask.tobytes(): mask for mask in windows(face >= 0, params.windows)}.values()
         found += [(view, mask, UNKNOWN) for mask in distinct if mask.sum() >= least]
-    return collected(mesh.name, found, views.face.shape[1:])
+    return collect_candidates(mesh.name, found, views.face.shape[1:])
 
 
 def windows(on: np.ndarray, count: int) -> np.ndarray:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from afford.surface.candidates import Regions
-from afford.surface.segments.borders import Borders, Weights
-from afford.surface.segments.features import Features
+from afford.surface.segments.borders import Borders, BorderWeights
+from afford.surface.segments.features import FaceFeatures
 from afford.surface.segments.oversegment import oversegment
-from afford.surface.segments.suppress import collected, suppress
-from afford.surface.segments.tree import Tree, grow
+from afford.surface.segments.suppress import collect_candidates, nms
+from afford.surface.segments.tree import RegionTree, merge_regions
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
@@ -19,7 +19,7 @@ FINEST = 0.0003
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandidates:
     """See `Propose`."""
-    tree = regions(mesh, params.least_share)
+    tree = region_tree(mesh, params.least_share)
     chosen = np.flatnonzero((tree.share >= params.least_share) & (tree.share <= params.most_share))
     nodes, quality = tree.members()[chosen], tree.persistence[chosen]
     found: list[tuple[int, np.ndarray, float]] = []
@@ -28,12 +28,12 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandid
         size = np.bincount(region.reshape(-1), minlength=len(nodes.T) + 1)[:-1]
         shown = np.flatnonzero((nodes @ size >= params.least_px) & (nodes @ size <= params.most_share * size.sum()))
         masks = np.pad(nodes[shown], ((0, 0), (0, 1)))[:, region]
-        found += [(view, masks[k], float(quality[shown[k]])) for k in suppress(masks, quality[shown], params.nms_iou, params.most)]
-    return collected(mesh.name, found, views.face.shape[1:])
+        found += [(view, masks[k], float(quality[shown[k]])) for k in nms(masks, quality[shown], params.nms_iou, params.most)]
+    return collect_candidates(mesh.name, found, views.face.shape[1:])
 
 
-def regions(mesh: ObjectMesh, least: float) -> Tree:
+def region_tree(mesh: ObjectMesh, least: float) -> RegionTree:
     """The tree of regions of a surface."""
-    features = Features.of(mesh)
-    borders = Borders.of(mesh.vertices, mesh.faces, features, Weights())
-    return grow(oversegment(borders, features.area, FINEST, least / 2), borders, features)
+    features = FaceFeatures.of(mesh)
+    borders = Borders.of(mesh.vertices, mesh.faces, features, BorderWeights())
+    return merge_regions(oversegment(borders, features.area, FINEST, least / 2), borders, features)

@@ -6,7 +6,7 @@ import numpy as np
 
 from afford.models.sam import Grid, everything, grid_points, load_model
 from afford.surface.candidates import Sam
-from afford.surface.segments.suppress import collected, suppress
+from afford.surface.segments.suppress import collect_candidates, nms
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
@@ -27,5 +27,5 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates
         size = masks.sum((1, 2))
         fit = (size >= params.least_px) & (size <= params.most_share * on.sum())
         masks, quality = masks[fit], quality[fit]
-        found += [(view, masks[n], float(quality[n])) for n in suppress(masks, quality, params.nms_iou, params.most)]
-    return collected(mesh.name, found, views.face.shape[1:])
+        found += [(view, masks[n], float(quality[n])) for n in nms(masks, quality, params.nms_iou, params.most)]
+    return collect_candidates(mesh.name, found, views.face.shape[1:])

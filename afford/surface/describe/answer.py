@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NoReturn
 
-from afford.surface.describe.looks import worded
+from afford.surface.describe.looks import word_phrase
 from schemas.surface import PartDescription, PartNote
 
 ROLES = ("negative", "positive", "neutral")
@@ -17,12 +17,12 @@ QUOTED = 200
 ADVICE = "ask a model that follows instructions; raise new_tokens if the answer was cut off"
 
 
-def read(text: str, name: str, task: str, backend: str) -> PartDescription:
+def parse_answer(text: str, name: str, task: str, backend: str) -> PartDescription:
     """The description in an answer, which may have words or a fence around its JSON; ValueError when there is none, or more than
     one, or a field is not what was asked for. Who does not know the object says nothing of its parts.
     """
     where = f"{name}, {task or 'any use'}: answer of backend {backend!r}"
-    found = [value for value in objects(text) if "category" in value]
+    found = [value for value in json_objects(text) if "category" in value]
     if len(found) != 1:
         wanted = "one JSON object with category and parts"
         raise ValueError(f"{where}: expected {wanted}, got {len(found) or 'none'} in {text[:QUOTED]!r}; {ADVICE}")
@@ -39,7 +39,7 @@ def read(text: str, name: str, task: str, backend: str) -> PartDescription:
     return PartDescription(name, category, task, notes, backend)
 
 
-def objects(text: str) -> Iterator[dict[str, Any]]:
+def json_objects(text: str) -> Iterator[dict[str, Any]]:
     """The outermost JSON objects in a text, in order."""
     decoder, at = json.JSONDecoder(parse_constant=_no_number), text.find("{")
     while at >= 0:
@@ -52,7 +52,7 @@ def objects(text: str) -> Iterator[dict[str, Any]]:
         at = text.find("{", end)
 
 
-def normal(name: str) -> str:
+def normalise_name(name: str) -> str:
     """'Cutting edge' is cutting_edge: small letters, one _ for all that is neither letter nor digit."""
     return re.sub(r"[\W_]+", "_", name.lower()).strip("_")
 
@@ -68,7 +68,7 @@ def _note(part: Any, category: str, where: str) -> PartNote:
         _refuse(f"{where}, field 'task_changes'", "true or false", changes)
     name = _name(part, "part", where)
     reason = "" if role == "neutral" else _text(part, "reason", where)
-    return PartNote(name, worded(category, name, _text(part, "looks", where)), role, reason, _confidence(part, where), changes)
+    return PartNote(name, word_phrase(category, name, _text(part, "looks", where)), role, reason, _confidence(part, where), changes)
 
 
 def _confidence(part: dict[str, Any], where: str) -> float:
@@ -79,7 +79,7 @@ def _confidence(part: dict[str, Any], where: str) -> float:
 
 
 def _name(holder: dict[str, Any], key: str, where: str) -> str:
-    name = normal(_text(holder, key, where))
+    name = normalise_name(_text(holder, key, where))
     return name or _refuse(f"{where}, field {key!r}", "a name with letters", holder[key])
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.surface.describe.task import parse
+from afford.surface.describe.task import parse_task
 
 
 @dataclass(frozen=True)
@@ -252,16 +252,16 @@ TASKS: dict[str, tuple[str, ...]] = {
 
 def rule(category: str, task: str) -> Rule:
     """The row for a task in words; KeyError for a category that the table does not have."""
-    said, rows = parse(task), {(row.verb, row.state): row for row in LEXICON[category]}
+    said, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
     wanted = ((said.verb, said.state), (said.verb, ""), ("", said.state), ("", ""))
     return next(rows[key] for key in wanted if key in rows)
 
 
-def changes(category: str, part: str, negative: bool) -> bool:
+def role_changes(category: str, part: str, negative: bool) -> bool:
     """Whether another row of the table judges this part the other way."""
     return any((part in row.negative) != negative for row in LEXICON[category])
 
 
-def truth(category: str, task: str) -> frozenset[str]:
+def negative_parts(category: str, task: str) -> frozenset[str]:
     """The negative parts, for evaluation; KeyError for a category that the table does not have."""
     return frozenset(rule(category, task).negative)

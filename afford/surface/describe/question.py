@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-QUESTION = """\
+PROMPT = """\
 The picture shows one object from these sides, row by row: {sides}.{said}
 {task}
 
@@ -30,22 +30,22 @@ If you do not know what the object is, do not guess; answer {{"category": "unkno
 """
 
 
-WORDS = """\
+LOOK_WORDS = """\
 long, short, tall, thin, thick, large, small, wide, flat, round, curved, bent, pointed, shallow, hollow, bar, block, plate, disc,
 dish, ring, loop, hook, rod, wire, tube, cylinder, cone, ball, box, bowl, dome, vessel, wedge; at the end, at the very end, across
 the end, in the middle, on top, around the top, on the side, on both sides, below, at the bottom"""
 """those of looks.py, which the embedded scorer has learned"""
 
 
-def question(category: str, task: str, sides: Sequence[str]) -> str:
+def part_prompt(category: str, task: str, sides: Sequence[str]) -> str:
     """The question about an object that is said to be a `category` ('' when nobody said), for a task in words ('' for any use),
     with a picture that shows `sides`.
     """
-    said = f" Somebody says that it is this: {_quoted(category.replace('_', ' '))}." if category else ""
-    doing = f"The task: {_quoted(task)}." if task else "No task is given: think of its usual use."
-    return QUESTION.format(sides=", ".join(sides), said=said, task=doing, words=WORDS)
+    said = f" Somebody says that it is this: {_quote(category.replace('_', ' '))}." if category else ""
+    doing = f"The task: {_quote(task)}." if task else "No task is given: think of its usual use."
+    return PROMPT.format(sides=", ".join(sides), said=said, task=doing, words=LOOK_WORDS)
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """On one line, whatever it holds."""
     return json.dumps(text, ensure_ascii=False)

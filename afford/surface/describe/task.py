@@ -39,17 +39,17 @@ STATES = {**dict.fromkeys(HOT, "hot"), **dict.fromkeys(COLD, "cold")}
 
 
 @dataclass(frozen=True)
-class Task:
+class ParsedTask:
     """`verb` is a key of VERBS, '' where no verb is known; `state` is hot, cold or '' where the words do not say."""
 
     verb: str
     state: str
 
 
-def parse(text: str) -> Task:
+def parse_task(text: str) -> ParsedTask:
     """What a task says. The last word of state counts ("pour the hot tea from the cold kettle" is about the kettle)."""
     words = re.findall(r"[a-z]+(?:-[a-z]+)?", text.lower())
     said = " ".join(words)
     fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{said} ".startswith(f"{phrase} ")]
     states = [STATES[word] for word in words if word in STATES]
-    return Task(max(fits)[1] if fits else "", states[-1] if states else "")
+    return ParsedTask(max(fits)[1] if fits else "", states[-1] if states else "")

@@ -18,7 +18,7 @@ REPEATS = 16
 """an image may be repeated this often along a side"""
 
 
-def pack(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray, int]:
+def pack_atlas(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray, int]:
     """One texture (h, w, 3) uint8 with sides that are powers of two up to `limit`, coordinates (f, 3, 2) float32 in it, and
     how often the images had to be halved to fit. MeshError when they cannot fit.
     """

@@ -13,7 +13,7 @@ ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""
 
 
-def bake(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
+def bake_texture(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
     """(side, side, 3) uint8 texture; texels of no face take the colour of the nearest face in the texture."""
     face, bary = rasterise(np.ascontiguousarray(uv, np.float64), side)
     inside = face >= 0
@@ -49,7 +49,7 @@ def rasterise(uv, side):  # type: ignore[no-untyped-def]  # numba infers
     return face, bary
 
 
-def sample(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+def sample_texture(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """(n, 3) uint8 colours of a texture at (n, 2) coordinates, blended between texels; it repeats beyond 0..1."""
     height, width = texture.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 
-def words(name: str) -> list[str]:
+def name_words(name: str) -> list[str]:
     """Words of a file name in small letters: '025_phillipsScrewdriver' -> phillips, screwdriver."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-z]+", spaced)]
@@ -16,10 +16,10 @@ def category_of(name: str, categories: Iterable[str]) -> str:
     """The category whose words stand in the name, '' for none. The last one counts ('kettle_brush' is a brush), the longest of
     those that end there.
     """
-    said = words(name)
+    said = name_words(name)
     best = (0, 0, "")
     for category in categories:
-        wanted = words(category)
+        wanted = name_words(category)
         for k in range(len(said) - len(wanted) + 1):
             if wanted and said[k : k + len(wanted)] == wanted:
                 best = max(best, (k + len(wanted), len(wanted), category))

@@ -26,7 +26,7 @@ def suffix(name: str) -> str:
     return posixpath.splitext(name)[1].lower()
 
 
-def target(base: str, reference: str) -> str:
+def resolve_reference(base: str, reference: str) -> str:
     """Root-relative name of what the file `base` calls `reference`; SourceError when that is outside the source."""
     path = reference.strip().strip('"').replace("\\", "/")
     name = posixpath.normpath(posixpath.join(posixpath.dirname(base), path))
@@ -36,9 +36,9 @@ def target(base: str, reference: str) -> str:
     return name
 
 
-def locate(files: FileTree, base: str, reference: str) -> FileRef:
+def find_reference(files: FileTree, base: str, reference: str) -> FileRef:
     """The file of the tree that `base` calls `reference`; SourceError when it is not there."""
-    name = target(base, reference)
+    name = resolve_reference(base, reference)
     found = files.find(name)
     if found is None:
         raise SourceError(base, f"the file {name!r} that it refers to", "no such file",
@@ -58,7 +58,7 @@ def main_file(files: FileTree) -> FileRef:
     raise SourceError(files.name, f"a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF", "none", "put one there")
 
 
-def text(file: FileRef) -> str:
+def decode_text(file: FileRef) -> str:
     """The text of a file; bytes that are not UTF-8 are read as Latin-1, which old exporters wrote."""
     data = file.path.read_bytes()
     try:
@@ -67,7 +67,7 @@ def text(file: FileRef) -> str:
         return data.decode("latin-1")
 
 
-def picture(data: bytes, name: str) -> np.ndarray:
+def decode_picture(data: bytes, name: str) -> np.ndarray:
     """(h, w, 3) uint8 sRGB of an image file, transparency left out; SourceError when it cannot be read or is too large."""
     check_image(data, name, MAX_TEXELS)
     try:
@@ -77,7 +77,7 @@ def picture(data: bytes, name: str) -> np.ndarray:
         raise SourceError(name, "an image (PNG, JPEG, BMP, TGA, WebP)", reason(error), "convert it to PNG") from error
 
 
-class Pictures:
+class PictureCache:
     """The images of one object by name: each is decoded once, and together they have at most MAX_TEXELS pixels."""
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class Pictures:
     def read(self, file: FileRef) -> np.ndarray:
         """(h, w, 3) uint8 of an image file; SourceError when it cannot be read, or all are too large together."""
         if file.name not in self._found:
-            self._found[file.name] = picture(file.path.read_bytes(), file.name)
+            self._found[file.name] = decode_picture(file.path.read_bytes(), file.name)
             self.count(self._found[file.name], file.name)
         return self._found[file.name]
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.surface.meshes.net import Net, directed, shared
+from afford.surface.meshes.net import EditMesh, directed_edges, shared_edges
 
 
-def fill(net: Net, max_edges: int, max_share: float) -> tuple[Net, int, int]:
+def fill_holes(net: EditMesh, max_edges: int, max_share: float) -> tuple[EditMesh, int, int]:
     """The net, the holes filled and those left open: more edges than `max_edges`, more than `max_share` of the surface, or
     touching themselves.
     """
-    _, rim = shared(net.faces)
-    edges = directed(net.faces)[rim]
+    _, rim = shared_edges(net.faces)
+    edges = directed_edges(net.faces)[rim]
     loops, tangled = _loops(edges)
     limit = max_share * net.areas.sum()
     small = [loop for loop in loops if len(loop) <= max_edges]
@@ -27,7 +27,8 @@ def fill(net: Net, max_edges: int, max_share: float) -> tuple[Net, int, int]:
     begin = rim[at]
     end = begin - begin % 3 + (begin + 1) % 3
     corner = net.corner.reshape(-1)[np.stack([end, begin, begin], axis=1)]
-    filled = Net(np.concatenate([net.vertices, middles]), np.concatenate([net.faces, new]), np.concatenate([net.corner, corner]))
+    vertices, faces = np.concatenate([net.vertices, middles]), np.concatenate([net.faces, new])
+    filled = EditMesh(vertices, faces, np.concatenate([net.corner, corner]))
     return filled, len(chosen), len(loops) + tangled - len(chosen)
 
 
@@ -53,7 +54,7 @@ def _loops(edges: np.ndarray) -> tuple[list[np.ndarray], int]:
     return loops, tangled
 
 
-def _middle(net: Net, edges: np.ndarray) -> np.ndarray:
+def _middle(net: EditMesh, edges: np.ndarray) -> np.ndarray:
     return net.vertices[edges[:, 0]].mean(axis=0)
 
 

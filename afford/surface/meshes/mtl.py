@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import Pictures, locate, text
+from afford.surface.meshes.files import PictureCache, decode_text, find_reference
 from afford.surface.meshes.surface import GREY
 from schemas.files import FileRef, FileTree
 
@@ -26,20 +26,20 @@ def image_name(rest: str, where: str) -> str:
     return " ".join(words)
 
 
-def statements(content: str) -> list[tuple[int, str, str]]:
+def mtl_statements(content: str) -> list[tuple[int, str, str]]:
     """Line number, key word and the rest of every line that says something."""
     split = [(number, *line.strip().partition(" ")[::2]) for number, line in enumerate(content.replace("\t", " ").splitlines(), 1)]
     return [(number, word, rest.strip()) for number, word, rest in split if word and not word.startswith("#")]
 
 
-def read_mtl(files: FileTree, mtl: FileRef, pictures: Pictures) -> dict[str, np.ndarray]:
+def read_mtl(files: FileTree, mtl: FileRef, pictures: PictureCache) -> dict[str, np.ndarray]:
     """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only; images come from
     `pictures`.
     """
     found: dict[str, np.ndarray] = {}
     mapped: set[str] = set()
     name = ""
-    for number, word, rest in statements(text(mtl)):
+    for number, word, rest in mtl_statements(decode_text(mtl)):
         where = f"{mtl.name}, line {number}"
         if word == "newmtl":
             name = rest
@@ -47,15 +47,15 @@ def read_mtl(files: FileTree, mtl: FileRef, pictures: Pictures) -> dict[str, np.
         elif word in ("map_Kd", "Kd") and not name:
             raise SourceError(where, "newmtl first", word, "is the file cut short? export it again")
         elif word == "map_Kd":
-            image = locate(files, mtl.name, image_name(rest, where))
+            image = find_reference(files, mtl.name, image_name(rest, where))
             found[name] = pictures.read(image)
             mapped.add(name)
         elif word == "Kd" and name not in mapped:
-            found[name] = _colour(rest, where)
+            found[name] = _diffuse_colour(rest, where)
     return found
 
 
-def _colour(rest: str, where: str) -> np.ndarray:
+def _diffuse_colour(rest: str, where: str) -> np.ndarray:
     try:
         values = np.array([float(word) for word in rest.split()[:3]])
         if len(values) != 3 or not ((values >= 0) & (values <= 1)).all():

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import Pictures, locate, text
+from afford.surface.meshes.files import PictureCache, decode_text, find_reference
 from afford.surface.meshes.mtl import read_mtl
 from afford.surface.meshes.surface import GREY, Surface
 from schemas.files import FileRef, FileTree
@@ -39,10 +39,10 @@ class _Lines:
 
 def read_obj(files: FileTree, file: FileRef) -> Surface:
     """A surface; SourceError with the line for what cannot be read."""
-    lines = _sort(text(file))
+    lines = _sort(decode_text(file))
     vertices, has_colour = _vertices(lines.v, file.name)
     coords = _numbers(lines.vt, 2, file.name, "vt")
-    corner, texel, polygon = _triangles(lines, file.name, len(vertices), len(coords))
+    corner, texel, polygon = _obj_triangles(lines, file.name, len(vertices), len(coords))
     material, group = np.asarray(lines.material, np.int64)[polygon], np.asarray(lines.group, np.int64)[polygon]
     images, missing = _images(files, file, lines)
     uv = np.where(texel[..., None] >= 0, np.concatenate([coords, np.zeros((1, 2))])[texel], 0.0)
@@ -113,7 +113,7 @@ def _vertices(rows: list[list[str]], name: str) -> tuple[np.ndarray, bool]:
                       "export the file again")
 
 
-def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _obj_triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(f, 3) vertex and texture indices from 0 (-1 none), and the polygon that each triangle was cut from."""
     sizes = np.array([len(polygon) for polygon in lines.polygons], np.int64)
     if len(sizes) and sizes.min() < 3:
@@ -140,9 +140,9 @@ def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np
 def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.ndarray, ...], str]:
     """The image of each material that faces use (grey where no library is named), and a name that no library has."""
     known: dict[str, np.ndarray] = {"": np.asarray(GREY, np.uint8).reshape(1, 1, 3)}
-    pictures = Pictures()
+    pictures = PictureCache()
     for library in reversed(dict.fromkeys(reversed(lines.libraries))):  # each once; of one name the last counts
-        known |= read_mtl(files, locate(files, file.name, library), pictures)
+        known |= read_mtl(files, find_reference(files, file.name, library), pictures)
     used = set(lines.material)
     wanted = {name for name, index in lines.materials.items() if index in used}
     missing = next((name for name in lines.materials if name in wanted and name not in known), "") if lines.libraries else ""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.surface.meshes.atlas import pack
-from afford.surface.meshes.bake import bake, sample
+from afford.surface.meshes.atlas import pack_atlas
+from afford.surface.meshes.bake import bake_texture, sample_texture
 from afford.surface.meshes.charts import unwrap
 from afford.surface.meshes.surface import Surface
 
@@ -17,7 +17,7 @@ BAKED_PX = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class FaceColours:
     """The colours of triangles: one texture, or corner colours where there is none."""
 
     uv: np.ndarray
@@ -31,12 +31,12 @@ class Look:
 
     def at(self, face: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """(n, 3) uint8 colours of places on faces."""
-        out = sample(self.texture, np.einsum("nk,nkc->nc", bary, self.uv[face]))
+        out = sample_texture(self.texture, np.einsum("nk,nkc->nc", bary, self.uv[face]))
         mixed = np.round(np.einsum("nk,nkc->nc", bary, self.colour[face].astype(np.float64))).astype(np.uint8)
         return np.where(self.cornered[face][:, None], mixed, out)
 
 
-def look(surface: Surface, corner: np.ndarray, limit: int) -> tuple[Look, int]:
+def face_colours(surface: Surface, corner: np.ndarray, limit: int) -> tuple[FaceColours, int]:
     """Colours of the faces whose corners come from `corner` (f, 3) of a surface, and how often images were halved."""
     flat = _palette(surface)
     uv = flat.uv.reshape(-1, 2)[corner]
@@ -44,16 +44,16 @@ def look(surface: Surface, corner: np.ndarray, limit: int) -> tuple[Look, int]:
     colour = flat.colour.reshape(-1, 3)[corner]
     cornered = paint < 0
     images = flat.images or (np.zeros((1, 1, 3), np.uint8),)
-    texture, packed, halved = pack(images, uv, np.maximum(paint, 0), limit)
-    return Look(packed, texture, colour, cornered), halved
+    texture, packed, halved = pack_atlas(images, uv, np.maximum(paint, 0), limit)
+    return FaceColours(packed, texture, colour, cornered), halved
 
 
-def finish(vertices: np.ndarray, faces: np.ndarray, seen: Look, limit: int) -> tuple[np.ndarray, np.ndarray]:
+def bake_colours(vertices: np.ndarray, faces: np.ndarray, seen: FaceColours, limit: int) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates and texture of a mesh that has the faces of its look."""
     if not seen.cornered.any():
         return seen.uv, seen.texture
     uv = unwrap(vertices, faces, min(limit, BAKED_PX))
-    return uv, bake(uv, min(limit, BAKED_PX), seen.at)
+    return uv, bake_texture(uv, min(limit, BAKED_PX), seen.at)
 
 
 def _palette(surface: Surface) -> Surface:

@@ -17,7 +17,7 @@ FARTHEST = 1e9
 """in any unit: squares and products of what is larger leave the range of numbers"""
 
 
-def read(files: FileTree) -> Surface:
+def read_surface(files: FileTree) -> Surface:
     """The surface of one object in the unit of its file; SourceError names the file and what is wrong with it."""
     file = main_file(files)
     surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)

@@ -9,24 +9,24 @@ from urllib.parse import unquote
 from afford.common.errors import SourceError
 from afford.common.text import parse_json
 from afford.surface.meshes import urdf
-from afford.surface.meshes.files import MESH_SUFFIXES, URDF, suffix, target
-from afford.surface.meshes.mtl import image_name, statements
+from afford.surface.meshes.files import MESH_SUFFIXES, URDF, resolve_reference, suffix
+from afford.surface.meshes.mtl import image_name, mtl_statements
 from afford.surface.meshes.ply import HEADER_BYTES, texture_name
 
 JSON_START = 20
 """bytes of a GLB before its JSON"""
 
 
-def needs(name: str, path: Path) -> list[str]:
+def referenced_files(name: str, path: Path) -> list[str]:
     """Root-relative names of what the file refers to, whether or not it exists. SourceError for what leaves the source."""
     kind = suffix(name)
     if kind == URDF:
         root = urdf.parse(_text(path), name)
         return [found for mesh in urdf.mesh_names(root, name, "visual") for found in urdf.candidates(name, mesh)]
-    return [target(name, reference) for reference in _references(kind, path)]
+    return [resolve_reference(name, reference) for reference in _references(kind, path)]
 
 
-def collisions(name: str, path: Path) -> list[str]:
+def collision_meshes(name: str, path: Path) -> list[str]:
     """Root-relative names of the collision meshes of a URDF."""
     root = urdf.parse(_text(path), name)
     return [found for mesh in urdf.mesh_names(root, name, "collision") for found in urdf.candidates(name, mesh)]
@@ -37,7 +37,7 @@ def _references(kind: str, path: Path) -> list[str]:
         named = re.findall(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE)
         return [name.decode("utf-8", "replace") for name in named]
     if kind == ".mtl":
-        return [image_name(rest, str(path.name)) for _, word, rest in statements(_text(path)) if word == "map_Kd"]
+        return [image_name(rest, str(path.name)) for _, word, rest in mtl_statements(_text(path)) if word == "map_Kd"]
     if kind == ".ply":
         with path.open("rb") as stream:
             header = stream.read(HEADER_BYTES).partition(b"end_header")[0].decode("latin-1")

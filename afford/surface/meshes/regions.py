@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from trimesh import Trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from afford.surface.meshes.net import components, cross, directed, shared
+from afford.surface.meshes.net import area_normals, connected_labels, directed_edges, shared_edges
 
 CONE_DEG, RAYS = 25.0, 6
 CREASE_DEG = 35.0
@@ -28,7 +28,7 @@ ROUNDS = 40
 
 def main_axis(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Middle (3,) of a surface and its three axes (3, 3), one a row, the longest first."""
-    weight = np.linalg.norm(cross(vertices, faces), axis=1)
+    weight = np.linalg.norm(area_normals(vertices, faces), axis=1)
     points = vertices[faces].mean(axis=1)
     middle = np.average(points, axis=0, weights=weight)
     spread = np.cov((points - middle).T, aweights=weight)
@@ -40,7 +40,7 @@ def thickness(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(f,) how far a ray into the body goes, the median over a narrow cone; the diagonal where none meets anything."""
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     body = Trimesh((vertices - vertices.min(axis=0)) / size, faces, process=False)
-    normals = cross(np.asarray(body.vertices), faces)
+    normals = area_normals(np.asarray(body.vertices), faces)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     side = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
     side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-30)
@@ -59,20 +59,20 @@ def thickness(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def neighbours(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of faces (n, 2) that share an edge, its length (n,) and the angle between them (n,) in radians."""
-    pairs, _ = shared(faces)
-    edge = directed(faces)[pairs[:, 0]]
+    pairs, _ = shared_edges(faces)
+    edge = directed_edges(faces)[pairs[:, 0]]
     length = np.linalg.norm(vertices[edge[:, 0]] - vertices[edge[:, 1]], axis=1)
-    normal = cross(vertices, faces)
+    normal = area_normals(vertices, faces)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     pairs = pairs // 3
     return pairs, length, np.arccos(np.clip((normal[pairs[:, 0]] * normal[pairs[:, 1]]).sum(axis=1), -1, 1))
 
 
-def regions(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def shape_regions(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """(f,) region of each face, and the mean thickness (r,) of each region in metres, thinnest first; at most `most` regions."""
     vertices = np.asarray(vertices, np.float64)
     faces = np.asarray(faces, np.int64)
-    area = np.linalg.norm(cross(vertices, faces), axis=1) / 2
+    area = np.linalg.norm(area_normals(vertices, faces), axis=1) / 2
     pairs, length, angle = neighbours(vertices, faces)
     thick = thickness(vertices, faces)
     mix = _mixer(len(faces), pairs, length * np.exp(-((angle / np.radians(CREASE_DEG)) ** 2)), area)
@@ -153,13 +153,13 @@ def _distance(features: np.ndarray, centres: np.ndarray) -> np.ndarray:
 def _patched(label: np.ndarray, pairs: np.ndarray, length: np.ndarray, area: np.ndarray, middles: np.ndarray) -> np.ndarray:
     """Labels from 0 without gaps, small patches given to the neighbour with the longest border, loose ones to the nearest."""
     label = label.copy()
-    body = components(len(label), pairs)
+    body = connected_labels(len(label), pairs)
     loose = np.bincount(body, area)[body] < PATCH * area.sum()
     if loose.any() and not loose.all():
         label[loose] = label[~loose][cKDTree(middles[~loose]).query(middles[loose])[1]]
     for _ in range(len(label)):
         same = label[pairs[:, 0]] == label[pairs[:, 1]]
-        patch = components(len(label), pairs[same])
+        patch = connected_labels(len(label), pairs[same])
         sizes = np.bincount(patch, area)
         a, b, border = patch[pairs[~same, 0]], patch[pairs[~same, 1]], length[~same]
         small = np.flatnonzero(sizes < PATCH * area.sum())

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.holes import fill
-from afford.surface.meshes.net import Net, bodies, cross, start
-from afford.surface.meshes.orient import turned, twisted
+from afford.surface.meshes.holes import fill_holes
+from afford.surface.meshes.net import EditMesh, area_normals, bodies, edit_mesh
+from afford.surface.meshes.orient import count_twisted, faces_to_flip
 
 SAME_PLACE = 1e-7
 """vertices nearer than this share of the diagonal are one"""
@@ -21,7 +21,7 @@ NO_AREA = 1e-14
 
 
 @dataclass(frozen=True)
-class Limits:
+class RepairLimits:
     """What repairs may do."""
 
     hole_edges: int
@@ -35,24 +35,24 @@ class Limits:
 Counts = tuple[tuple[str, int], ...]
 
 
-def repair(vertices: np.ndarray, faces: np.ndarray, limits: Limits) -> tuple[Net, Counts]:
+def repair(vertices: np.ndarray, faces: np.ndarray, limits: RepairLimits) -> tuple[EditMesh, Counts]:
     """The repaired net, and what was done how often (what was not needed is left out). MeshError when nothing remains."""
-    net, merged = merge(start(vertices, faces))
+    net, merged = merge_vertices(edit_mesh(vertices, faces))
     net, empty = drop_empty(net)
     net, repeated = drop_repeated(net)
     if not len(net.faces):
         raise MeshError("faces with an area", f"{len(faces)} that are all empty", "export the mesh again")
     net, dust = drop_dust(net, limits.dust_share)
-    mask = turned(net)
+    mask = faces_to_flip(net)
     net = net.turn(mask)
-    net, filled, left = fill(net, limits.hole_edges, limits.hole_share)
+    net, filled, left = fill_holes(net, limits.hole_edges, limits.hole_share)
     done = (("vertices merged", merged), ("empty faces dropped", empty), ("repeated faces dropped", repeated),
             ("faces of dust dropped", dust), ("faces turned", int(mask.sum())), ("holes filled", filled),
-            ("holes left open", left), ("edges left twisted", twisted(net.faces)))  # fmt: skip
+            ("holes left open", left), ("edges left twisted", count_twisted(net.faces)))  # fmt: skip
     return net.compact(), tuple((what, count) for what, count in done if count)
 
 
-def merge(net: Net) -> tuple[Net, int]:
+def merge_vertices(net: EditMesh) -> tuple[EditMesh, int]:
     """Vertices at the same place made one; the first stays. Counts the vertices in use that went."""
     low, size = net.vertices.min(axis=0), np.linalg.norm(np.ptp(net.vertices, axis=0))
     cells = np.round((net.vertices - low) / max(size * SAME_PLACE, 1e-300)).astype(np.int64)
@@ -63,18 +63,18 @@ def merge(net: Net) -> tuple[Net, int]:
     index[order] = first[np.cumsum(new) - 1]
     before = len(np.unique(net.faces))
     faces = index[net.faces]
-    return Net(net.vertices, faces, net.corner), before - len(np.unique(faces))
+    return EditMesh(net.vertices, faces, net.corner), before - len(np.unique(faces))
 
 
-def drop_empty(net: Net) -> tuple[Net, int]:
+def drop_empty(net: EditMesh) -> tuple[EditMesh, int]:
     """Without faces that have no area."""
     size = np.linalg.norm(np.ptp(net.vertices[np.unique(net.faces)], axis=0))
     a, b, c = net.faces.T
-    full = (a != b) & (b != c) & (c != a) & (np.linalg.norm(cross(net.vertices, net.faces), axis=1) > NO_AREA * size**2)
+    full = (a != b) & (b != c) & (c != a) & (np.linalg.norm(area_normals(net.vertices, net.faces), axis=1) > NO_AREA * size**2)
     return net.keep(full), int((~full).sum())
 
 
-def drop_repeated(net: Net) -> tuple[Net, int]:
+def drop_repeated(net: EditMesh) -> tuple[EditMesh, int]:
     """Without faces over the same three vertices as an earlier one, whichever way they look."""
     _, first = np.unique(np.sort(net.faces, axis=1), axis=0, return_index=True)
     kept = np.zeros(len(net.faces), bool)
@@ -82,7 +82,7 @@ def drop_repeated(net: Net) -> tuple[Net, int]:
     return net.keep(kept), int((~kept).sum())
 
 
-def drop_dust(net: Net, share: float) -> tuple[Net, int]:
+def drop_dust(net: EditMesh, share: float) -> tuple[EditMesh, int]:
     """Without bodies whose area is below `share` of the whole; the largest always stays."""
     body = bodies(net.faces)
     areas = np.bincount(body, net.areas)

@@ -6,7 +6,7 @@ import fast_simplification
 import numpy as np
 
 from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.net import start
+from afford.surface.meshes.net import edit_mesh
 from afford.surface.meshes.repair import drop_empty, drop_repeated
 
 
@@ -15,7 +15,7 @@ def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.nd
     size = np.linalg.norm(np.ptp(vertices, axis=0))
     points, triangles = fast_simplification.simplify(np.ascontiguousarray(vertices / size), np.ascontiguousarray(faces, np.int32),
                                                      target_count=count)
-    net, _ = drop_empty(start(np.asarray(points, np.float64) * size, np.asarray(triangles, np.int64)))
+    net, _ = drop_empty(edit_mesh(np.asarray(points, np.float64) * size, np.asarray(triangles, np.int64)))
     net, _ = drop_repeated(net)
     if not 0 < len(net.faces) <= 1.1 * count:
         raise MeshError(f"a surface that {count} faces can show", f"one that keeps {len(net.faces)} of {len(faces)}",

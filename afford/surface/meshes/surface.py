@@ -45,7 +45,7 @@ class Surface:
     """m where the format says so; '' where it says nothing"""
 
 
-def plain(vertices: np.ndarray, faces: np.ndarray, colour: Sequence[int] = GREY, group: str = "") -> Surface:
+def plain_surface(vertices: np.ndarray, faces: np.ndarray, colour: Sequence[int] = GREY, group: str = "") -> Surface:
     """A surface of one colour."""
     count = len(faces)
     image = np.asarray(colour, np.uint8).reshape(1, 1, 3)
@@ -54,12 +54,12 @@ def plain(vertices: np.ndarray, faces: np.ndarray, colour: Sequence[int] = GREY,
                    np.arange(count), np.zeros(count, np.int64), (group,))  # fmt: skip
 
 
-def coloured(surface: Surface, colours: np.ndarray) -> Surface:
+def with_corner_colours(surface: Surface, colours: np.ndarray) -> Surface:
     """The surface with (f, 3, 3) uint8 corner colours instead of images."""
     return replace(surface, paint=np.full(len(surface.faces), -1), colour=np.asarray(colours, np.uint8), images=())
 
 
-def moved(surface: Surface, T: np.ndarray) -> Surface:
+def transform_surface(surface: Surface, T: np.ndarray) -> Surface:
     """The surface under the affine (4, 4) `T`. Faces that `T` mirrors are turned again."""
     placed = replace(surface, vertices=surface.vertices @ T[:3, :3].T + T[:3, 3])
     if np.linalg.det(T[:3, :3]) > 0:
@@ -80,7 +80,7 @@ def check_corners(faces: np.ndarray, vertices: int, name: str) -> None:
         raise SourceError(name, f"vertex indices 0..{vertices - 1}", str(bad), "export the mesh again")
 
 
-def join(surfaces: Sequence[Surface], unit: str) -> Surface:
+def join_surfaces(surfaces: Sequence[Surface], unit: str) -> Surface:
     """One surface, faces in order; faces of the file are numbered on, images and groups are listed one after another."""
     if len(surfaces) == 1:
         return replace(surfaces[0], unit=unit)

@@ -9,7 +9,7 @@ SMALLEST_M, LARGEST_M = 0.02, 2.0
 """diagonals between which a thing is handled"""
 
 
-def decide(diagonal: float, unit: str, stated: str, name: str) -> str:
+def infer_unit(diagonal: float, unit: str, stated: str, name: str) -> str:
     """Unit of a mesh whose bounding box has this diagonal.
 
     `unit` is what the user says ('auto': nothing), `stated` what the format says. Without either it is metres when that gives

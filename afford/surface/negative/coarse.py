@@ -20,15 +20,15 @@ def coarse_box(windows: np.ndarray, fit: np.ndarray) -> Box:
     return box(windows[fit >= LEAST * fit.max()].any(0))
 
 
-def segmented(asked: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
+def mask_in_box(asked: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
     """(h, w) bool: of the masks (m, h, w) of a view and the silhouette `on` (h, w), that whose box is most like the one asked for;
     of equals the first.
     """
     offered = [*masks, on]
-    return np.asarray(offered[int(np.argmax([overlap(asked, box(mask)) for mask in offered]))])
+    return np.asarray(offered[int(np.argmax([box_iou(asked, box(mask)) for mask in offered]))])
 
 
-def overlap(a: Box, b: Box) -> float:
+def box_iou(a: Box, b: Box) -> float:
     """IoU of two boxes; 0 where both are empty."""
     both = np.prod([max(0, min(p.stop, q.stop) - max(p.start, q.start)) for p, q in zip(a, b, strict=True)])
     size = sum(int(np.prod([side.stop - side.start for side in one])) for one in (a, b))

@@ -9,21 +9,21 @@ from scipy.spatial import cKDTree
 from schemas.surface import DistanceField
 
 
-def distance(N_t: np.ndarray, points: np.ndarray) -> np.ndarray:
+def distance_to_points(N_t: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n,) float64 metres from each point (n, 3) to the nearest negative point (k, 3); infinite when there is none."""
     return np.asarray(cKDTree(N_t).query(points)[0]) if len(N_t) else np.full(len(points), np.inf)
 
 
-def field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: float, margin_m: float) -> DistanceField:
+def distance_field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: float, margin_m: float) -> DistanceField:
     """Distances on a grid around the object (v, 3) and `margin_m` beyond it."""
     low, high = vertices.min(0) - margin_m, vertices.max(0) + margin_m
     count = np.ceil((high - low) / spacing_m).astype(int) + 1
     axes = [low[k] + spacing_m * np.arange(count[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    return DistanceField(name, distance(N_t, nodes).reshape(count).astype(np.float32), low.astype(np.float64), spacing_m)
+    return DistanceField(name, distance_to_points(N_t, nodes).reshape(count).astype(np.float32), low.astype(np.float64), spacing_m)
 
 
-def at(grid: DistanceField, points: np.ndarray) -> np.ndarray:
+def interpolate_field(grid: DistanceField, points: np.ndarray) -> np.ndarray:
     """(n,) float32 metres, between the nodes linearly; beyond the grid never less than the distance to it.
 
     Off by at most sqrt(3) times the spacing inside.

@@ -17,32 +17,32 @@ from schemas.surface import NegativeAffordance, NegativeAffordances, PartDescrip
 POINT = "".join([f"property float {axis}\n" for axis in "xyz"] + [f"property uchar {c}\n" for c in ("red", "green", "blue")])
 
 
-def write(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, scratch: Path) -> FileTree:
+def write_files(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, scratch: Path) -> FileTree:
     """A folder for each task: surface.glb, surface.ply, points.ply, N_t.ply, distance.npz and negative.json."""
     root = empty_folder(scratch / "out")
     for number, (one, told) in enumerate(zip(found.tasks, descriptions.descriptions, strict=True)):
-        folder = root / f"{number}_{slug(one.task)}"
+        folder = root / f"{number}_{task_slug(one.task)}"
         folder.mkdir()
         _surface(mesh, one, folder)
         _points(found.points, one, folder)
         _distances(one, folder)
-        write_json(folder / "negative.json", about(one, told))
+        write_json(folder / "negative.json", affordance_record(one, told))
     return tree(found.name, root)
 
 
-def slug(task: str) -> str:
+def task_slug(task: str) -> str:
     """A task as part of a file name: 'hand over the knife' -> hand_over_the_knife."""
     return re.sub(r"[^a-z0-9]+", "_", task.lower()).strip("_") or "any_use"
 
 
-def about(one: NegativeAffordance, told: PartDescription) -> dict[str, object]:
+def affordance_record(one: NegativeAffordance, told: PartDescription) -> dict[str, object]:
     """What was decided, and why."""
     parts = {note.part: {"role": note.role, "reason": note.reason, "confidence": note.confidence} for note in told.notes}
     return {"task": one.task, "category": told.category, "parts": parts, "negative_points": len(one.N_t),
             "unit": "m", "frame": "object", "N_t": np.round(one.N_t.astype(float), 7).tolist()}  # fmt: skip
 
 
-def colours(probability: np.ndarray) -> np.ndarray:
+def probability_colours(probability: np.ndarray) -> np.ndarray:
     """(n, 4) uint8: from green where a hand may go to red where it must not."""
     p = probability[:, None]
     rgb = p * NEGATIVE + (1 - p) * FREE
@@ -53,7 +53,7 @@ def _surface(mesh: ObjectMesh, one: NegativeAffordance, folder: Path) -> None:
     """Faces with corners of their own, so that no colour runs into the next face."""
     corners = mesh.vertices[mesh.faces.reshape(-1)]
     shape = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
-    shape.visual = trimesh.visual.ColorVisuals(shape, vertex_colors=np.repeat(colours(one.probability), 3, axis=0))
+    shape.visual = trimesh.visual.ColorVisuals(shape, vertex_colors=np.repeat(probability_colours(one.probability), 3, axis=0))
     for name in ("surface.glb", "surface.ply"):
         shape.export(folder / name)
 
@@ -62,7 +62,7 @@ def _points(points: np.ndarray, one: NegativeAffordance, folder: Path) -> None:
     """The labelled points of the object, and N_t; PLY without a vertex where there is none."""
     for name, place, bad in (("points.ply", points, one.negative), ("N_t.ply", one.N_t, np.ones(len(one.N_t), bool))):
         rows = np.empty(len(place), [("xyz", "<f4", 3), ("rgb", "u1", 3)])
-        rows["xyz"], rows["rgb"] = place, colours(bad.astype(np.float32))[:, :3]
+        rows["xyz"], rows["rgb"] = place, probability_colours(bad.astype(np.float32))[:, :3]
         head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{POINT}end_header\n"
         (folder / name).write_bytes(head.encode() + rows.tobytes())
 

@@ -26,18 +26,18 @@ UNSURE = 0.02
 """what a candidate counts that fits all parts alike"""
 
 
-def pixels(candidates: PartCandidates, scores: PartScores, description: PartDescription,
+def pixel_probability(candidates: PartCandidates, scores: PartScores, description: PartDescription,
            face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
     no candidate covers it. `face` (n, h, w): that of each pixel, -1 beside the object.
     """
-    value, counts = judged(scores, description)
+    value, counts = part_posterior(scores, description)
     shown = (face >= 0).sum((1, 2))[candidates.view]
     size = candidates.masks.sum((1, 2)) / np.maximum(shown, 1)
-    return spread(candidates, value, (counts / np.maximum(size, 1e-6)).astype(np.float32), face.shape)
+    return weighted_pixel_mean(candidates, value, (counts / np.maximum(size, 1e-6)).astype(np.float32), face.shape)
 
 
-def spread(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
+def weighted_pixel_mean(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
            shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Values (m,) of candidates -> their weighted mean at every pixel (n, h, w) float32, and the sum of the weights (m,) there."""
     said, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
@@ -47,7 +47,7 @@ def spread(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
     return np.divide(said, total, out=said, where=total > 0), total
 
 
-def by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
+def split_by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
     """Every description with the columns of the scores that are its own."""
     at = 0
     for one in descriptions.descriptions:
@@ -55,12 +55,12 @@ def by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tupl
         yield one, PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
 
 
-def judged(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:
+def part_posterior(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:
     """(m,) float32 share of each candidate that is negative, and how much it counts."""
     count = len(description.notes)
     if not count:
         return np.zeros(len(scores.share), np.float32), np.zeros(len(scores.share), np.float32)
-    fit = _claims(scores)
+    fit = _unnormalised_posterior(scores)
     share = fit / np.maximum(fit.sum(1, keepdims=True), 1e-12)
     value = share[:, [note.role == "negative" for note in description.notes]].sum(1)
     sure = np.ones(len(share)) if count == 1 else (share.max(1) - 1 / count) / (1 - 1 / count)
@@ -68,7 +68,7 @@ def judged(scores: PartScores, description: PartDescription) -> tuple[np.ndarray
     return value.astype(np.float32), counts.astype(np.float32)
 
 
-def _claims(scores: PartScores) -> np.ndarray:
+def _unnormalised_posterior(scores: PartScores) -> np.ndarray:
     """(m, k) float64: how strongly each part claims each candidate, by what it shows and by how well it is all of the part."""
     claim = scores.share.astype(np.float64) * np.sqrt(scores.overlap)
     best = np.quantile(claim, LIFTED, axis=0) if len(claim) else np.ones(claim.shape[1])

@@ -11,13 +11,13 @@ from scipy.spatial import cKDTree
 from afford.surface.segments.borders import shared_edges
 
 
-def fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
+def harmonic_fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(f,) float32: `value` where `known` (f,) bool, the mean of the neighbours elsewhere; pieces in which nothing is known take
     the value of the nearest known face. All zeros when nothing is known at all.
     """
     if known.all() or not known.any():
         return np.where(known, value, 0).astype(np.float32)
-    graph = adjacency(vertices, faces)
+    graph = face_adjacency(vertices, faces)
     piece = connected_components(graph, directed=False)[1]
     reached = np.isin(piece, np.unique(piece[known]))
     out = np.where(known, value, 0.0).astype(np.float64)
@@ -33,7 +33,7 @@ def fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.n
     return out.clip(0, 1).astype(np.float32)
 
 
-def adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-untyped-def]  # scipy has no types
+def face_adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-untyped-def]  # scipy has no types
     """(f, f) sparse symmetric: faces that share an edge, weighted by its length over the mean one."""
     (a, b), length = (found.T for found in shared_edges(vertices, faces))
     weight = np.maximum(length / max(float(length.mean()) if len(length) else 1.0, 1e-30), 1e-6)

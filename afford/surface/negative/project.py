@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.negative.distance import field
-from afford.surface.negative.fuse import by_task, pixels
-from afford.surface.negative.neighbours import fill
-from afford.surface.negative.votes import squareness, vote
+from afford.surface.negative.distance import distance_field
+from afford.surface.negative.fuse import pixel_probability, split_by_task
+from afford.surface.negative.neighbours import harmonic_fill
+from afford.surface.negative.votes import cos_incidence, vote_on_faces
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
@@ -19,7 +19,7 @@ DENSE = 20
 
 
 @dataclass(frozen=True)
-class Wish:
+class ProjectionSettings:
     """What is asked of the result."""
 
     threshold: float
@@ -31,31 +31,31 @@ class Wish:
 
 
 def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
-            wish: Wish) -> NegativeAffordances:  # fmt: skip
+            wish: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
     """Where a hand must not go, for every task that is described."""
     points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
-    square, tasks = squareness(mesh, views), []
-    for one, said in by_task(descriptions, scores):
-        value, weight = pixels(candidates, said, one, views.face)
-        probability, evidence = on_faces(mesh, views, value, weight * square)
-        tasks.append(labelled(mesh, views, one.task, probability, evidence, face, wish))
+    square, tasks = cos_incidence(mesh, views), []
+    for one, said in split_by_task(descriptions, scores):
+        value, weight = pixel_probability(candidates, said, one, views.face)
+        probability, evidence = project_to_faces(mesh, views, value, weight * square)
+        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, wish))
     return NegativeAffordances(mesh.name, points, tuple(tasks))
 
 
-def on_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def project_to_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What pixels say (n, h, w) with weights (n, h, w) -> probability (f,) of every face, and the sum of its weights (f,); a face
     without any takes what its neighbours have.
     """
-    voted, evidence = vote(views.face, value, weight, len(mesh.faces))
-    return fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
+    voted, evidence = vote_on_faces(views.face, value, weight, len(mesh.faces))
+    return harmonic_fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
 
 
-def labelled(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
-             wish: Wish) -> NegativeAffordance:  # fmt: skip
+def label_surface(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
+             wish: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
     """Probabilities of faces (f,) -> everything that is told of a task; `face` (n,) is that of each point of the object."""
     bad = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 1))
     dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
     N_t = dense[farthest_point_sampling(dense, wish.negative_points)]
-    grid = field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
+    grid = distance_field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
     return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

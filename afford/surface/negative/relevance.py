@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.surface.negative.fuse import judged, spread
+from afford.surface.negative.fuse import part_posterior, weighted_pixel_mean
 from schemas.surface import PartCandidates, PartDescription, PartScores
 
 RELEVANT = 0.4
@@ -21,5 +21,5 @@ def relevance(windows: PartCandidates, scores: PartScores, description: PartDesc
     """Relevance (n, h, w) float32 0..1 of each pixel, and the number of windows (n, h, w) that hold it. A window that fits no part
     is relevant for none.
     """
-    value, counts = judged(scores, description)
-    return spread(windows, np.where(counts > 0, value, 0), np.ones_like(value), shape)
+    value, counts = part_posterior(scores, description)
+    return weighted_pixel_mean(windows, np.where(counts > 0, value, 0), np.ones_like(value), shape)

@@ -28,7 +28,7 @@ Row = tuple[str, str, list[NegativeScores], str]
 """label, split, what was scored, method"""
 
 
-def write(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
+def write_report(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
     """metrics.json, report.md and sheet.jpg; ValueError when nothing was scored."""
     if not scores:
         raise ValueError("negative_affordance_report: expected scored objects, got none")
@@ -54,7 +54,7 @@ def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
         for look in sorted({one.look for one in mine}):
             out[f"{split}.{look}.iou"] = mean([one for one in mine if one.look == look], "afford", "iou")
     out |= {f"{method}.{TAKEN}": mean(scores, method, TAKEN) for method in METHODS}
-    found = [mean(mine, "afford", "iou") for _, _, mine, _ in by_task(scores)]
+    found = [mean(mine, "afford", "iou") for _, _, mine, _ in rows_by_task(scores)]
     out |= {"pairs": float(np.isfinite(found).sum()), "pairs_found": float((np.nan_to_num(found) >= HIT).sum())}
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
@@ -69,7 +69,7 @@ def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
     return float(np.mean(each)) if each else float("nan")
 
 
-def by_task(scores: Sequence[NegativeScores]) -> list[Row]:
+def rows_by_task(scores: Sequence[NegativeScores]) -> list[Row]:
     """A row for each pair of a thing and a task."""
     kinds = sorted({(one.split, one.category, row.task) for one in scores for row in one.rows})
     return [(f"{kind}: {task or 'any use'}", split, [replace(one, rows=tuple(row for row in one.rows if row.task == task))
@@ -88,7 +88,7 @@ def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> st
     lines += _table("category", MEASURES, [(kind, split, mine, "afford") for split, kind, mine in kinds])
     lines += [f"{measured['pairs_found']:.0f} of {measured['pairs']:.0f} pairs of a thing and a task have a mean IoU of {HIT} or "
               "more. Where nothing is negative in truth, `said` should be 0.", ""]  # fmt: skip
-    return "\n".join(lines + _table("thing and task", BY_TASK, by_task(scores)))
+    return "\n".join(lines + _table("thing and task", BY_TASK, rows_by_task(scores)))
 
 
 def _table(head: str, measures: Sequence[str], rows: Sequence[Row]) -> list[str]:

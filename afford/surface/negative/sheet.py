@@ -16,16 +16,16 @@ NEGATIVE, FREE = np.array([214, 48, 39], np.float32), np.array([60, 160, 90], np
 OPACITY = 0.55
 
 
-def row(views: ObjectViews, found: NegativeAffordances, title: Sequence[str]) -> np.ndarray:
+def sheet_row(views: ObjectViews, found: NegativeAffordances, title: Sequence[str]) -> np.ndarray:
     """(SIDE, 7 * SIDE, 3) uint8: six views coloured by probability, then the one that shows most in its own colours."""
     most = int((views.face[:6] >= 0).sum((1, 2)).argmax())
-    tiles = [small(painted(views, n, found.tasks[0].probability)) for n in range(6)] + [small(views.rgb[most])]
+    tiles = [shrink_tile(paint_view(views, n, found.tasks[0].probability)) for n in range(6)] + [shrink_tile(views.rgb[most])]
     for tile, text in zip(tiles, title, strict=False):
-        written(tile, text)
+        draw_caption(tile, text)
     return np.concatenate(tiles, axis=1)
 
 
-def painted(views: ObjectViews, view: int, probability: np.ndarray) -> np.ndarray:
+def paint_view(views: ObjectViews, view: int, probability: np.ndarray) -> np.ndarray:
     """(h, w, 3) uint8: a view, its faces red as far as they are negative, green as far as not."""
     p = np.append(probability, 0)[views.face[view]][..., None]
     colour = p * NEGATIVE + (1 - p) * FREE
@@ -34,12 +34,12 @@ def painted(views: ObjectViews, view: int, probability: np.ndarray) -> np.ndarra
     return np.where(views.face[view][..., None] >= 0, mixed, views.rgb[view]).astype(np.uint8)
 
 
-def small(picture: np.ndarray) -> np.ndarray:
+def shrink_tile(picture: np.ndarray) -> np.ndarray:
     """At the size of a tile."""
     return np.ascontiguousarray(cv2.resize(picture, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
 
 
-def written(tile: np.ndarray, text: str) -> None:
+def draw_caption(tile: np.ndarray, text: str) -> None:
     """A line at the foot of a tile."""
     at = (4, tile.shape[0] - 6)
     cv2.putText(tile, text.encode("ascii", "replace").decode(), at, cv2.FONT_HERSHEY_SIMPLEX, 0.36, (20, 20, 20), 1, cv2.LINE_AA)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.render.views.surface import areas
+from afford.render.views.surface import face_areas
 from schemas.mesh import ObjectMesh, ObjectViews
 
 
-def vote(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
+def vote_on_faces(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean (f,) float32 of what the pixels of each face say, 0 where none has weight, and the sum of their weights (f,).
 
     `face` (n, h, w) int32, -1 beside the object; `value` (n, h, w) 0..1; `weight` (n, h, w), none negative.
@@ -20,12 +20,12 @@ def vote(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces: int) ->
     return np.divide(said, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
 
 
-def squareness(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
+def cos_incidence(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
     """(n, h, w) float32: cosine of the angle between line of sight and face normal at each pixel, 0 beside the object.
 
     Faces seen from behind (of an open surface) count as from before.
     """
-    normal = areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
+    normal = face_areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
     out = np.zeros(views.face.shape, np.float32)
     for one, face, K, T in zip(out, views.face, views.K, views.T_obj_cam, strict=True):
         y, x = np.nonzero(face >= 0)

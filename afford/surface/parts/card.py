@@ -9,7 +9,7 @@ from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 
 
-def text(lessons: Sequence[PartLessons], state: TrainingState) -> str:
+def model_card(lessons: Sequence[PartLessons], state: TrainingState) -> str:
     """The whole card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     counts = Counter(one.split for one in lessons)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.render.views.surface import areas
+from afford.render.views.surface import face_areas
 from schemas.mesh import ObjectMesh, ObjectViews
 
 SIZE = 48
@@ -22,11 +22,11 @@ EVEN = 128
 """a normal's 0 as uint8"""
 
 
-class Cropper:
+class MaskCropper:
     """Views of one object, ready to be cut; what all masks of a view share is made once."""
 
     def __init__(self, mesh: ObjectMesh, views: ObjectViews) -> None:
-        normal = areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
+        normal = face_areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
         self._normal, self._views, self._base = np.vstack([normal, [[0, 0, 0]]]), views, dict[int, np.ndarray]()
 
     def __call__(self, view: int, mask: np.ndarray) -> np.ndarray:
@@ -47,7 +47,7 @@ class Cropper:
         return np.dstack([grey, blurred, _ink(face >= 0), np.rint(EVEN + 127 * facing).astype(np.uint8)])
 
 
-def turned(crops: np.ndarray, turn: int, mirror: bool) -> np.ndarray:
+def rotate_crops(crops: np.ndarray, turn: int, mirror: bool) -> np.ndarray:
     """Crops (..., 6, s, s) as if the camera had rolled by `turn` quarter turns counter-clockwise, and in a mirror; normals too."""
     out = np.rot90(crops, turn, (-2, -1))
     x, y = out[..., 3, :, :], out[..., 4, :, :]

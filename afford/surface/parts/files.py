@@ -11,13 +11,13 @@ import torch
 from safetensors.torch import save_file
 
 from afford.models.loading import fill_from_file, read_config
-from afford.surface.parts.model import Parts, PartsConfig
+from afford.surface.parts.model import PartScorer, PartScorerConfig
 from schemas.files import FileTree
 
 CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-parts-2"
 
 
-def write(scratch: Path, model: Parts, card: str) -> Path:
+def save_scorer(scratch: Path, model: PartScorer, card: str) -> Path:
     """The folder of files; what a training left of curves comes along."""
     root = scratch / "out"
     shutil.rmtree(root, ignore_errors=True)
@@ -31,13 +31,13 @@ def write(scratch: Path, model: Parts, card: str) -> Path:
     return root
 
 
-def read(files: FileTree) -> Parts:
-    """The scorer that `write` wrote; ValueError says which file does not fit."""
+def load_scorer(files: FileTree) -> PartScorer:
+    """The scorer that `save_scorer` wrote; ValueError says which file does not fit."""
     config, weights = (_file(files, name) for name in (CONFIG, WEIGHTS))
     where = f"{CONFIG} of {files.name}"
-    sizes = read_config(config, PartsConfig, FORMAT, where, "train a scorer with scorer_train")
+    sizes = read_config(config, PartScorerConfig, FORMAT, where, "train a scorer with scorer_train")
     with torch.device("meta"):
-        model = Parts(sizes)
+        model = PartScorer(sizes)
     return fill_from_file(model, weights, f"{WEIGHTS} of {files.name}")
 
 

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.surface.segments.features import Features
+from afford.surface.segments.features import FaceFeatures
 from schemas.mesh import ObjectViews
 from schemas.surface import PartCandidates
 
-FORM = ("area", "length", "width", "depth", "width_to_length", "depth_to_length", "depth_to_width", "along", "aside_1", "aside_2",
-        "aside_3", "nearer_end", "farther_end", "of_width", "of_depth", "thickness", "thickness_spread", "thickness_to_length",
+SHAPE_FEATURES = ("area", "length", "width", "depth", "width_to_length", "depth_to_length", "depth_to_width", "along", "aside_1",
+        "aside_2", "aside_3", "nearer_end", "farther_end", "of_width", "of_depth", "thickness", "thickness_spread", "thickness_to_length",
         "flatness", "roundness", "bulge", "filled", "object_width", "object_depth")  # fmt: skip
 LIMIT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class OrientedBox:
     """Faces of a surface in their own frame: weights (f,), `middle` (3,), axes (3, 3) in columns, lowest and highest (3,) along
     them, the axis of the largest extent first.
     """
@@ -32,7 +32,7 @@ class Patch:
     high: np.ndarray
 
     @staticmethod
-    def of(points: np.ndarray, area: np.ndarray) -> Patch:
+    def of(points: np.ndarray, area: np.ndarray) -> OrientedBox:
         """Of the middles (f, 3) of faces with areas (f,)."""
         weight = np.maximum(area, 1e-14)
         weight = weight / weight.sum()
@@ -42,7 +42,7 @@ class Patch:
         along = off @ axes
         low, high = along.min(0), along.max(0)
         order = np.argsort(low - high, kind="stable")
-        return Patch(weight, middle, axes[:, order], low[order], high[order])
+        return OrientedBox(weight, middle, axes[:, order], low[order], high[order])
 
     @property
     def size(self) -> np.ndarray:
@@ -50,23 +50,23 @@ class Patch:
         return self.high - self.low
 
 
-def form(features: Features, views: ObjectViews, candidates: PartCandidates) -> np.ndarray:
+def shape_features(features: FaceFeatures, views: ObjectViews, candidates: PartCandidates) -> np.ndarray:
     """(m, r) float32, one column for each of FORM, within -2..2: of the faces behind each mask."""
     area = np.asarray(views.visible_area, np.float64)
     seen = area > 0
-    whole = Patch.of(features.middle[seen], area[seen])
-    out = np.zeros((len(candidates.view), len(FORM)), np.float32)
+    whole = OrientedBox.of(features.middle[seen], area[seen])
+    out = np.zeros((len(candidates.view), len(SHAPE_FEATURES)), np.float32)
     for row, view, mask in zip(out, candidates.view, candidates.masks, strict=True):
         face = np.unique(views.face[view][mask])
         row[:] = np.clip(_numbers(features, face[face >= 0], whole, float(area.sum())), -LIMIT, LIMIT)
     return out
 
 
-def _numbers(features: Features, face: np.ndarray, whole: Patch, visible: float) -> list[float]:
+def _numbers(features: FaceFeatures, face: np.ndarray, whole: OrientedBox, visible: float) -> list[float]:
     """The columns of one candidate; logarithms are scaled to about -1..1."""
     points, normal, area = features.middle[face], features.normal[face], features.area[face]
     longest = float(whole.size[0])
-    patch = Patch.of(points, area)
+    patch = OrientedBox.of(points, area)
     long, wide, deep = np.maximum(patch.size, 1e-4 * longest)
     return [np.log(area.sum() / visible) / 3 + 0.5, np.log(long / longest) / 2 + 0.5, np.log(wide / longest) / 3 + 0.5,
             np.log(deep / longest) / 3 + 0.5, wide / long, deep / long, deep / wide, *_place(points, patch, whole),
@@ -74,7 +74,7 @@ def _numbers(features: Features, face: np.ndarray, whole: Patch, visible: float)
             whole.size[1] / longest, whole.size[2] / longest]  # fmt: skip
 
 
-def _place(points: np.ndarray, patch: Patch, whole: Patch) -> list[float]:
+def _place(points: np.ndarray, patch: OrientedBox, whole: OrientedBox) -> list[float]:
     """Whether it lies along the object, how far from its middle, from both ends, and how much of its width and depth it takes."""
     where = (points - whole.middle) @ whole.axes
     low, high = where.min(0), where.max(0)
@@ -84,14 +84,14 @@ def _place(points: np.ndarray, patch: Patch, whole: Patch) -> list[float]:
     return [abs(float(patch.axes[:, 0] @ whole.axes[:, 0])), *aside, *(np.array(ends) / whole.size[0]), *taken]
 
 
-def _thickness(thickness: np.ndarray, patch: Patch, longest: float) -> list[float]:
+def _thickness(thickness: np.ndarray, patch: OrientedBox, longest: float) -> list[float]:
     log = np.log(thickness / longest)
     mean = float(patch.weight @ log)
     spread = np.sqrt(patch.weight @ (log - mean) ** 2)
     return [mean / 3 + 1, spread, (mean + np.log(longest / max(patch.size[0], 1e-4 * longest))) / 3 + 0.5]
 
 
-def _bend(points: np.ndarray, normal: np.ndarray, patch: Patch) -> list[float]:
+def _bend(points: np.ndarray, normal: np.ndarray, patch: OrientedBox) -> list[float]:
     """How little the normals spread in two directions (0, 0: a plane; 0, more: a cylinder), and whether it bulges (positive) or is
     hollow.
     """

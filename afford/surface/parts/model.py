@@ -9,14 +9,14 @@ from torch import Tensor, nn
 
 from afford.models.word_vectors import WordVectors
 from afford.surface.parts.crops import CHANNELS
-from afford.surface.parts.form import FORM
+from afford.surface.parts.form import SHAPE_FEATURES
 
-TRAITS = 4 + len(FORM)
+TRAITS = 4 + len(SHAPE_FEATURES)
 """numbers that come with a candidate (see traits.py and form.py)"""
 
 
 @dataclass(frozen=True)
-class PartsConfig:
+class PartScorerConfig:
     """Sizes."""
 
     widths: tuple[int, ...] = (24, 48, 96, 128)
@@ -29,12 +29,12 @@ class PartsConfig:
     """words read of a phrase"""
 
 
-class Parts(nn.Module):
+class PartScorer(nn.Module):
     """Candidates and phrases -> for each pair, two logits: which share of the mask shows the part, and how well mask and part
     overlap (IoU).
     """
 
-    def __init__(self, config: PartsConfig) -> None:
+    def __init__(self, config: PartScorerConfig) -> None:
         super().__init__()
         self.config = config
         self.close, self.whole = _trunk(config.widths), _trunk(config.widths)

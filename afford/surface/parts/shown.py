@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from afford.common.drawing import draw_label, font
-from afford.surface.describe.looks import phrase
+from afford.surface.describe.looks import part_phrase
 from afford.surface.parts.crops import CHANNELS, SIZE
-from afford.surface.parts.model import Parts
+from afford.surface.parts.model import PartScorer
 from schemas.surface import PartLessons
 
 COLUMNS, ROWS, SCALE, WORDS_PX = 6, 3, 3, 11
@@ -19,25 +19,25 @@ OPACITY = 0.45
 GREY, MASK = CHANNELS.index("brightness"), CHANNELS.index("mask")
 
 
-def sheet(model: Parts, one: PartLessons) -> np.ndarray:
+def preview_sheet(model: PartScorer, one: PartLessons) -> np.ndarray:
     """(h, w, 3) uint8: candidates of one object, spread over all; `model` is in its mode of evaluation."""
-    said = answers(model, one)
+    said = predict_shares(model, one)
     chosen = np.linspace(0, len(said) - 1, min(COLUMNS * ROWS, len(said))).round().astype(int)
     tiles = [_tile(one, int(n), said[n]) for n in chosen]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     return np.vstack([np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)])
 
 
-def answers(model: Parts, one: PartLessons) -> np.ndarray:
+def predict_shares(model: PartScorer, one: PartLessons) -> np.ndarray:
     """(m, p) which share of each candidate shows each part, as the scorer says."""
-    phrases = tuple(phrase(one.category, part) for part in one.parts)
+    phrases = tuple(part_phrase(one.category, part) for part in one.parts)
     with torch.inference_mode():
         logits = model(torch.tensor(one.crops).float() / 255, torch.tensor(one.traits), phrases)
     found: np.ndarray = logits[..., 0].sigmoid().numpy()
     return found
 
 
-def right(said: np.ndarray, one: PartLessons) -> float:
+def part_accuracy(said: np.ndarray, one: PartLessons) -> float:
     """Share of candidates of which the part that shows most is named."""
     return float((said.argmax(1) == one.share.argmax(1)).mean())
 

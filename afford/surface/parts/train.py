@@ -11,10 +11,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from afford.surface.describe.looks import phrase
-from afford.surface.parts.crops import turned
-from afford.surface.parts.form import FORM
-from afford.surface.parts.model import Parts, PartsConfig
+from afford.surface.describe.looks import part_phrase
+from afford.surface.parts.crops import rotate_crops
+from afford.surface.parts.form import SHAPE_FEATURES
+from afford.surface.parts.model import PartScorer, PartScorerConfig
 from schemas.surface import PartLessons
 
 OTHERS = 0.1
@@ -26,24 +26,24 @@ Phrase = Callable[[str, str], str]
 """(category, part) -> the part in words"""
 
 
-def seeded(config: PartsConfig, seed: int) -> Parts:
+def init_scorer(config: PartScorerConfig, seed: int) -> PartScorer:
     """A scorer with the random weights of this seed."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return Parts(config)
+        return PartScorer(config)
 
 
-def task(model: Parts, lessons: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> PartsTask:
+def scorer_task(model: PartScorer, lessons: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> ScorerTask:
     """The task of the loop; ValueError when there is nothing to learn from or nothing that judges."""
     parts = {split: [one for one in lessons if one.split == split] for split in ("train", "val")}
     for split, found in parts.items():
         if not found:
             raise ValueError(f"scorer_train: expected objects of the split {split}, got none; see object_plan")
-    return PartsTask(model, parts["train"], parts["val"], phrase, seed, objects, candidates)
+    return ScorerTask(model, parts["train"], parts["val"], part_phrase, seed, objects, candidates)
 
 
 @dataclass(frozen=True, eq=False)
-class PartsBatch:
+class ScorerBatch:
     """(b, 2, c, s, s) uint8, (b, r) float32, k phrases, (b, k, 2) share and overlap, (b, k) weight of each pair."""
 
     crops: np.ndarray
@@ -53,31 +53,31 @@ class PartsBatch:
     weight: np.ndarray
 
 
-class PartsTask:
+class ScorerTask:
     """What the loop trains (`afford.training.job.Task`)."""
 
     monitor = "right"
 
-    def __init__(self, model: Parts, learned: Sequence[PartLessons], judged: Sequence[PartLessons], phrase: Phrase, seed: int,
+    def __init__(self, model: PartScorer, learned: Sequence[PartLessons], judged: Sequence[PartLessons], phrase: Phrase, seed: int,
                  objects: int, candidates: int) -> None:
         """A batch has `candidates` of each of `objects` objects."""
         self.model: nn.Module = model
         self._net, self._learned, self._judged, self._phrase, self._seed = model, learned, judged, phrase, seed
         self._objects, self._candidates = min(objects, len(learned)), candidates
 
-    def batch(self, number: int) -> PartsBatch:
+    def batch(self, number: int) -> ScorerBatch:
         """Candidates of some objects, turned and mirrored, and their parts in words that vary."""
         rng = np.random.default_rng((self._seed, number))
         chosen = [self._learned[n] for n in rng.choice(len(self._learned), self._objects, replace=False)]
         pairs = sorted({(one.category, part) for one in chosen for part in one.parts})
         rows = [(one, n) for one in chosen for n in rng.choice(len(one.traits), self._candidates)]
-        crops = [turned(one.crops[n], int(rng.integers(4)), bool(rng.random() < 0.5)) for one, n in rows]
-        truth, weight = zip(*(_asked(one, n, pairs) for one, n in rows), strict=True)
-        phrases = tuple(varied(self._phrase(*pair), pair[1], rng) for pair in pairs)
-        traits = np.stack([blurred(one.traits[n], rng) for one, n in rows])
-        return PartsBatch(np.stack(crops), traits, phrases, np.stack(truth), np.stack(weight))
+        crops = [rotate_crops(one.crops[n], int(rng.integers(4)), bool(rng.random() < 0.5)) for one, n in rows]
+        truth, weight = zip(*(_pair_targets(one, n, pairs) for one, n in rows), strict=True)
+        phrases = tuple(augment_phrase(self._phrase(*pair), pair[1], rng) for pair in pairs)
+        traits = np.stack([augment_traits(one.traits[n], rng) for one, n in rows])
+        return ScorerBatch(np.stack(crops), traits, phrases, np.stack(truth), np.stack(weight))
 
-    def loss(self, model: nn.Module, batch: PartsBatch) -> dict[str, Tensor]:
+    def loss(self, model: nn.Module, batch: ScorerBatch) -> dict[str, Tensor]:
         """Cross-entropy of both answers, weighted."""
         logits = model(torch.from_numpy(batch.crops).float() / 255, torch.from_numpy(batch.traits), batch.phrases)
         weight = torch.from_numpy(batch.weight)[..., None]
@@ -101,16 +101,17 @@ class PartsTask:
         return np.asarray(logits[..., 0].sigmoid().numpy())
 
 
-def blurred(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def augment_traits(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """The numbers of a candidate (r,), its form with a little noise or, often, none at all: numbers so exact would tell which
     object it is, and pictures would not be looked at.
     """
     out = traits.copy()
-    out[-len(FORM) :] = 0 if rng.random() < FORMLESS else out[-len(FORM) :] + rng.normal(0, NOISE, len(FORM))
+    count = len(SHAPE_FEATURES)
+    out[-count:] = 0 if rng.random() < FORMLESS else out[-count:] + rng.normal(0, NOISE, count)
     return out
 
 
-def varied(phrase: str, part: str, rng: np.random.Generator) -> str:
+def augment_phrase(phrase: str, part: str, rng: np.random.Generator) -> str:
     """A phrase such as 'the blade of a saw, a long flat thin plate at the end': whole, with names that mean nothing, only how it
     looks, only what it is, or only the part. Of a thing that is new, its looks must tell.
     """
@@ -126,7 +127,7 @@ def _nonsense(rng: np.random.Generator) -> str:
     return "".join(rng.choice(LETTERS, int(rng.integers(4, 9))))
 
 
-def _asked(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) -> tuple[np.ndarray, np.ndarray]:
+def _pair_targets(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) -> tuple[np.ndarray, np.ndarray]:
     """(k, 2) truth and (k,) weight of candidate n for each pair: its own parts count fully, those of other things a little, unless
     they have the name of one of its own.
     """

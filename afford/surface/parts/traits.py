@@ -8,7 +8,7 @@ from schemas.mesh import ObjectViews
 from schemas.surface import PartCandidates
 
 
-def traits(views: ObjectViews, candidates: PartCandidates, thickness: np.ndarray) -> np.ndarray:
+def mask_traits(views: ObjectViews, candidates: PartCandidates, thickness: np.ndarray) -> np.ndarray:
     """(m, 4) float32, all within about -1..1: share of what the view shows of the object, elongation of the mask, thickness of the
     object behind it (f,) over that of the whole view, and how much the mask stands out.
     """

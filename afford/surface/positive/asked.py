@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.files import copy_folder, empty_folder
-from afford.surface.positive.words import in_words
+from afford.surface.positive.words import as_narration
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 
 
-def asker(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
+def load_region_predictor(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
     """A picture (h, w, 3) of a thing of this category and a task -> (h, w) bool where any hand that the model takes belongs."""
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)))
 
     def ask(rgb: np.ndarray, task: str) -> np.ndarray:
-        found = predictor.predict(rgb, in_words(task, category))
+        found = predictor.predict(rgb, as_narration(task, category))
         return found.mask(0) | found.mask(1)
 
     return ask

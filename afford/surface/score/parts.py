@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from afford.surface.parts import files
-from afford.surface.parts.lessons import seen
+from afford.surface.parts.lessons import scorer_inputs
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
@@ -22,8 +22,8 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
     looks = tuple(phrase.partition(", ")[2] or phrase for phrase in phrases)
     found = np.zeros((len(candidates.view), len(phrases), 2), np.float32)
     if found.size:
-        model = files.read(scorer).eval()
-        crops, traits = seen(mesh, views, candidates)
+        model = files.load_scorer(scorer).eval()
+        crops, traits = scorer_inputs(mesh, views, candidates)
         with torch.inference_mode():
             for at in range(0, len(crops), AT_ONCE):
                 some = slice(at, at + AT_ONCE)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.surface.segments.features import Features
+from afford.surface.segments.features import FaceFeatures
 
 MERGE = 1e-6
 """corners nearer than this share of the object's size are one place"""
 
 
 @dataclass(frozen=True)
-class Weights:
+class BorderWeights:
     """What counts how much."""
 
     concave: float = 1.0
@@ -35,7 +35,7 @@ class Borders:
     strength: np.ndarray
 
     @staticmethod
-    def of(vertices: np.ndarray, faces: np.ndarray, features: Features, weights: Weights) -> Borders:
+    def of(vertices: np.ndarray, faces: np.ndarray, features: FaceFeatures, weights: BorderWeights) -> Borders:
         """Of every pair of faces that share an edge; corners at one place are one."""
         pair, length = shared_edges(vertices, faces)
         a, b = pair.T

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.render.views.surface import Rays, areas
+from afford.render.views.surface import Rays, face_areas
 from schemas.mesh import ObjectMesh
 
 CONE = 7
@@ -18,7 +18,7 @@ COLOUR_PX = 512
 
 
 @dataclass(frozen=True, eq=False)
-class Features:
+class FaceFeatures:
     """Per face: `middle` (f, 3) and `normal` (f, 3) float64, `area` (f,) m^2, `colour` (f, 3) float32 CIE Lab, `thickness` (f,) m,
     median length of rays into the object.
     """
@@ -27,18 +27,18 @@ class Features:
     normal: np.ndarray
     area: np.ndarray
     colour: np.ndarray
-    thickness: np.ndarray
+    shape_diameter: np.ndarray
 
     @staticmethod
-    def of(mesh: ObjectMesh) -> Features:
+    def of(mesh: ObjectMesh) -> FaceFeatures:
         """Of every face."""
         corner = mesh.vertices[mesh.faces].astype(np.float64)
-        area, normal = areas(corner)
+        area, normal = face_areas(corner)
         middle = corner.mean(1)
-        return Features(middle, normal, area, colours(mesh), thickness(mesh, middle, normal))
+        return FaceFeatures(middle, normal, area, face_colours(mesh), shape_diameter(mesh, middle, normal))
 
 
-def colours(mesh: ObjectMesh) -> np.ndarray:
+def face_colours(mesh: ObjectMesh) -> np.ndarray:
     """(f, 3) float32 CIE Lab of the texture in the middle of each face."""
     scale = min(1.0, COLOUR_PX / max(mesh.texture.shape[:2]))
     size = tuple(max(1, round(side * scale)) for side in mesh.texture.shape[1::-1])
@@ -50,7 +50,7 @@ def colours(mesh: ObjectMesh) -> np.ndarray:
     return np.asarray(found[:, 0])
 
 
-def thickness(mesh: ObjectMesh, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
+def shape_diameter(mesh: ObjectMesh, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(f,) float64 metres to the other side: median of a cone of rays inwards (shape diameter, Shapira et al. 2008)."""
     rays, size = Rays(mesh.vertices, mesh.faces), float(np.ptp(mesh.vertices, axis=0).max())
     found = np.full((CONE, len(middle)), size)

@@ -7,7 +7,7 @@ import numpy as np
 from schemas.surface import PartCandidates
 
 
-def suppress(masks: np.ndarray, quality: np.ndarray, iou: float, most: int) -> np.ndarray:
+def nms(masks: np.ndarray, quality: np.ndarray, iou: float, most: int) -> np.ndarray:
     """(k,) indices of masks (m, ...) bool, best first, of which no two overlap by more than `iou`; at most `most`.
 
     Equally good ones keep their order. Empty masks are left out.
@@ -28,7 +28,7 @@ def _overlap(a: np.ndarray, b: np.ndarray, size_a: int, size_b: int) -> float:
     return both / max(size_a + size_b - both, 1)
 
 
-def collected(name: str, found: list[tuple[int, np.ndarray, float]], size: tuple[int, ...]) -> PartCandidates:
+def collect_candidates(name: str, found: list[tuple[int, np.ndarray, float]], size: tuple[int, ...]) -> PartCandidates:
     """(view, mask, quality) of all views as one value."""
     masks = np.stack([mask for _, mask, _ in found]) if found else np.zeros((0, *size), bool)
     quality = np.array([quality for *_, quality in found], np.float32).clip(0, 1)

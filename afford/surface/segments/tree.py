@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.surface.segments.borders import Borders
-from afford.surface.segments.features import Features
+from afford.surface.segments.features import FaceFeatures
 
 COLOUR, THICKNESS = 0.012, 0.35
 """how much regions differ in the mean, for a unit of CIE Lab and for a factor e of thickness, beside the border between them"""
@@ -21,7 +21,7 @@ SMALL = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class RegionTree:
     """Node n < r is a region, others are merges. `leaf` (f,) int32 region of each face; `children` (m - r, 2) int32 of each merge;
     `persistence` (m,) float32 0..1; `share` (m,) of the area.
     """
@@ -41,18 +41,18 @@ class Tree:
         return out
 
 
-def grow(leaf: np.ndarray, borders: Borders, features: Features) -> Tree:
+def merge_regions(leaf: np.ndarray, borders: Borders, features: FaceFeatures) -> RegionTree:
     """The tree above the regions (f,); pieces that touch nowhere are merged last."""
-    regions = _Regions(leaf, borders, features)
+    regions = _RegionMerger(leaf, borders, features)
     while regions.queue:
         regions.step()
     return regions.tree(leaf)
 
 
-class _Regions:
+class _RegionMerger:
     """What is known of the regions while they merge: sums that add up, borders, and a queue of possible merges."""
 
-    def __init__(self, leaf: np.ndarray, borders: Borders, features: Features) -> None:
+    def __init__(self, leaf: np.ndarray, borders: Borders, features: FaceFeatures) -> None:
         count = int(leaf.max()) + 1
         self.area = list(np.bincount(leaf, features.area, count))
         traits = np.column_stack([features.colour * COLOUR, np.log(features.thickness) * THICKNESS])
@@ -77,7 +77,7 @@ class _Regions:
         for other in self.touch[new]:
             heapq.heappush(self.queue, (self._cost(new, other), other, new))
 
-    def tree(self, leaf: np.ndarray) -> Tree:
+    def tree(self, leaf: np.ndarray) -> RegionTree:
         """What came of it. Pieces that are left over are joined at the cost of the most expensive merge."""
         rest = sorted(self.alive)
         last = max([*self.born, 1e-9])
@@ -86,7 +86,7 @@ class _Regions:
         self.died[rest[0]] = self.born[rest[0]]
         persistence = (np.array(self.died) - np.array(self.born)) / last
         children = np.array(self.children, np.int32).reshape(-1, 2)
-        return Tree(leaf, children, persistence.clip(0, 1).astype(np.float32), np.array(self.area) / self.total)
+        return RegionTree(leaf, children, persistence.clip(0, 1).astype(np.float32), np.array(self.area) / self.total)
 
     def _merge(self, i: int, j: int, cost: float) -> int:
         new = len(self.area)

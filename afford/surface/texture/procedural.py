@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from afford.surface.meshes.texture import texture as painted
+from afford.surface.meshes.texture import paint_regions as painted
 from afford.surface.texture import Procedural
 from schemas.mesh import ObjectMesh
 
