@@ -18,7 +18,7 @@ from pathlib import Path
 from afford.common.files import tree
 from afford.grasping.candidates.comparison_report import table
 from afford.grasping.hand.assets import shadow_files
-from afford.surface.negative.files import task_slug
+from afford.surface.negative.export import task_slug
 from afford.synthetic.objects.split import specs
 from benchmarks.pages import ROOT, into
 from schemas.files import FileTree

@@ -17,8 +17,8 @@ from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.examine import Examined, examine
-from afford.surface.meshes.files import URDF
-from afford.surface.meshes.references import is_mesh
+from afford.surface.meshes.read import is_mesh
+from afford.surface.meshes.surface import URDF
 from commands.errors import UsageError, unknown
 from commands.settings import settings
 from maps.settings import Settings

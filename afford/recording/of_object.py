@@ -21,7 +21,7 @@ from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud, entity, scene, triangles
 from afford.recording.topics import channel, image, image_channel, log, stamped
-from afford.surface.negative.files import probability_colours, task_slug
+from afford.surface.negative.export import probability_colours, task_slug
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 

@@ -19,7 +19,7 @@ from afford.recording.of_object import FRAME, OPACITY, STEP_NS, VIEW
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud
 from afford.recording.topics import channel, image, image_channel, stamped
-from afford.surface.negative.files import task_slug
+from afford.surface.negative.export import task_slug
 from schemas.affordance import TAXONOMY
 from schemas.mesh import ObjectViews
 from schemas.surface import PositiveAffordance, PositiveAffordances

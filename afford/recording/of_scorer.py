@@ -10,8 +10,8 @@ from afford.common.image_files import jpeg
 from afford.recording.content import Recording
 from afford.recording.of_training import Shown, at, record
 from afford.recording.topics import SECOND_NS
-from afford.surface.parts.model import PartScorer
-from afford.surface.parts.shown import part_accuracy, predict_shares, preview_sheet
+from afford.surface.score.part_scorer import PartScorer
+from afford.surface.score.preview import part_accuracy, predict_shares, preview_sheet
 from schemas.surface import PartLessons
 from schemas.training import TrainingLog
 

@@ -59,7 +59,7 @@ def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, 
     from afford.grasping.candidates.compare import Subject, Trials, compare
     from afford.grasping.candidates.find import Wish
     from afford.grasping.candidates.render_view import Eye
-    from afford.surface.positive.asked import load_region_predictor
+    from afford.surface.positive.predict import load_region_predictor
 
     ask = load_region_predictor(model, mesh.category, ctx.scratch / "model") if model.files else None
     eye, wish = Eye(down_deg=params.down_deg, noise_m=params.noise_m), Wish(places=params.places, span_m=params.span_m, count=1)

@@ -37,7 +37,7 @@ def run(lessons: tuple[PartLessons, ...], log: TrainingLog, files: FileTree, par
     from afford.recording.files import as_tree, write
     from afford.recording.of_scorer import scorer
     from afford.recording.provenance import of_files, with_parameters
-    from afford.surface.parts.files import load_scorer
+    from afford.surface.score.part_scorer import load_scorer
 
     if not log.curves:
         raise ValueError(f"{log.name}: expected curves to record, got none")

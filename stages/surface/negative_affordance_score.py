@@ -37,10 +37,9 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` is that of a procedural one."""
     from afford.common.image_files import encode_jpeg
-    from afford.surface.describe.lexicon import negative_parts
-    from afford.surface.describe.rules import known_category
+    from afford.surface.describe.lexicon import known_category, negative_parts
     from afford.surface.negative.score import PartTruth, ScoredMasks, score
-    from afford.surface.negative.sheet import QUALITY, sheet_row
+    from afford.surface.negative.score_report import QUALITY, sheet_row
 
     kind, split, look = known_category(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
     true = {one.task: negative_parts(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}

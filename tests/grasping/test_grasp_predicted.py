@@ -15,7 +15,7 @@ from afford.grasping.env.evaluate import Round, Still, play
 from afford.grasping.env.task import Task, of
 from afford.grasping.evaluate.comparisons import agreement
 from afford.grasping.evaluate.evaluate_policy import FIGURES
-from afford.surface.negative.distance import distance_to_points
+from afford.surface.negative.project import distance_to_points
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.episodes import GraspEpisodes

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.surface.parts.lessons import part_targets
+from afford.surface.score.samples import part_targets
 from maps.settings import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores

@@ -18,9 +18,9 @@ from afford.recording.content import EPOCH_NS
 from afford.recording.moments import moments
 from afford.recording.of_training import Shown, record
 from afford.recording.sheet import write_sheet
-from afford.surface.parts import files as parts_files
-from afford.surface.parts import train as parts
-from afford.surface.parts.model import PartScorerConfig
+from afford.surface.score import part_scorer as parts_files
+from afford.surface.score import train_scorer as parts
+from afford.surface.score.part_scorer import PartScorerConfig
 from schemas.files import FileTree
 from schemas.surface import PartLessons
 from schemas.training import Curve, TrainingLog

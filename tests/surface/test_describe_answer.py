@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afford.surface.describe.answer import json_objects, parse_answer
+from afford.surface.describe.lexicon import look_up
 from afford.surface.describe.looks import LOOKS, LOOKS_OF
-from afford.surface.describe.question import LOOK_WORDS, part_prompt
-from afford.surface.describe.rules import look_up
+from afford.surface.describe.prompt import LOOK_WORDS, json_objects, parse_answer, part_prompt
 from schemas.surface import PartDescription
 
 BLADE = {"part": "Cutting edge", "role": "negative", "looks": "a long flat thin plate", "reason": "It cuts.", "confidence": 0.9,

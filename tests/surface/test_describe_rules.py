@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.describe.lexicon import LEXICON, TASKS, negative_parts, role_changes, rule
+from afford.surface.describe.lexicon import LEXICON, TASKS, ParsedTask, look_up, negative_parts, parse_task, role_changes, rule
 from afford.surface.describe.looks import PARTS, part_phrase
-from afford.surface.describe.rules import look_up
-from afford.surface.describe.task import ParsedTask, parse_task
-from afford.surface.parts.model import PartScorerConfig
+from afford.surface.score.part_scorer import PartScorerConfig
 from afford.synthetic.objects.build import BUILDERS
 from schemas.surface import PartDescription
 

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 
 from afford.models.chat_model import ChatModel, inputs, load_model, reply
 from afford.render.views.draw import contact_sheet, sheet_labels
-from afford.surface.describe.question import part_prompt
+from afford.surface.describe.prompt import part_prompt
 from stages.surface import part_describe
 from tests.helpers.blocks import changed
 from tests.helpers.chat_server import GOOD

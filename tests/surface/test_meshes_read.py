@@ -10,12 +10,12 @@ import pytest
 import trimesh
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.bake import sample_texture
-from afford.surface.meshes.files import resolve_reference
 from afford.surface.meshes.gltf import _tinted, linear, srgb
+from afford.surface.meshes.mend import infer_unit
 from afford.surface.meshes.nearest import NearestSurface
 from afford.surface.meshes.read import read_surface
-from afford.surface.meshes.units import infer_unit
+from afford.surface.meshes.surface import resolve_reference
+from afford.surface.meshes.texture import sample_texture
 from schemas.mesh import ObjectMesh, ReadMesh
 from tests.helpers.fuzz_meshes import write_gltf
 from tests.helpers.mesh_files import SIZE_M, box, checks, mended, places, planar_uv, tree, write_image, write_obj
@@ -274,7 +274,7 @@ def test_references_never_leave_the_source(reference: str) -> None:
 def test_scans_pass_with_their_texture(name: str) -> None:
     """Same texels, same surface, and the place that the URDF says."""
     found = mended(SCANS, name, texture_px=2048)
-    from afford.surface.meshes.files import decode_picture
+    from afford.surface.meshes.surface import decode_picture
     raw = decode_picture((SCANS / name / "texture_map.png").read_bytes(), name)
     assert np.array_equal(found.mesh.texture, raw) and 16_000 <= len(found.mesh.faces) <= 16_384
     assert 0.02 < np.linalg.norm(found.report.size_m) < 0.5 and found.report.unit == "m"

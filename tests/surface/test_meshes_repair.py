@@ -10,13 +10,13 @@ import trimesh
 
 from afford.common.errors import SourceError
 from afford.render.solids import grid_faces
-from afford.surface.meshes.bake import rasterise, sample_texture
 from afford.surface.meshes.charts import unwrap
 from afford.surface.meshes.mend import read_repaired
 from afford.surface.meshes.nearest import NearestSurface
 from afford.surface.meshes.net import bodies, watertight
 from afford.surface.meshes.orient import winding_number
 from afford.surface.meshes.repair import Counts, repair
+from afford.surface.meshes.texture import rasterise, sample_texture
 from tests.helpers.mesh_files import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
 
 

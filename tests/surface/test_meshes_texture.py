@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.meshes.bake import sample_texture
-from afford.surface.meshes.materials import wave_noise
-from afford.surface.meshes.regions import main_axis, shape_regions, thickness
-from afford.surface.meshes.texture import paint_regions
+from afford.surface.meshes.texture import sample_texture
+from afford.surface.texture.procedural import paint_regions, wave_noise
+from afford.surface.texture.shape_regions import main_axis, shape_regions, thickness
 from tests.helpers.mesh_files import box, places
 
 

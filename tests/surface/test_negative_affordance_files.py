@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.negative.files import probability_colours, task_slug
+from afford.surface.negative.export import probability_colours, task_slug
 from schemas.files import FileTree
 from stages.surface import negative_affordance_files
 from tests.helpers.made_objects import looked, projected

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.negative.distance import distance_to_points, interpolate_field
+from afford.surface.negative.project import distance_to_points, interpolate_field
 from stages.surface import negative_affordance_projection
 from tests.helpers.made_objects import looked, projected, true_scores
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.negative.distance import distance_field, distance_to_points, interpolate_field
+from afford.surface.negative.project import distance_field, distance_to_points, interpolate_field
 from tests.helpers.made_meshes import ball
 
 

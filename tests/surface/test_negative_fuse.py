@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.negative.fuse import part_posterior, pixel_probability
+from afford.surface.negative.project import part_posterior, pixel_probability
 from schemas.surface import PartCandidates, PartDescription, PartNote, PartScores
 
 

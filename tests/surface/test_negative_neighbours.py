@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.negative.neighbours import face_adjacency, harmonic_fill
+from afford.surface.negative.project import face_adjacency, harmonic_fill
 from tests.helpers.made_meshes import ball
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.negative.votes import cos_incidence, vote_on_faces
+from afford.surface.negative.project import cos_incidence, vote_on_faces
 from schemas.mesh import ObjectMesh, ObjectViews
 from stages.surface import view_render
 from tests.helpers.made_meshes import as_object, ball, ring, slotted

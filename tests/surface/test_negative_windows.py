@@ -9,11 +9,10 @@ import pytest
 
 from afford.common.masks import box
 from afford.render.views.plan import SIX
-from afford.surface.candidates.grid import windows
 from afford.surface.negative import baselines
-from afford.surface.negative.coarse import box_iou, coarse_box, mask_in_box
-from afford.surface.negative.fuse import split_by_task
-from afford.surface.negative.relevance import relevance
+from afford.surface.negative.baselines import box_iou, coarse_box, mask_in_box, relevance
+from afford.surface.negative.project import split_by_task
+from afford.surface.proposals.grid import windows
 from schemas.surface import PartCandidates, PartScores
 from tests.helpers.blocks import changed
 from tests.helpers.made_objects import GRID, looked, true_scores

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.parts.crops import CHANNELS, EVEN, SIZE, MaskCropper, rotate_crops
-from afford.surface.parts.traits import mask_traits
-from afford.surface.segments.features import FaceFeatures
+from afford.surface.face_features import FaceFeatures
+from afford.surface.score.samples import CHANNELS, EVEN, SIZE, MaskCropper, rotate_crops
+from afford.surface.score.shape_features import mask_traits
 from tests.helpers.made_objects import looked
 
 

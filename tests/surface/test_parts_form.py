@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.surface.parts.form import SHAPE_FEATURES, shape_features
-from afford.surface.parts.lessons import part_targets
-from afford.surface.segments.features import FaceFeatures
+from afford.surface.face_features import FaceFeatures
+from afford.surface.score.samples import part_targets
+from afford.surface.score.shape_features import SHAPE_FEATURES, shape_features
 from tests.helpers.made_objects import looked
 
 

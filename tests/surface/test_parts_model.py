@@ -10,11 +10,10 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.surface.parts import files
-from afford.surface.parts.crops import SIZE
-from afford.surface.parts.lessons import part_targets
-from afford.surface.parts.model import TRAITS, PartScorer, PartScorerConfig
-from afford.surface.parts.train import init_scorer
+from afford.surface.score import part_scorer
+from afford.surface.score.part_scorer import TRAITS, PartScorer, PartScorerConfig
+from afford.surface.score.samples import SIZE, part_targets
+from afford.surface.score.train_scorer import init_scorer
 from tests.helpers.made_objects import looked
 
 TINY = PartScorerConfig(widths=(8, 8, 8, 8), width=16, text_buckets=64)
@@ -55,23 +54,23 @@ def test_words_that_it_never_learned_are_scored() -> None:
 def test_files_give_the_same_scorer(tmp_path: Path) -> None:
     """To the bit, its config included."""
     model = init_scorer(TINY, 3).eval()
-    found = files.load_scorer(tree("scorer", files.save_scorer(tmp_path, model, "# card\n"))).eval()
+    found = part_scorer.load_scorer(tree("scorer", part_scorer.save_scorer(tmp_path, model, "# card\n"))).eval()
     assert found.config == TINY and torch.equal(found(*inputs(), PHRASES), model(*inputs(), PHRASES))
 
 
 def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     """A missing file, another format, weights of another size: each by name."""
-    root = files.save_scorer(tmp_path, init_scorer(TINY, 0), "# card\n")
-    (root / files.WEIGHTS).rename(root / "weights")
+    root = part_scorer.save_scorer(tmp_path, init_scorer(TINY, 0), "# card\n")
+    (root / part_scorer.WEIGHTS).rename(root / "weights")
     with pytest.raises(ValueError, match=r"expected model.safetensors of a trained scorer, got .*card.md"):
-        files.load_scorer(tree("scorer", root))
-    other = files.save_scorer(tmp_path / "other", PartScorer(replace(TINY, width=8)), "# card\n")
-    (other / files.WEIGHTS).rename(root / files.WEIGHTS)
+        part_scorer.load_scorer(tree("scorer", root))
+    other = part_scorer.save_scorer(tmp_path / "other", PartScorer(replace(TINY, width=8)), "# card\n")
+    (other / part_scorer.WEIGHTS).rename(root / part_scorer.WEIGHTS)
     with pytest.raises(ValueError, match=r"expected the weights that config.json describes"):
-        files.load_scorer(tree("scorer", root))
-    (root / files.CONFIG).write_text('{"format": "something"}')
+        part_scorer.load_scorer(tree("scorer", root))
+    (root / part_scorer.CONFIG).write_text('{"format": "something"}')
     with pytest.raises(ValueError, match="expected \"format\": \"afford-parts-2\""):
-        files.load_scorer(tree("scorer", root))
+        part_scorer.load_scorer(tree("scorer", root))
 
 
 def test_truth_counts_pixels() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from afford.surface.negative import baselines
-from afford.surface.negative.fuse import part_posterior, split_by_task
-from afford.surface.negative.relevance import relevance
+from afford.surface.negative.baselines import relevance
+from afford.surface.negative.project import part_posterior, split_by_task
 from afford.surface.score import Clip
 from afford.surface.score.clip import highlighted
 from schemas.files import FileTree

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.segments.borders import Borders, BorderWeights, shared_edges
-from afford.surface.segments.features import FaceFeatures, face_colours
-from afford.surface.segments.oversegment import oversegment
-from afford.surface.segments.suppress import nms
-from afford.surface.segments.tree import RegionTree, merge_regions
+from afford.surface.face_features import Borders, BorderWeights, FaceFeatures, face_colours, shared_edges
+from afford.surface.proposals.nms import nms
+from afford.surface.proposals.regions import RegionTree, merge_regions, oversegment
 from schemas.mesh import ObjectMesh
 from tests.helpers.made_meshes import as_object, ball, cut_up, shell
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from afford.surface.parts import card as parts_card
-from afford.surface.parts import train as parts
-from afford.surface.parts.model import PartScorerConfig
+from afford.surface.score import train_scorer as parts
+from afford.surface.score import train_scorer as parts_card
+from afford.surface.score.part_scorer import PartScorerConfig
 from afford.training.loop import deterministic, train
 from afford.training.params import Plan
 from afford.training.state import TrainingState

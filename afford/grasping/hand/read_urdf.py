@@ -11,10 +11,9 @@ import numpy as np
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
 from afford.grasping.hand.tree import GREY, Coupling, Joint, Link, Shape, Tree, ordered
-from afford.surface.meshes.files import URDF, suffix
-from afford.surface.meshes.files import decode_text as file_text
 from afford.surface.meshes.read import read_mesh
-from afford.surface.meshes.surface import Surface, check_triangles, transform_surface
+from afford.surface.meshes.surface import URDF, Surface, check_triangles, suffix, transform_surface
+from afford.surface.meshes.surface import decode_text as file_text
 from afford.surface.meshes.urdf import mesh_file, numbers, origin, parse
 from schemas.files import FileRef, FileTree
 

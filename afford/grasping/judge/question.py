@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw
 
 from afford.common.drawing import font
 from afford.common.palette import INK, PAPER
-from afford.surface.describe.answer import ADVICE, QUOTED, json_objects
+from afford.surface.describe.prompt import ADVICE, QUOTED, json_objects
 
 COLUMNS, LINE_PX = 4, 20
 LEAST, MOST = 1.0, 10.0

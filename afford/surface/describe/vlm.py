@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from afford.models.chat_model import load_model, reply
 from afford.render.views.draw import contact_sheet, sheet_labels
-from afford.surface.describe import Vlm, answer
-from afford.surface.describe.question import part_prompt
+from afford.surface.describe import Vlm, prompt
+from afford.surface.describe.prompt import part_prompt
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 
@@ -17,4 +17,4 @@ def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm) -> Pa
     asked = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     model = load_model(params.model, params.device, params.dtype)
     said = reply(model, asked, contact_sheet(views, params.views), params.new_tokens)
-    return answer.parse_answer(said, mesh.name, task, "vlm")
+    return prompt.parse_answer(said, mesh.name, task, "vlm")

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.net import area_normals, connected_labels, shared_edges
+from afford.surface.meshes.net import MeshError, area_normals, connected_labels, shared_edges
 
 GAP_PX = 4
 """texels between charts"""

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries, refuse_link
-from afford.surface.meshes.files import LABELS, URDF
-from afford.surface.meshes.references import collision_meshes, is_mesh, referenced_files
+from afford.surface.meshes.read import collision_meshes, is_mesh, referenced_files
+from afford.surface.meshes.surface import LABELS, URDF
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]

@@ -18,8 +18,15 @@ from trimesh.transformations import quaternion_matrix
 
 from afford.common.errors import SourceError
 from afford.common.text import parse_json
-from afford.surface.meshes.files import PictureCache, decode_picture, find_reference
-from afford.surface.meshes.surface import Surface, check_triangles, join_surfaces, transform_surface
+from afford.surface.meshes.surface import (
+    PictureCache,
+    Surface,
+    check_triangles,
+    decode_picture,
+    find_reference,
+    join_surfaces,
+    transform_surface,
+)
 from schemas.files import FileRef, FileTree
 
 MAGIC, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+import fast_simplification
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.bake import bake_texture
-from afford.surface.meshes.category import category_of
 from afford.surface.meshes.charts import unwrap
-from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.files import main_file
 from afford.surface.meshes.nearest import NearestSurface
-from afford.surface.meshes.net import EditMesh, bodies, watertight
-from afford.surface.meshes.paint import BAKED_PX, FaceColours, bake_colours, face_colours
+from afford.surface.meshes.net import EditMesh, MeshError, bodies, edit_mesh, watertight
 from afford.surface.meshes.parts import read_labels
 from afford.surface.meshes.read import read_surface
-from afford.surface.meshes.repair import Counts, RepairLimits, repair
-from afford.surface.meshes.simplify import simplify
-from afford.surface.meshes.units import METRES, infer_unit
+from afford.surface.meshes.repair import Counts, RepairLimits, drop_empty, drop_repeated, repair
+from afford.surface.meshes.surface import main_file
+from afford.surface.meshes.texture import BAKED_PX, FaceColours, bake_colours, bake_texture, face_colours
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, MeshReport, ObjectMesh, ReadMesh, Repair
 
@@ -100,3 +98,62 @@ def _report(name: str, source: str, unit: tuple[str, str], done: Counts, piece: 
     return MeshReport(name, source, *unit, METRES[unit[0]], tuple(Repair(what, int(count)) for what, count in done),
                       piece.deviation_m, watertight(piece.faces), int(bodies(piece.faces).max()) + 1,
                       (float(size[0]), float(size[1]), float(size[2])))
+
+
+def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(v, 3) float64 and (f, 3) int64 of about `count` faces. MeshError when the surface cannot be made that simple."""
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    points, triangles = fast_simplification.simplify(np.ascontiguousarray(vertices / size), np.ascontiguousarray(faces, np.int32),
+                                                     target_count=count)
+    net, _ = drop_empty(edit_mesh(np.asarray(points, np.float64) * size, np.asarray(triangles, np.int64)))
+    net, _ = drop_repeated(net)
+    if not 0 < len(net.faces) <= 1.1 * count:
+        raise MeshError(f"a surface that {count} faces can show", f"one that keeps {len(net.faces)} of {len(faces)}",
+                    "it is in too many pieces: simplify it by hand, drop more dust, or raise max_faces")
+    net = net.compact()
+    return net.vertices, net.faces
+
+
+def name_words(name: str) -> list[str]:
+    """Words of a file name in small letters: '025_phillipsScrewdriver' -> phillips, screwdriver."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", spaced)]
+
+
+def category_of(name: str, categories: Iterable[str]) -> str:
+    """The category whose words stand in the name, '' for none. The last one counts ('kettle_brush' is a brush), the longest of
+    those that end there.
+    """
+    said = name_words(name)
+    best = (0, 0, "")
+    for category in categories:
+        wanted = name_words(category)
+        for k in range(len(said) - len(wanted) + 1):
+            if wanted and said[k : k + len(wanted)] == wanted:
+                best = max(best, (k + len(wanted), len(wanted), category))
+    return best[2]
+
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+SMALLEST_M, LARGEST_M = 0.02, 2.0
+"""diagonals between which a thing is handled"""
+
+
+def infer_unit(diagonal: float, unit: str, stated: str, name: str) -> str:
+    """Unit of a mesh whose bounding box has this diagonal.
+
+    `unit` is what the user says ('auto': nothing), `stated` what the format says. Without either it is metres when that gives
+    a handled thing, else the only unit that does. SourceError where nothing fits, or several do.
+    """
+    if unit != "auto":
+        if unit not in METRES:
+            raise ValueError(f"unit: expected auto, {', '.join(METRES)}, got {unit!r}")
+        return unit
+    fits = [word for word, metres in METRES.items() if SMALLEST_M <= diagonal * metres <= LARGEST_M]
+    if stated in fits or (not stated and "m" in fits):
+        return stated or "m"
+    if not stated and len(fits) == 1:
+        return fits[0]
+    sizes = ", ".join(f"{diagonal * METRES[word]:.3g} m if in {word}" for word in fits or METRES)
+    raise SourceError(name, f"a diagonal of {SMALLEST_M:g} to {LARGEST_M:g} m in {stated or 'one unit only'}",
+                      f"{diagonal:.6g} ({sizes})", f"say which with unit = {', '.join(fits or METRES)}")

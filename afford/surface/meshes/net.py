@@ -86,3 +86,11 @@ def watertight(faces: np.ndarray) -> bool:
     edges = directed_edges(faces)
     return bool(len(faces) and 2 * len(pairs) == len(edges) and not len(open_edges)
                 and (edges[pairs[:, 0], 0] == edges[pairs[:, 1], 1]).all())
+
+
+class MeshError(ValueError):
+    """What was expected of a mesh, what was got, what to do."""
+
+    def __init__(self, expected: str, got: str, fix: str) -> None:
+        super().__init__(f"expected {expected}, got {got}; {fix}")
+        self.expected, self.got, self.fix = expected, got, fix

@@ -10,8 +10,7 @@ import numpy as np
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
 from afford.common.text import json_field, parse_json
-from afford.surface.meshes.files import LABELS
-from afford.surface.meshes.surface import Surface
+from afford.surface.meshes.surface import LABELS, Surface
 from schemas.files import FileTree
 
 FIX = "see docs/surface/mesh-format.md"

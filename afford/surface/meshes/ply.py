@@ -13,8 +13,7 @@ from trimesh.exchange.stl import load_stl
 
 from afford.common.bounded import reason
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import decode_picture, find_reference
-from afford.surface.meshes.surface import Surface, check_corners, plain_surface, with_corner_colours
+from afford.surface.meshes.surface import Surface, check_corners, decode_picture, find_reference, plain_surface, with_corner_colours
 from schemas.files import FileRef, FileTree
 
 HEADER_BYTES = 1 << 16

@@ -14,8 +14,18 @@ from trimesh.transformations import euler_matrix
 
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import SCHEME, PictureCache, decode_text, find_reference, resolve_reference
-from afford.surface.meshes.surface import Surface, check_triangles, join_surfaces, plain_surface, transform_surface
+from afford.surface.meshes.surface import (
+    SCHEME,
+    PictureCache,
+    Surface,
+    check_triangles,
+    decode_text,
+    find_reference,
+    join_surfaces,
+    plain_surface,
+    resolve_reference,
+    transform_surface,
+)
 from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]

@@ -4,13 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 
+from afford.common.masks import Box, box
 from afford.render.views.plan import SIX, cardinal_views
-from afford.surface.negative.coarse import coarse_box, mask_in_box
-from afford.surface.negative.project import project_to_faces
-from afford.surface.negative.relevance import RELEVANT, relevance
-from afford.surface.negative.votes import cos_incidence
+from afford.surface.negative.project import cos_incidence, part_posterior, project_to_faces, weighted_pixel_mean
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescription, PartScores
+
+LEAST = 0.85
+"""a window belongs to the box when its fit is at least this share of the best one's; chosen on the objects that judge the scorer's
+training, where more does the same and less does worse"""
+
+
+def coarse_box(windows: np.ndarray, fit: np.ndarray) -> Box:
+    """The box around those of the windows (m, h, w) bool of a view that fit a part well, `fit` (m,) 0..1; m is 1 or more."""
+    return box(windows[fit >= LEAST * fit.max()].any(0))
+
+
+def mask_in_box(asked: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
+    """(h, w) bool: of the masks (m, h, w) of a view and the silhouette `on` (h, w), that whose box is most like the one asked for;
+    of equals the first.
+    """
+    offered = [*masks, on]
+    return np.asarray(offered[int(np.argmax([box_iou(asked, box(mask)) for mask in offered]))])
+
+
+def box_iou(a: Box, b: Box) -> float:
+    """IoU of two boxes; 0 where both are empty."""
+    both = np.prod([max(0, min(p.stop, q.stop) - max(p.start, q.start)) for p, q in zip(a, b, strict=True)])
+    size = sum(int(np.prod([side.stop - side.start for side in one])) for one in (a, b))
+    return float(both / max(size - both, 1))
+
+
+RELEVANT = 0.4
+"""relevance above which a pixel is negative; chosen on the objects that judge the scorer's training, where anything from 0.3 to 0.5
+does nearly the same"""
+
+
+def relevance(windows: PartCandidates, scores: PartScores, description: PartDescription,
+              shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Relevance (n, h, w) float32 0..1 of each pixel, and the number of windows (n, h, w) that hold it. A window that fits no part
+    is relevant for none.
+    """
+    value, counts = part_posterior(scores, description)
+    return weighted_pixel_mean(windows, np.where(counts > 0, value, 0), np.ones_like(value), shape)
+
 
 COARSE = 3
 """the paper's z-buffer has a third of the views' size"""

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.common.geometry import sample_surface
 from afford.surface.negative import baselines
-from afford.surface.negative.fuse import split_by_task
+from afford.surface.negative.project import split_by_task
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordances, NegativeScore, PartCandidates, PartDescriptions, PartScores
 

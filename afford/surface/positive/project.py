@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.negative.project import DENSE, project_to_faces
-from afford.surface.negative.votes import cos_incidence
+from afford.surface.negative.project import DENSE, cos_incidence, project_to_faces
 from schemas.benchmark import Prediction
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PositiveAffordance
@@ -45,3 +44,15 @@ def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Pred
     taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
                               dense[farthest_point_sampling(dense, wish.points)])
+
+
+DEFAULT_VERB = "use"
+"""what is done where nobody says"""
+
+
+def as_narration(task: str, category: str) -> str:
+    """The task, with the thing where its words do not name it; what a model of narrations is asked."""
+    thing = category.replace("_", " ")
+    if not thing or f" {thing} " in f" {task} ":
+        return task or DEFAULT_VERB
+    return f"{task} with {thing}" if task else f"{DEFAULT_VERB} {thing}"

@@ -8,8 +8,8 @@ import torch
 
 from afford.common.drawing import draw_label, font
 from afford.surface.describe.looks import part_phrase
-from afford.surface.parts.crops import CHANNELS, SIZE
-from afford.surface.parts.model import PartScorer
+from afford.surface.score.part_scorer import PartScorer
+from afford.surface.score.samples import CHANNELS, SIZE
 from schemas.surface import PartLessons
 
 COLUMNS, ROWS, SCALE, WORDS_PX = 6, 3, 3, 11

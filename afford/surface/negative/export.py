@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from afford.common.files import empty_folder, tree, write_json
-from afford.surface.negative.sheet import FREE, NEGATIVE
+from afford.surface.negative.score_report import FREE, NEGATIVE
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartDescription, PartDescriptions

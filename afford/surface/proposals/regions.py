@@ -1,18 +1,44 @@
-"""Regions merged two by two, the most alike first, until one is left: every region that ever was may be a part.
-
-What lived long before it was merged stands out: its `persistence` is by how much the merge that ended it cost more than the one
-that made it, over the cost of the last merge of all.
-"""
+"""The embedded proposer: the surface is cut where it bends inwards, changes colour or thickness, at all scales."""
 
 from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
-from afford.surface.segments.borders import Borders
-from afford.surface.segments.features import FaceFeatures
+from afford.surface.face_features import Borders, BorderWeights, FaceFeatures
+from afford.surface.proposals import Regions
+from afford.surface.proposals.nms import collect_candidates, nms
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates
+
+FINEST = 0.0003
+"""scale of the first regions (see oversegment)"""
+
+
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandidates:
+    """See `Propose`."""
+    tree = region_tree(mesh, params.least_share)
+    chosen = np.flatnonzero((tree.share >= params.least_share) & (tree.share <= params.most_share))
+    nodes, quality = tree.members()[chosen], tree.persistence[chosen]
+    found: list[tuple[int, np.ndarray, float]] = []
+    for view, face in enumerate(views.face):
+        region = np.append(tree.leaf, len(nodes.T))[face]
+        size = np.bincount(region.reshape(-1), minlength=len(nodes.T) + 1)[:-1]
+        shown = np.flatnonzero((nodes @ size >= params.least_px) & (nodes @ size <= params.most_share * size.sum()))
+        masks = np.pad(nodes[shown], ((0, 0), (0, 1)))[:, region]
+        found += [(view, masks[k], float(quality[shown[k]])) for k in nms(masks, quality[shown], params.nms_iou, params.most)]
+    return collect_candidates(mesh.name, found, views.face.shape[1:])
+
+
+def region_tree(mesh: ObjectMesh, least: float) -> RegionTree:
+    """The tree of regions of a surface."""
+    features = FaceFeatures.of(mesh)
+    borders = Borders.of(mesh.vertices, mesh.faces, features, BorderWeights())
+    return merge_regions(oversegment(borders, features.area, FINEST, least / 2), borders, features)
+
 
 COLOUR, THICKNESS = 0.012, 0.35
 """how much regions differ in the mean, for a unit of CIE Lab and for a factor e of thickness, beside the border between them"""
@@ -114,3 +140,38 @@ class _RegionMerger:
         apart = float(np.linalg.norm(self.sums[i] / self.area[i] - self.sums[j] / self.area[j]))
         small = min(self.area[i], self.area[j]) / self.total
         return (strong / max(long, 1e-12) + apart) * small**SMALL
+
+
+def oversegment(borders: Borders, area: np.ndarray, scale: float, least: float) -> np.ndarray:
+    """(f,) int32 label 0..r-1 of each face. `scale`: larger gives larger regions; `least`: regions of less than this share of the
+    area join the neighbour behind their weakest border.
+    """
+    order = np.argsort(borders.strength, kind="stable")
+    share = area / max(float(area.sum()), 1e-30)
+    root = _join(borders.pair[order], borders.strength[order], share, scale, least)
+    return np.unique(root, return_inverse=True)[1].reshape(-1).astype(np.int32)
+
+
+@numba.njit(cache=True)
+def _root(parent, node):  # type: ignore[no-untyped-def]  # numba infers
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+@numba.njit(cache=True)
+def _join(pair, strength, share, scale, least):  # type: ignore[no-untyped-def]
+    """Root of each face; edges come weakest first."""
+    parent, size, inside = np.arange(len(share)), share.copy(), np.zeros(len(share))
+    for sweep in range(2):
+        for k in range(len(pair)):
+            a, b = _root(parent, pair[k, 0]), _root(parent, pair[k, 1])
+            if a == b:
+                continue
+            free = min(inside[a] + scale / max(size[a], 1e-12), inside[b] + scale / max(size[b], 1e-12))
+            if strength[k] <= free if sweep == 0 else min(size[a], size[b]) < least:
+                parent[b] = a
+                size[a] += size[b]
+                inside[a] = max(inside[a], inside[b], strength[k])
+    return np.array([_root(parent, n) for n in range(len(parent))])

@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.common.masks import box
 from afford.render.views.plan import SIX
-from afford.surface.candidates import Windows
-from afford.surface.segments.suppress import collect_candidates
+from afford.surface.proposals import Windows
+from afford.surface.proposals.nms import collect_candidates
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,10 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from afford.surface.describe.looks import part_phrase
-from afford.surface.parts.crops import rotate_crops
-from afford.surface.parts.form import SHAPE_FEATURES
-from afford.surface.parts.model import PartScorer, PartScorerConfig
+from afford.surface.score.part_scorer import PartScorer, PartScorerConfig
+from afford.surface.score.samples import rotate_crops
+from afford.surface.score.shape_features import SHAPE_FEATURES
+from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 
 OTHERS = 0.1
@@ -139,3 +141,19 @@ def _pair_targets(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) ->
         elif part in one.parts:
             weight[k] = 0
     return truth, weight
+
+
+def model_card(lessons: Sequence[PartLessons], state: TrainingState) -> str:
+    """The whole card, Markdown."""
+    found = {point.name: point.value for point in state.points if point.step == state.best_step}
+    counts = Counter(one.split for one in lessons)
+    kinds = ", ".join(sorted({one.category.replace("_", " ") for one in lessons}))
+    return f"""# Scorer of parts
+
+Learned from {counts["train"]} procedural objects, judged by {counts["val"]} of the same categories in other shapes: {kinds}.
+Kept after step {state.best_step}: {found["val.right"]:.3f} of the candidates have their main part told right, and shares are off by
+{found["val.error"]:.3f} on average. These figures chose the step, so they flatter.
+
+It knows shapes, not colours: it sees brightness, outlines and normals. It learned from clean meshes; scans are rougher. Of things
+that it never saw it knows what the words for a part's looks say, and no more. It says nothing about whether touching is safe.
+"""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from afford.models.sam import Grid, everything, grid_points, load_model
-from afford.surface.candidates import Sam
-from afford.surface.segments.suppress import collect_candidates, nms
+from afford.surface.proposals import Sam
+from afford.surface.proposals.nms import collect_candidates, nms
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
