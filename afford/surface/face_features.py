@@ -27,7 +27,7 @@ class FaceFeatures:
     normal: np.ndarray
     area: np.ndarray
     colour: np.ndarray
-    shape_diameter: np.ndarray
+    thickness: np.ndarray
 
     @staticmethod
     def of(mesh: ObjectMesh) -> FaceFeatures:
