@@ -93,19 +93,22 @@ def _choice(found: Iterable[Backend]) -> frozenset[tuple[str, str]]:
 def _of(modules: Modules, owner: str) -> list[Backend]:
     found = modules.get(owner)
     registries = found.registries if found else {}
-    return [Backend(owner, registry, name, entry, **_said(entry, _shared(entry, entries.values())))
+    return [Backend(owner, registry, name, entry, **_said(name, entry, _shared(entry, entries.values())))
             for registry, entries in registries.items() for name, entry in entries.items()]
 
 
 def _shared(entry: str, entries: Iterable[str]) -> bool:
-    """Whether several entries of a registry lie in the same module."""
+    """Whether the module of an entry holds another entry of the registry."""
     module = entry.partition(":")[0]
-    return sum(other.partition(":")[0] == module for other in entries) > 1
+    return any(other != entry and other.partition(":")[0] == module for other in entries)
 
 
 @cache
-def _said(entry: str, shared: bool) -> dict[str, Any]:
-    """The sentence of a backend: of its module, or of its own where a module holds several; and what it needs."""
+def _said(name: str, entry: str, shared: bool) -> dict[str, Any]:
+    """Sentence of a backend from its module, or from its own docstring where a module holds several; and what the backend needs.
+
+    A module that serves several backends has a dict of needs by name.
+    """
     module, _, attribute = entry.partition(":")
     tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))
     own = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == attribute]
@@ -113,7 +116,8 @@ def _said(entry: str, shared: bool) -> dict[str, Any]:
     constants = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
                  if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in SAID}
     mine = ast.get_docstring(own[0]) if own and shared else None
-    return {"about": _sentence(mine or said), **{name.lower(): value for name, value in constants.items()}}
+    return {"about": _sentence(mine or said), **{
+        need.lower(): value.get(name, "") if isinstance(value, dict) else value for need, value in constants.items()}}
 
 
 def _sentence(text: str) -> str:
@@ -125,7 +129,8 @@ def _sentence(text: str) -> str:
 
 def third_party(backend: Backend) -> set[str]:
     """Import names of the packages that the code of a backend reaches, and of those that its extra brings."""
-    return set(fingerprint(_modules(), backend.entry, {}).third_party) | set(backend.packages)
+    select = {selector(backend.registry): backend.name}
+    return set(fingerprint(_modules(), backend.entry, select).third_party) | set(backend.packages)
 
 
 @cache
