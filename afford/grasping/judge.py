@@ -1,4 +1,4 @@
-"""Ask a vision-language model how human-like a grasp looks, from 1 to 10: a local model, or one behind an OpenAI-compatible server.
+"""Score how human-like a grasp looks, from 1 to 10, with a vision-language model.
 
 The criteria are those of AffordDex; the wording of the prompt is ours.
 """
@@ -6,12 +6,14 @@ The criteria are those of AffordDex; the wording of the prompt is ours.
 from __future__ import annotations
 
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.common.lettering import font
+from afford.common.drawing import font
 from afford.common.palette import INK, PAPER
+from afford.common.registry import Own
 from afford.models.chat import Chat, Endpoint, Question, ask
 from afford.surface.describe.answer import ADVICE, QUOTED, objects
 
@@ -22,11 +24,27 @@ COLUMNS, LINE_PX = 4, 20
 MIN_SCORE, MAX_SCORE = 1.0, 10.0
 
 
-def judge(name: str, frames: np.ndarray, seconds: np.ndarray, params: Chat | Endpoint) -> float:
-    """Score of 1 to 10 for the frames (t, h, w, 3) uint8 of the episode `name`, taken at times (t,).
+class Judge(Protocol[Own]):
+    """Signature of the backends of this module."""
 
-    ValueError in one sentence when there is no model or server, or its answer has no score.
-    """
+    def __call__(self, name: str, frames: np.ndarray, seconds: np.ndarray, params: Own) -> float:
+        """Score of 1 to 10 for the frames (t, h, w, 3) uint8 of the episode `name`, taken at times (t,) in seconds.
+
+        ValueError in one sentence when there is no model or server, or its answer has no score.
+        """
+
+
+def judge_by_model(name: str, frames: np.ndarray, seconds: np.ndarray, params: Chat) -> float:
+    """Score a grasp with a vision-language model on this machine (`Judge`)."""
+    return _judge(name, frames, seconds, params)
+
+
+def judge_by_server(name: str, frames: np.ndarray, seconds: np.ndarray, params: Endpoint) -> float:
+    """Score a grasp with a vision-language model behind an OpenAI-compatible server (`Judge`)."""
+    return _judge(name, frames, seconds, params)
+
+
+def _judge(name: str, frames: np.ndarray, seconds: np.ndarray, params: Chat | Endpoint) -> float:
     return ask(Question(prompt(len(frames)), contact_sheet(frames, seconds), partial(parse_score, name)), params)
 
 

@@ -1,4 +1,4 @@
-"""Ask a vision-language model about the parts of an object: a model on this machine, or one behind an OpenAI-compatible server."""
+"""Describe the parts of an object with a vision-language model."""
 
 from __future__ import annotations
 
@@ -16,8 +16,17 @@ SERVER = {"endpoint": "OpenAI-compatible: `url`, `model` as the server calls it,
                       "or none"}  # fmt: skip
 
 
-def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm | Served) -> PartDescription:
-    """See `Describer`."""
+def describe_by_model(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm) -> PartDescription:
+    """Describe the parts with a vision-language model on this machine (`Describer`)."""
+    return _describe(mesh, views, task, params)
+
+
+def describe_by_server(mesh: ObjectMesh, views: ObjectViews, task: str, params: Served) -> PartDescription:
+    """Describe the parts with a vision-language model behind an OpenAI-compatible server (`Describer`)."""
+    return _describe(mesh, views, task, params)
+
+
+def _describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm | Served) -> PartDescription:
     prompt = question(mesh.category, task, labels(views, params.views))
     return ask(Question(prompt, contact_sheet(views, params.views), partial(_parse, mesh.name, task)), params)
 
