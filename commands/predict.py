@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import UsageError, unknown
-from commands.progress import Shown, observer
+from commands.progress import ProgressObserver, observer
 from commands.session import STORE
 from runner import Reason
 from schemas.video import SIDES
@@ -65,7 +65,7 @@ SHOWN = 20
 
 
 @dataclass
-class Done:
+class BatchResult:
     """What came of the pictures so far."""
 
     predictions: list[dict[str, Any]] = field(default_factory=list)
@@ -85,7 +85,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     from afford.twohands.predict.batch import answers, count
     from afford.twohands.predict.write import claim
 
-    began, done = time.perf_counter(), Done()
+    began, done = time.perf_counter(), BatchResult()
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
@@ -136,7 +136,7 @@ def _check(task: str, options: Options) -> None:
             raise UsageError(f"--{name} {value}: expected 1 or more")
 
 
-def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown) -> None:
+def _keep(item: Any, stored: Stored, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
     """Write an answer, or note what was refused."""
     from afford.twohands.predict.batch import Refused
     from afford.twohands.predict.record import brief
@@ -155,12 +155,12 @@ def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown)
     shown.finished(STAGE, item.picture.name, "ran", item.wall_ms / 1000, item.cpu_ms / 1000, "")
 
 
-def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
+def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserver) -> None:
     done.failures.append({"source": source, "message": message})
     shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
 
 
-def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:
+def _summary(task: str, stored: Stored, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
     count = max(len(done.predictions), 1)
     from afford.twohands.predict.stored import unknown_words

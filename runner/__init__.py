@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from runner.codec import Codec
     from runner.graph import Graph, GraphError, Handle
     from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
-    from runner.runner import NothingToLeaveError, Runner, UnknownNameError
+    from runner.runner import NothingOptionalError, Runner, UnknownNameError
     from runner.source import SourceError
     from runner.store import LostError, StoreError, is_store
     from runner.walk import UnknownShardError
 
-__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingToLeaveError", "Observer", "Reason",
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingOptionalError", "Observer", "Reason",
            "RunReport", "Runner", "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError", "is_store"]
 HOMES = {"codec": ("Codec",), "graph": ("Graph", "GraphError", "Handle"), "source": ("SourceError",),
          "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"),
-         "runner": ("NothingToLeaveError", "Runner", "UnknownNameError"),
+         "runner": ("NothingOptionalError", "Runner", "UnknownNameError"),
          "store": ("LostError", "StoreError", "is_store"), "walk": ("UnknownShardError",)}  # fmt: skip
 """module -> its names; each is imported when first asked for, so that the map can be read without the engine"""
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from runner.foreign import harmless, sets_state
 from runner.modules import Modules
-from runner.resolve import Place, places
+from runner.resolve import Referent, referents
 from runner.scopes import ARGUMENT, CALLED, READS
 from runner.source import MAIN, Module, SourceError, line_of
 
@@ -53,7 +53,7 @@ def effects_of(modules: Modules, module: Module) -> Effects:
 
 def _touches_ours(modules: Modules, module: Module, statement: dict[str, Any]) -> bool:
     return any(place.module is not None and place.module is not module for ref in statement["refs"] if not ref.startswith("=")
-               for place in places(modules, module, ref))
+               for place in referents(modules, module, ref))
 
 
 def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> Changed:
@@ -72,7 +72,7 @@ def _at_import(modules: Modules, module: Module, statement: dict[str, Any]) -> C
 def _check_state(modules: Modules, module: Module, statement: dict[str, Any], entry: str) -> None:
     if entry.startswith(ARGUMENT):
         return
-    for place in places(modules, module, _plain(entry)):
+    for place in referents(modules, module, _plain(entry)):
         if place.module is None and place.name != "builtins" and sets_state(place.dotted + entry[len(_plain(entry)):]):
             where = f"{module.path}:{line_of(module, statement, entry)}"
             raise SourceError(f"{where}: importing this module sets a state of {place.name!r}, which every later task of the "
@@ -86,7 +86,7 @@ def _plain(entry: str) -> str:
 
 def _hooked(modules: Modules, module: Module, base: str) -> bool:
     """Whether making a subclass of a class of ours runs code of ours."""
-    for place in places(modules, module, base):
+    for place in referents(modules, module, base):
         for at in _statements(place):
             assert place.module is not None
             if at.get("hook") or any(_hooked(modules, place.module, other) for other in at.get("bases", ())):
@@ -94,7 +94,7 @@ def _hooked(modules: Modules, module: Module, base: str) -> bool:
     return False
 
 
-def _statements(place: Place) -> Iterator[dict[str, Any]]:
+def _statements(place: Referent) -> Iterator[dict[str, Any]]:
     if place.module is not None and place.item is not None:
         yield from (place.module.statements[i] for i in place.module.items[place.item])
 
@@ -112,11 +112,11 @@ class _Walk:
             return {PARAMETER_CALLED if entry == CALLED else PARAMETER}
         changed: Changed = set()
         ref = _plain(entry)
-        for place in places(self.modules, module, ref):
+        for place in referents(self.modules, module, ref):
             changed |= self._place(place, entry[len(ref):])
         return changed
 
-    def _place(self, place: Place, done: str) -> Changed:
+    def _place(self, place: Referent, done: str) -> Changed:
         """What changes when this is `done` to a place: '' to itself, '()' it is called, '!...' to what it returned."""
         if place.module is None:
             return set() if place.name == "builtins" or harmless(place.dotted + done) else {SOMEWHERE}
@@ -126,7 +126,7 @@ class _Walk:
             return set()
         return self._object(place)
 
-    def _returned(self, place: Place) -> Changed:
+    def _returned(self, place: Referent) -> Changed:
         """Owners of what a function of ours returned; a new object has none."""
         if len(place.chain) != 1 or not self._is(place, "class", "function"):
             return {SOMEWHERE}
@@ -150,7 +150,7 @@ class _Walk:
             changed |= self._does(module, statement) if statement.get("kind") is None else self._refs(module, passed)
         if PARAMETER in changed:
             changed |= {(place.name, place.chain[0] if place.chain else "") for ref in passed
-                        for place in places(self.modules, module, ref) if place.module and not self._is(place, "function")}
+                        for place in referents(self.modules, module, ref) if place.module and not self._is(place, "function")}
         return changed - {PARAMETER, PARAMETER_CALLED}
 
     def _does(self, module: Module, statement: dict[str, Any]) -> Changed:
@@ -164,14 +164,14 @@ class _Walk:
         """What happens when all that is referred to is called; of classes in `made` only an object is made."""
         changed: Changed = set()
         for ref in refs:
-            for place in places(self.modules, module, ref) if SOMEWHERE not in changed else ():
+            for place in referents(self.modules, module, ref) if SOMEWHERE not in changed else ():
                 if place.module is None:
                     changed |= self._other(place)
                 elif not (ref in made and self._is(place, "class") and not self._builds(place)):
                     changed |= self._item(place)
         return changed
 
-    def _item(self, place: Place) -> Changed:
+    def _item(self, place: Referent) -> Changed:
         changed: Changed = set()
         if place.item is not None and (place.name, place.item) not in self.seen:
             self.seen.add((place.name, place.item))
@@ -180,17 +180,17 @@ class _Walk:
                 changed |= self._does(place.module, statement)
         return changed
 
-    def _builds(self, place: Place) -> bool:
+    def _builds(self, place: Referent) -> bool:
         """Whether making an object of a class runs code of ours."""
         return any(at.get("builds") or any(self._builds(base) for name in at.get("bases", ())
-                                           for base in places(self.modules, place.module, name))  # type: ignore[arg-type]
+                                           for base in referents(self.modules, place.module, name))  # type: ignore[arg-type]
                    for at in _statements(place))
 
-    def _other(self, place: Place) -> Changed:
+    def _other(self, place: Referent) -> Changed:
         stateful = place.name != "builtins" and place.chain and sets_state(f"{place.dotted}()")
         return {SOMEWHERE} if stateful else set()
 
-    def _object(self, place: Place) -> Changed:
+    def _object(self, place: Referent) -> Changed:
         """An object of ours by its name, and all that the name may stand for."""
         if place.item is None:
             return {(place.name, place.chain[0] if place.chain else "")}
@@ -203,13 +203,13 @@ class _Walk:
                     changed |= self.entry(place.module, alias)
         return changed
 
-    def _reads(self, place: Place) -> bool:
+    def _reads(self, place: Referent) -> bool:
         """A method that changes nothing, of an object that no class of ours made."""
         return place.chain[-1] in READS and not any(
             self._is(other, "class", "function") for statement in _statements(place) for ref in statement["refs"]
-            for other in places(self.modules, place.module, ref) if place.module and other.module)  # type: ignore[arg-type]
+            for other in referents(self.modules, place.module, ref) if place.module and other.module)  # type: ignore[arg-type]
 
     @staticmethod
-    def _is(place: Place, *kinds: str) -> bool:
+    def _is(place: Referent, *kinds: str) -> bool:
         """Whether a place is a definition of one of these kinds: 'class', 'function'."""
         return any(statement.get("kind") in kinds for statement in _statements(place))

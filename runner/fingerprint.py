@@ -29,8 +29,8 @@ from typing import Any
 from runner.canonical import digest, file_digest
 from runner.links import LOADABLE, PROGRAM, WHOLE, Linker, Target, linker_of
 from runner.modules import Modules
-from runner.resolve import Place, places
-from runner.selection import chosen, selector, unselected
+from runner.resolve import Referent, referents
+from runner.selection import selected_entries, selector, unselected
 from runner.source import MAIN, Module, SourceError, untyped, where
 
 DYNAMIC, LOADED = "<dynamic>", "<loaded>"
@@ -230,7 +230,7 @@ class _Closure:
         """What 'module:name' is, wherever the module has it from."""
         if self.modules.get(module) is None:
             raise SourceError(f"{place}: expected a module of this project, got {module!r}; correct the name")
-        found = list(places(self.modules, self.modules.get(module), f"@{module}:{name}"))  # type: ignore[arg-type]  # not None, see above
+        found = list(referents(self.modules, self.modules.get(module), f"@{module}:{name}"))  # type: ignore[arg-type]  # not None, see above
         if not found:
             raise SourceError(f"{place}: expected a name of the module {module!r}, got {name!r}; correct the name")
         return list(filter(None, map(_target, found)))
@@ -241,7 +241,7 @@ class _Closure:
         """
         names = {name: [(module.name, name)] for name in module.items if name != MAIN or use == PROGRAM}
         for name in module.imports.keys() - set(module.typing):
-            names.setdefault(name, []).extend(filter(None, map(_target, places(self.modules, module, name))))
+            names.setdefault(name, []).extend(filter(None, map(_target, referents(self.modules, module, name))))
         stands = sorted((name, list(dict.fromkeys(targets))) for name, targets in names.items())
         called = module.name if use == WHOLE else ""
         return (digest("afford-module", [called, [[name, len(targets)] for name, targets in stands]]),
@@ -255,7 +255,7 @@ class _Closure:
 
     def _registry(self, module: Module, name: str) -> Known:
         entries = module.registries[name]
-        keys = chosen(self.select.get(selector(name)), entries)
+        keys = selected_entries(self.select.get(selector(name)), entries)
         targets = [self._entry(*_parted(entries[key]), f"{where(module, name)}: {name}[{key!r}]") for key in keys]
         code = digest("afford-registry", [name, [[key, len(found)] for key, found in zip(keys, targets, strict=True)]])
         self.definitions[f"{module.name}:{name}"] = code
@@ -308,7 +308,7 @@ class _Closure:
         return [(target, LOADABLE)]
 
 
-def _target(place: Place) -> Target | None:
+def _target(place: Referent) -> Target | None:
     """The item or the module of ours at a place."""
     if place.module is None:
         return None

@@ -19,7 +19,7 @@ from runner.canonical import digest
 from runner.effects import Effects, effects_of
 from runner.foreign import FILES, IMPORT, PLAIN, ROOTS, UNSEEN, refusal
 from runner.modules import Modules, Snapshot
-from runner.resolve import Place, places
+from runner.resolve import Referent, referents
 from runner.source import Module, SourceError, line_of
 
 Target = tuple[str, str]
@@ -221,10 +221,10 @@ class _Statement:
             if place.module is None and _root(ref) in self.module.imports:
                 self.found.meant.append([ref, place.dotted])
 
-    def _places(self, ref: str) -> Iterator[Place]:
-        return places(self.modules, self.module, ref)
+    def _places(self, ref: str) -> Iterator[Referent]:
+        return referents(self.modules, self.module, ref)
 
-    def _take(self, ref: str, label: str, place: Place, *, counts: bool) -> None:
+    def _take(self, ref: str, label: str, place: Referent, *, counts: bool) -> None:
         if place.module is None:
             self._foreign(ref, place, counts=counts)
         elif not place.chain:
@@ -238,29 +238,29 @@ class _Statement:
         elif place.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
             raise self._error(ref, f"{ref} of a module cannot be followed", PLAIN)
 
-    def _lead(self, label: str, place: Place, target: Target) -> None:
+    def _lead(self, label: str, place: Referent, target: Target) -> None:
         stands, edge = self.found.edges.setdefault(label, []), (".".join(place.chain[1:]), target)
         stands += [edge] if edge not in stands else []
 
-    def _whole(self, ref: str, label: str, place: Place, module: Module) -> None:
+    def _whole(self, ref: str, label: str, place: Referent, module: Module) -> None:
         """A module as a value. What a package has beside its own names depends on who imported what before."""
         if module.is_package and _has_modules(Path(module.path)):
             raise self._error(ref, f"the package {module.name!r} is used as a value", "import the module of it that is used")
         self._lead(label, place, (module.name, WHOLE))
 
-    def _program(self, ref: str, label: str, place: Place, module: Module) -> None:
+    def _program(self, ref: str, label: str, place: Referent, module: Module) -> None:
         """A module by its name: it may be started, and its name may be part of what is made."""
         self._lead(label, place, (module.name, PROGRAM))
         if ref not in self.statement.get("started", ()):
             self.found.meant.append([label, module.name])
 
-    def _files(self, ref: str, label: str, place: Place, module: Module) -> None:
+    def _files(self, ref: str, label: str, place: Referent, module: Module) -> None:
         if "DATA_FILES" not in module.literals:
             raise self._error(ref, f"{ref} may lead to any file", FILES)
         for name in module.literals["DATA_FILES"]:
             self._lead(f"{label} {name}", place, (module.name, f"/{name}"))
 
-    def _foreign(self, ref: str, place: Place, *, counts: bool) -> None:
+    def _foreign(self, ref: str, place: Referent, *, counts: bool) -> None:
         root = _root(place.name)
         objection = refusal(place.dotted, lambda name: self.modules.get(name) is not None) if root in ROOTS else None
         if objection is not None and not (objection[1] in (IMPORT, PLAIN) and "DYNAMIC" in self.module.literals):

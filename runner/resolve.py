@@ -9,7 +9,7 @@ from runner.modules import Modules
 from runner.source import Module, SourceError, import_of
 
 
-class Place(NamedTuple):
+class Referent(NamedTuple):
     """An item of one of our modules (`chain` starts with its name), one of our modules as a whole (no `chain`), or a name of
     another package, or of Python's `builtins` (no `module`).
     """
@@ -30,7 +30,7 @@ class Place(NamedTuple):
         return ".".join((self.name, *self.chain))
 
 
-def places(modules: Modules, module: Module, ref: str) -> Iterator[Place]:
+def referents(modules: Modules, module: Module, ref: str) -> Iterator[Referent]:
     """Everything that a reference of a module may mean. SourceError for a module of ours that does not exist."""
     if ref.startswith("="):
         yield from _named(modules, ref[1:])
@@ -40,14 +40,14 @@ def places(modules: Modules, module: Module, ref: str) -> Iterator[Place]:
     else:
         name, *chain = ref.split(".")
         if name in module.items or name in ("__file__", "__path__", "__spec__", "__loader__", "__dict__"):
-            yield Place(module, module.name, (name, *chain))
+            yield Referent(module, module.name, (name, *chain))
         for target in module.imports.get(name, ()):
             yield from _imported(modules, module, target, chain, frozenset())
         if name not in module.items and name not in module.imports:
-            yield Place(None, "builtins", (name, *chain))
+            yield Referent(None, "builtins", (name, *chain))
 
 
-def _named(modules: Modules, entry: str) -> Iterator[Place]:
+def _named(modules: Modules, entry: str) -> Iterator[Referent]:
     """A string that may name code of ours, 'module:attribute'."""
     target, _, attribute = entry.partition(":")
     found = modules.get(target)
@@ -68,21 +68,21 @@ def _split(modules: Modules, target: str, chain: list[str], has_attribute: bool)
     return ".".join(parts), chain
 
 
-def _imported(modules: Modules, origin: Module, target: str, chain: list[str], seen: frozenset[str]) -> Iterator[Place]:
+def _imported(modules: Modules, origin: Module, target: str, chain: list[str], seen: frozenset[str]) -> Iterator[Referent]:
     name, colon, attribute = target.partition(":")
     yield from _through(modules, origin, name, [attribute, *chain] if colon else chain, seen)
 
 
-def _through(modules: Modules, origin: Module, target: str, chain: list[str], seen: frozenset[str]) -> Iterator[Place]:
+def _through(modules: Modules, origin: Module, target: str, chain: list[str], seen: frozenset[str]) -> Iterator[Referent]:
     """`chain` of attributes, starting at the module `target`."""
     found = modules.get(target)
     if found is None:
         if modules.get(target.partition(".")[0]) is not None:
             raise SourceError(f"{import_of(origin, target)}: it imports {target!r}, which is not a module of this project; correct "
                               "the name, or remove the import")
-        yield Place(None, target, tuple(chain))
+        yield Referent(None, target, tuple(chain))
     elif not chain or chain[0] in found.items or (chain[0].startswith("__") and chain[0].endswith("__")):
-        yield Place(found, target, tuple(chain))
+        yield Referent(found, target, tuple(chain))
     if found is None or not chain:
         return
     name, rest, key = chain[0], chain[1:], f"{target}:{chain[0]}"
@@ -92,4 +92,4 @@ def _through(modules: Modules, origin: Module, target: str, chain: list[str], se
     if not passed and found.is_package and modules.get(f"{target}.{name}") is not None:
         yield from _through(modules, found, f"{target}.{name}", rest, seen)
     elif not passed and name not in found.items and "__getattr__" in found.items:
-        yield Place(found, target, ())
+        yield Referent(found, target, ())

@@ -21,7 +21,7 @@ from commands.backends import rows
 from commands.backends import show as show_backends
 from commands.params import show as show_params
 from commands.publish import LISTED
-from commands.settings import described
+from commands.settings import parameters_of
 from maps.settings import SYSTEM_OF, SYSTEMS, Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
@@ -301,7 +301,7 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
     for stage in SYSTEM_OF:
         for field in dataclasses.fields(Settings().params(stage)):
             assert re.search(rf"^{stage}\.{field.name} ", text, re.MULTILINE), f"{stage}.{field.name}"
-    docs = [one.doc for one in described(mask_densify.Params())]
+    docs = [one.doc for one in parameters_of(mask_densify.Params())]
     assert all(doc in " ".join(text.split()) for doc in docs) and not all(doc in text for doc in docs) and "…" not in text
     assert max(map(len, text.splitlines())) <= (80 if terminal else 100)
 

@@ -13,7 +13,7 @@ from runner.canonical import canonical
 from runner.fingerprint import fingerprint
 from runner.keys import seed_of
 from runner.modules import Modules
-from runner.selection import Unselected, declarations, selected, unselected, without
+from runner.selection import Unselected, declarations, hide_unselected, unselected, without_blocks
 from tests.helpers.editable_project import EditableProject
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -168,20 +168,20 @@ class Params:
 def test_an_unselected_block_is_not_in_the_parameters(tmp_path: Path) -> None:
     """Neither in the tree that key and seed are taken of, nor in what the stage gets; a field that is no block stays."""
     params = Params()
-    tree = without(canonical(params), params, {"b", "n", "gone"})
+    tree = without_blocks(canonical(params), params, {"b", "n", "gone"})
     assert tree == {"of": "Params", "fields": {"backend": "a", "a": {"of": "Block", "fields": {"size": 1}}, "n": 3}}
-    assert seed_of(tree, {}) == seed_of(without(canonical(Params(b=Block(5))), params, {"b"}), {})
-    given = deepcopy(selected(params, {"b", "n"}))
+    assert seed_of(tree, {}) == seed_of(without_blocks(canonical(Params(b=Block(5))), params, {"b"}), {})
+    given = deepcopy(hide_unselected(params, {"b", "n"}))
     assert (given.a, given.n, repr(given.b)) == (Block(), 3, "<b is not selected>")
     with pytest.raises(ValueError, match=r"params\.b\.size belongs to a backend"):
         given.b.size  # noqa: B018
-    assert selected(params, {"n"}) is params and isinstance(given.b, Unselected)
+    assert hide_unselected(params, {"n"}) is params and isinstance(given.b, Unselected)
 
 
 def test_parameters_without_blocks_are_what_they_were() -> None:
     """So are the seeds of every stage that has none."""
     params = Block()
-    assert without(canonical(params), params, {"size"}) == canonical(params) and selected(params, {"size"}) is params
+    assert without_blocks(canonical(params), params, {"size"}) == canonical(params) and hide_unselected(params, {"size"}) is params
 
 
 DECLARED = """
