@@ -104,7 +104,8 @@ def run(request: Request) -> int:
     runner = open_runner(request.store, request.jobs, request.rehash)
     weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
     graph, names, place, source = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
-    stages, force = resolve_stages([request.only] if request.only else [], target, graph), resolve_stages(request.force, target, graph)
+    stages = resolve_stages([request.only] if request.only else [], target, graph)
+    force = resolve_stages(request.force, target, graph)
     limit_s = time_limit_s(request, target)
     with observer(quiet=False) as shown:
         going = ActiveRun(request, runner, graph, names, place, source, stages, shown, {})

@@ -185,7 +185,7 @@ def _last_of(runner: Runner, word: str) -> str:
     made = [one.output for one in traces if one.stage == stage] or [
         one.output for one in traces if one.function.partition(":")[0].rpartition(".")[2] == stage]
     if not made:
-        raise UsageError(f"{first_target_with(stage)} has a stage {stage!r}, which never ran in this store; `run --only {stage}` runs it")
+        raise UsageError(f"stage {stage!r} of {first_target_with(stage)} never ran in this store; run it with `run --only {stage}`")
     return made[-1]
 
 

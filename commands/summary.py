@@ -58,8 +58,8 @@ def show_summary(summary: Summary, report: RunReport, source: Source | None) -> 
         console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"
                       + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
     if report.deferred:
-        console.print(f"time is over: {sum(report.deferred.values())} task(s) left, of {', '.join(report.deferred)}; run again to go on",
-                      highlight=False)
+        count, stages = sum(report.deferred.values()), ", ".join(report.deferred)
+        console.print(f"time is over: {count} task(s) left, of {stages}; run again to continue", highlight=False)
     for note in report.stale:
         console.print(f"[yellow]stale[/] {escape(note)}", highlight=False)
     _show_failures(console, report.failures)

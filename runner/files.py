@@ -24,7 +24,7 @@ from runner.canonical import digest, path_digest
 
 RACY_NS = 50_000_000  # a younger file may change again within the same mtime, so its digest is not remembered
 PLAN_HASH_BYTES = 1 << 26
-"""files up to this size are hashed even where a plan_only is enough"""
+"""files up to this size are hashed even for a plan"""
 Stamp = tuple[int, int, int, int]
 FORMAT, FORMER = "afford-store-3", ("afford-store-2",)
 """part of every checksum, so that files of another version of the store do not fit"""

@@ -71,7 +71,7 @@ class CodeFingerprints:
         select = selects(frozenset(name.partition(":")[2] for name in stage.definitions)) if selects else {}
         memo = tuple(sorted(select.items()))
         if memo not in self._memo:
-            self._memo[memo] = fingerprint(self.modules, self._codec, select, apart=self.modules.schemas)
+            self._memo[memo] = fingerprint(self.modules, self._codec, select, excluded=self.modules.schemas)
         return [self._memo[memo]]
 
     def _worker_of(self) -> list[Fingerprint]:

@@ -12,7 +12,7 @@ Result = Literal["ran", "cached", "failed", "blocked", "deferred"]
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a task runs: one entry of a closed list, and the input, parameter or definition concerned."""
+    """Reason of a task's run: one entry of a closed list, and the input, parameter or definition concerned."""
 
     why: Why
     detail: str = ""
@@ -23,7 +23,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """What a run would do with one shard of a stage; `key` is '' while an input is not computed yet."""
+    """Planned action for one shard of a stage; `key` is '' while an input is not computed yet."""
 
     stage: str
     shard: str
@@ -97,7 +97,7 @@ def increment(table: dict[str, int], stage: str) -> None:
 class SilentObserver:
     """Observer that ignores every event."""
 
-    def planned(self, *_: Any) -> None: ...
-    def started(self, *_: Any) -> None: ...
-    def progress(self, *_: Any) -> None: ...
-    def finished(self, *_: Any) -> None: ...
+    def planned(self, *_: Any) -> None:
+        """Ignore the event."""
+
+    started = progress = finished = planned

@@ -170,7 +170,8 @@ class Runner:
         self.modules.renew()
         self.store.renew()
         self.traces.renew()
-        return TaskPlanner(self.store, self.traces, CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker), force)
+        fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
+        return TaskPlanner(self.store, self.traces, fingerprints, force)
 
     @contextmanager
     def _session(self) -> Iterator[Engine]:
@@ -235,7 +236,7 @@ class Runner:
                 continue
             now = fresh.get((name, shard))
             if now is None or now.inputs != trace.inputs:
-                report.stale.append(f"{name} {shard}: its recorded inputs are outdated; run without --only to update them")
+                report.stale.append(f"{name} {shard}: its recorded inputs are stale; run without --only to update them")
             made[shard] = self._again(node, tuple(shard.split("/")) if shard else (), trace.inputs, schedule)
         if not made:
             raise UnknownNameError(f"{name} has no recorded inputs yet; run it once without --only")
@@ -261,7 +262,7 @@ class Runner:
         optional = graph.optional(self._wanted(graph, target))
         if not optional:
             name = target if isinstance(target, str) else "this"
-            raise NothingOptionalError(f"{name} has no optional parts that a run with a time limit could defer; remove --minutes")
+            raise NothingOptionalError(f"{name} has no optional parts that a time limit could defer; remove --minutes")
         return Limit(end, optional)
 
     def _wanted(self, graph: Graph, target: Any) -> list[Node]:

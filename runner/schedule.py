@@ -176,7 +176,7 @@ class Schedule:
             self._push(task, reason)
 
     def _defer_late(self) -> None:
-        """After the time limit, stop running optional tasks and start no more of them."""
+        """Stop running optional tasks, and start no more of them, once the time limit is over."""
         if time.monotonic() < self._limit.end:
             return
         for task, reason in [entry for entry in self._running.values() if self._limit.over(entry[0].node)]:

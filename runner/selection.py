@@ -27,7 +27,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from runner.modules import Modules
-from runner.resolve import referents
+from runner.references import referents
 from runner.source import Module
 
 KINDS: dict[str, type | tuple[type, ...]] = {"LIBRARIES": list, "THREADS": int, "MEMORY_GIB": (int, float), "MACHINE": (bool, str)}

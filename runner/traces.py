@@ -53,7 +53,7 @@ class Trace:
 
 
 class Traces:
-    """All traces of a store in memory, in step with traces/ on disk."""
+    """Traces of a store in memory, in step with traces/ on disk."""
 
     def __init__(self, root: Path) -> None:
         self.root = root

@@ -331,7 +331,7 @@ class Walk:
         return not axes or (self._complete(axes[:-1]) and len(self._expanded[axes[-1]]) == len(self.paths[axes[:-1]]))
 
     def _ordered(self, axes: tuple[int, ...]) -> list[ShardPath]:
-        """All paths in the order of their lists, independent of the order in which they became known."""
+        """Paths in the order of their lists, independent of the order in which they became known."""
         paths: list[ShardPath] = [()]
         for depth in range(1, len(axes) + 1):
             below: dict[ShardPath, list[ShardPath]] = defaultdict(list)

@@ -127,4 +127,5 @@ def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
     for stage, is_part in (("frame_decode", True), ("dataset_pack", True), ("record_frame_decode", False)):
         report = RunReport("some", failures=[Failure(stage, "", "no")], outputs={"dataset_pack": []})
         assert bool(partial_outputs(g, report, (), 0)) is is_part
-    assert partial_outputs(g, RunReport("some", outputs={"dataset_pack": []}), ("P96_01",), 0) == {"dataset_pack": "made of P96_01 alone"}
+    report = RunReport("some", outputs={"dataset_pack": []})
+    assert partial_outputs(g, report, ("P96_01",), 0) == {"dataset_pack": "made of P96_01 alone"}

@@ -146,7 +146,7 @@ def test_a_stage_cannot_read_a_block_that_is_not_selected(jobs: int, tmp_path: P
     """It is in no key, so that an output could not follow it."""
     project = EditableProject.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
     project.edit("pkg/stage.py", "+ params.end", "+ params.sam_2.sign")
-    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is in no key; read only")
+    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is not in the key; read only")
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ def test_declarations_of_the_selected_backends(select: dict[str, object] | None,
     ('{"b": ("two",)}', '{"c": ("two",)}', r"BACKEND_LIBRARIES: expected entries of the registry \(a, b\)"),
     ('{"b": ("two",)}', '{"b": "two"}', r"got LIBRARIES = 'two'"),
     ('BACKEND_THREADS = {"b": 1}', "BACKEND_THREADS = 4", "BACKEND_THREADS: expected entries of the registry"),
-    ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE is about no registry"),
+    ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE belongs to no registry"),
     ("THREADS = 2", "THREADS = True", "got THREADS = True")])
 def test_declarations_that_are_wrong_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
     """In a sentence that shows the form."""

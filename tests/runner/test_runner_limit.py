@@ -91,7 +91,7 @@ def test_of_what_fails_the_rest_is_told(project: Project) -> None:
 
 def test_what_has_nothing_to_leave_takes_no_limit(project: Project) -> None:
     """A data set is made whole or not at all."""
-    with pytest.raises(NothingOptionalError, match="all is made whole or not at all"):
+    with pytest.raises(NothingOptionalError, match="all has no optional parts"):
         project.run("ab", limit_s=1.0)
 
 

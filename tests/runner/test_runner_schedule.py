@@ -47,9 +47,9 @@ def test_a_turn_without_a_limit_does_not_touch_the_ready_list(project: Project) 
     runner = project.runner()
     desk = TaskPlanner(runner.store, runner.traces, CodeFingerprints(runner.modules, "toy.values:CODEC", None))
     for limit in (Limit(), Limit(end=float("1e18"), optional=frozenset({0, 1, 2}))):
-        schedule = Schedule(desk, Inline(runner.place), Budget(1, 1.0), SilentObserver(), RunReport(""), limit)
+        schedule = Schedule(desk, Inline(runner.worker_spec), Budget(1, 1.0), SilentObserver(), RunReport(""), limit)
         schedule.walk = Walk(g, runner._wanted(g, "all"), desk, schedule)
         schedule.walk.begin()
         ready = schedule._ready
-        schedule._leave_late()
+        schedule._defer_late()
         assert schedule._ready is ready and len(ready) == 3 and isinstance(ready[0][3], Reason)

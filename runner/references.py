@@ -1,4 +1,4 @@
-"""Where does a reference lead? Through the imports of our modules to an item of one of them, or out of the project."""
+"""Resolve a reference through the imports of project modules, to a definition in the project or a name outside it."""
 
 from __future__ import annotations
 
@@ -10,28 +10,33 @@ from runner.source import Module, SourceError, import_of
 
 
 class Referent(NamedTuple):
-    """An item of one of our modules (`chain` starts with its name), one of our modules as a whole (no `chain`), or a name of
-    another package, or of Python's `builtins` (no `module`).
+    """Object that a reference refers to: a definition, a whole module, or a name outside the project.
+
+    A definition is an item of a project module, whose name begins `chain`. A whole project module has an empty `chain`. A name
+    of another package, or of Python's `builtins`, has no `module`.
     """
 
     module: Module | None
     name: str
-    """of the module, whosever it is"""
+    """name of the module, in the project or outside"""
     chain: tuple[str, ...]
 
     @property
     def item(self) -> str | None:
-        """The name of an item of ours."""
+        """Name of the project definition, if the referent is one."""
         return self.chain[0] if self.module is not None and self.chain and self.chain[0] in self.module.items else None
 
     @property
     def dotted(self) -> str:
-        """'package.name.attribute'"""
+        """Dotted name: 'package.name.attribute'."""
         return ".".join((self.name, *self.chain))
 
 
 def referents(modules: Modules, module: Module, ref: str) -> Iterator[Referent]:
-    """Everything that a reference of a module may mean. SourceError for a module of ours that does not exist."""
+    """Yield everything that a reference of a module may refer to.
+
+    SourceError for a missing module of the project.
+    """
     if ref.startswith("="):
         yield from _named(modules, ref[1:])
     elif ref.startswith("@"):
@@ -48,7 +53,7 @@ def referents(modules: Modules, module: Module, ref: str) -> Iterator[Referent]:
 
 
 def _named(modules: Modules, entry: str) -> Iterator[Referent]:
-    """A string that may name code of ours, 'module:attribute'."""
+    """Resolve a string that may name project code, 'module:attribute'."""
     target, _, attribute = entry.partition(":")
     found = modules.get(target)
     if found is not None and (attribute in found.items or attribute in found.imports):
@@ -56,7 +61,7 @@ def _named(modules: Modules, entry: str) -> Iterator[Referent]:
 
 
 def _split(modules: Modules, target: str, chain: list[str], has_attribute: bool) -> tuple[str, list[str]]:
-    """'@a.b.c' of a plain import: the longest module, then attributes."""
+    """Split '@a.b.c' of a plain import into the longest module and the attributes."""
     if has_attribute:
         attribute, *rest = chain
         return target, [attribute, *rest]
@@ -74,11 +79,11 @@ def _imported(modules: Modules, origin: Module, target: str, chain: list[str], s
 
 
 def _through(modules: Modules, origin: Module, target: str, chain: list[str], seen: frozenset[str]) -> Iterator[Referent]:
-    """`chain` of attributes, starting at the module `target`."""
+    """Resolve a `chain` of attributes, starting at the module `target`."""
     found = modules.get(target)
     if found is None:
         if modules.get(target.partition(".")[0]) is not None:
-            raise SourceError(f"{import_of(origin, target)}: it imports {target!r}, which is not a module of this project; correct "
+            raise SourceError(f"{import_of(origin, target)}: the import of {target!r} names no module of this project; correct "
                               "the name, or remove the import")
         yield Referent(None, target, tuple(chain))
     elif not chain or chain[0] in found.items or (chain[0].startswith("__") and chain[0].endswith("__")):
