@@ -17,7 +17,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.env.studio import hand_colour
 from afford.grasping.hand.kinematics import forward_kinematics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.grasping.env.studio import Episode
 from afford.grasping.evaluate.trace_metrics import trace_metrics
 from afford.recording.content import Recording

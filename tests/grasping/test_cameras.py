@@ -16,7 +16,7 @@ from afford.grasping.policies.cameras import HAND, NOTHING, OBJECT, Images, Rig,
 from afford.grasping.policies.depth_noise import RANDOM_DEPTH, DepthNoise, drawn, noisy
 from afford.grasping.policies.shapes import body_shape, hand_shape
 from afford.render.raster import project
-from afford.render.views.rays import Rays
+from afford.render.views.surface import Rays
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_students import worlds
 

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest_point_sampling
 from schemas.grasp import GraspScene
 
 NEIGHBOURS = 16
@@ -130,7 +130,7 @@ NONE = SupportPlane(np.zeros(3), 0.0)
 def support_plane(found: PointCloud) -> SupportPlane:
     """The plane that holds most of what is in no region, if it holds enough."""
     rest = np.flatnonzero((found.region.max(0) < 0.5) & (found.negative < 0.5))
-    spots = rest[farthest(found.points[rest], PROPOSALS)]
+    spots = rest[farthest_point_sampling(found.points[rest], PROPOSALS)]
     if not len(spots):
         return NONE
     n, p = found.normals[spots], found.points[spots]

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.bounded import load_npy, reason
-from afford.common.depth import matrix_of, numbers_of, read_depth, read_json, read_png
 from afford.common.errors import SourceError
-from afford.common.picture import read_image
-from afford.common.prediction_folder import RECORD
+from afford.common.files import RECORD
+from afford.common.image_files import finite_array, read_depth, read_image, read_intrinsics, read_json, read_png
 from schemas.affordance import TAKES, TAXONOMY
 from schemas.grasp import GraspScene
 from schemas.video import SIDES
@@ -112,7 +111,7 @@ def _camera(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
         got = "neither" if files.intrinsics is None else "both"
         raise SourceError("camera", "--intrinsics FILE or --focal-px NUMBER", got, "give one of them")
     if files.intrinsics is not None:
-        return matrix_of(files.intrinsics)
+        return read_intrinsics(files.intrinsics)
     focal = float(files.focal_px or 0.0)
     if not (np.isfinite(focal) and focal > 0):
         raise SourceError("--focal-px", "a number above 0", f"{focal:g}", "give the focal length in pixels")
@@ -147,7 +146,7 @@ def _negative(files: SceneFiles, shape: tuple[int, ...]) -> tuple[np.ndarray, np
 
 
 def _points(path: Path) -> np.ndarray:
-    found = numbers_of(load_npy(path, str(path)), (-1, 3))
+    found = finite_array(load_npy(path, str(path)), (-1, 3))
     if found is None:
         raise SourceError(str(path), "finite points (k, 3) in metres, in the camera's frame", "another array", "check its shape")
     return found
@@ -157,8 +156,8 @@ def _of_object(path: Path, pose: Path | None) -> np.ndarray:
     """N_t of negative.json, from the object's frame to the camera's."""
     if pose is None:
         raise SourceError(str(path), "--object-pose FILE beside it, T_cam_obj", "none", "its points are in the object's frame")
-    content, T = read_json(path, "negative.json"), numbers_of(read_json(pose, "a pose (JSON)"), (4, 4))
-    points = numbers_of((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
+    content, T = read_json(path, "negative.json"), finite_array(read_json(pose, "a pose (JSON)"), (4, 4))
+    points = finite_array((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
     if T is None or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or not np.array_equal(T[3], [0, 0, 0, 1]):
         raise SourceError(str(pose), "T_cam_obj, four rows of four numbers, a rotation and metres", "something else", "check it")
     if points is None or not isinstance(content, dict) or "N_t" not in content:

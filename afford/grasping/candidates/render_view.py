@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.render.batch import batch
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import render
 from afford.render.materials import wood
 from afford.render.mesh import solid
-from afford.render.model import BACKGROUND, Camera, Instance, Light
+from afford.render.raster import View, depth
+from afford.render.scene import BACKGROUND, Camera, Instance, Light, Textures, batch
 from afford.render.solids import patch
-from afford.render.textures import Textures
-from afford.render.view import View, depth
 from afford.render.views.draw import drawable, material
 from schemas.mesh import ObjectMesh
 

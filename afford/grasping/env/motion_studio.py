@@ -13,9 +13,8 @@ from afford.grasping.hand.link_meshes import link_meshes
 from afford.grasping.motion.retarget import M
 from afford.render.draw import render
 from afford.render.mesh import mesh
-from afford.render.model import Camera, Instance, Material
+from afford.render.scene import Camera, Instance, Material, Textures
 from afford.render.solids import tube
-from afford.render.textures import Textures
 from schemas.hand import HandModel, HandMotion, HandReference
 
 PERSON: Colour = (213, 94, 0)

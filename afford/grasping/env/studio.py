@@ -21,9 +21,8 @@ from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import link_meshes
 from afford.render.draw import render
 from afford.render.mesh import Mesh, merge, mesh, moved
-from afford.render.model import Camera, Instance, Light, Material, Rendered
+from afford.render.scene import Camera, Instance, Light, Material, Rendered, Textures
 from afford.render.solids import box, patch, tube
-from afford.render.textures import Textures
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from afford.training.ablation import done
+from afford.training.ablation import seeds_cell
 from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.grasp import LEVELS
 
@@ -150,7 +150,7 @@ def _cell_figures(cell: ResultCell) -> dict[str, float]:
 
 def _row_line(row: ResultRow) -> str:
     shown = [number(row.figures.get(name, np.nan) * (PCT if name in SHARES else 1), _digits(head)) for name, head, _ in FIGURES]
-    return f"| {row.policy} | {row.level} | {row.engine} | {' | '.join((*shown, done(row.seeds, row.planned)))} |"
+    return f"| {row.policy} | {row.level} | {row.engine} | {' | '.join((*shown, seeds_cell(row.seeds, row.planned)))} |"
 
 
 def _digits(head: str) -> int:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from afford.common import strict_json
+from afford.common import text
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion
 
@@ -83,7 +83,7 @@ def _npz(file: FileRef) -> dict[str, Any]:
 
 
 def _json(file: FileRef) -> dict[str, Any]:
-    record = strict_json.parse(file.path.read_bytes(), file.name)
+    record = text.parse_json(file.path.read_bytes(), file.name)
     if not isinstance(record, dict):
         raise SourceError(file.name, "an object with fields", type(record).__name__, DOCS)
     return record
@@ -92,7 +92,7 @@ def _json(file: FileRef) -> dict[str, Any]:
 def _csv(file: FileRef) -> dict[str, Any]:
     """One row a frame; columns <point>_<x, y or z>, and hand, fps, unit, phase, object_name on every row."""
     try:
-        rows = list(csv.DictReader(io.StringIO(read_text(file.path, file.name), newline=None)))
+        rows = list(csv.DictReader(io.StringIO(read_utf8(file.path, file.name), newline=None)))
     except csv.Error as error:
         raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
     missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]

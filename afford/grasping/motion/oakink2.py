@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common import strict_json
+from afford.common import text
 from afford.common.bounded import TooLargeError, load_npz, reason
 from afford.common.errors import SourceError
 from afford.grasping.motion.keypoints import hand_motion
@@ -119,7 +119,7 @@ def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> list[H
 
 def _program(file: FileRef) -> dict[str, dict[str, Any]]:
     """Interval -> what is done in it."""
-    found = strict_json.parse(file.path.read_bytes(), file.name)
+    found = text.parse_json(file.path.read_bytes(), file.name)
     good = isinstance(found, dict) and all(
         isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
         for entry in found.values())  # fmt: skip

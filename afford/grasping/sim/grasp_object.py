@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
-from afford.common.points import farthest, sample
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
@@ -61,8 +61,8 @@ def _mass(solids: Sequence[trimesh.Trimesh], density_kg_m3: float) -> tuple[floa
 
 
 def _points(solid: trimesh.Trimesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    drawn, face = sample(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
-    kept = farthest(drawn, count)
+    drawn, face = sample_surface(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
+    kept = farthest_point_sampling(drawn, count)
     return drawn[kept], face[kept]
 
 
@@ -162,7 +162,7 @@ def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
     def stand_out_m(hull: ConvexHull) -> float:
         corner = hull.points[hull.simplices]
         area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-        probes = sample(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
+        probes = sample_surface(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
         away = np.where(inside(solid, probes), 0.0, nearest(probes)[2])
         return float(np.percentile(away, 95))
 
