@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest_point_sampling
 from afford.grasping.candidates.point_cloud import PointCloud, SupportPlane
 
 PATCH_M = 0.03
@@ -50,7 +50,7 @@ class GraspPose:
 def spread_places(region: np.ndarray, found: PointCloud, count: int) -> np.ndarray:
     """(k,) indices of points of the region (n,) bool, far apart."""
     mine = np.flatnonzero(region)
-    return mine[farthest(found.points[mine], count)]
+    return mine[farthest_point_sampling(found.points[mine], count)]
 
 
 def sample_poses(found: PointCloud, body: np.ndarray, spots: np.ndarray, on: SupportPlane, lean_deg: float,

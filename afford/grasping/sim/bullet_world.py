@@ -17,7 +17,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from afford.common.bullet import Client
-from afford.common.quaternions import inverse, matrix, product
+from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
 from afford.grasping.hand.export import save_hand as save_hand
 from afford.grasping.hand.kinematics import commanded_columns, commanded_joints, moving_joints
 from afford.grasping.sim.engine import State, finite_vector, solver_steps
@@ -80,8 +80,8 @@ class BulletWorld:
         self.client.restoreState(stateId=self._fresh)
         for joint, value in zip(self._joints, q.tolist(), strict=True):
             self.client.resetJointState(self.hand, joint, value, 0.0)
-        centre = pose[:3] + matrix(pose[3:]) @ self.scene.body.com_m
-        turn = product(pose[3:], self._inertial)
+        centre = pose[:3] + quaternion_matrix(pose[3:]) @ self.scene.body.com_m
+        turn = quaternion_product(pose[3:], self._inertial)
         self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
         self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
         self._force, self._left = np.zeros(3), 0
@@ -117,7 +117,7 @@ class BulletWorld:
         torque[:6] = torque[:6] if self._wrench is None else self._wrench.efforts
         return State(
             q=q, qd=qd, torque=torque, palm=np.concatenate(links[-1]), body=body,
-            tips=np.array([place + matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
+            tips=np.array([place + quaternion_matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
             velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
@@ -168,8 +168,8 @@ class BulletWorld:
     def _body(self) -> np.ndarray:
         """(7,) pose of the object's frame; the engine has that of its principal axes."""
         centre, turn = self.client.getBasePositionAndOrientation(self.object)
-        own = product(np.array(turn), inverse(self._inertial))
-        return np.concatenate([np.array(centre) - matrix(own) @ self.scene.body.com_m, own])
+        own = quaternion_product(np.array(turn), quaternion_inverse(self._inertial))
+        return np.concatenate([np.array(centre) - quaternion_matrix(own) @ self.scene.body.com_m, own])
 
     def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
         """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
@@ -177,7 +177,7 @@ class BulletWorld:
         found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
         if not found:
             return force, 0.0, 0
-        spots = (np.array([c[6] for c in found]) - body[:3]) @ matrix(body[3:])
+        spots = (np.array([c[6] for c in found]) - body[:3]) @ quaternion_matrix(body[3:])
         beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
         parts = self.scene.body.hull_part[beside.argmin(axis=0)]
         np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from afford.common.quaternions import cross
+from afford.common.geometry import cross
 from afford.grasping.hand.export import mesh_files as files_of
 from afford.grasping.hand.kinematics import commanded_joints, moving_joints, points_on_links
 from afford.grasping.sim.engine import State, finite_vector, solver_steps
