@@ -117,7 +117,8 @@ class BulletWorld:
         torque[:6] = torque[:6] if self._wrench is None else self._wrench.efforts
         return State(
             q=q, qd=qd, torque=torque, palm=np.concatenate(links[-1]), body=body,
-            tips=np.array([place + quaternion_matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
+            tips=np.array([place + quaternion_matrix(turn) @ tip
+                           for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
             velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
