@@ -224,10 +224,10 @@ def _in_cache(model: str) -> bool:
     from huggingface_hub import try_to_load_from_cache
     from huggingface_hub.errors import HFValidationError
 
-    from afford.models.hub import pinned
+    from afford.models.weights import split_revision
 
     try:
-        repository, revision = pinned(model)
+        repository, revision = split_revision(model)
         return isinstance(try_to_load_from_cache(repository, "config.json", revision=revision), str)
     except HFValidationError:  # a path
         return False

@@ -123,7 +123,7 @@ def graph(request: Request, out: Path | None) -> int:
         return 0
     if out.suffix not in (".svg", ".png"):
         raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
-    from afford.extraction.report.drawing import draw
+    from afford.extraction.drawing import draw
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
     try:

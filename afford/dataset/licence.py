@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from afford.common.number import EPIC_ID
+from afford.common.video.probe import EPIC_ID
 
 EPIC = "cc-by-nc-4.0"
 UNKNOWN = "other"

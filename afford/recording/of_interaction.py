@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.common.encode import png
-from afford.common.pictures import PNG, jpeg, overlay_png
+from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
 from afford.dataset.sor3d.sequences import Sequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
@@ -53,8 +52,8 @@ def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: 
     for n, (rgb, depth_m, moved, said) in enumerate(zip(shown.rgb, shown.depth_m, [*still, *shown.flow], found, strict=True)):
         time_ns = EPOCH_NS + round(n * SECOND_NS / rate_hz)
         yield image(IMAGE, time_ns, jpeg(rgb), "jpeg")
-        yield image(DEPTH, time_ns, png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
-        yield image(DEPTH_COLOUR, time_ns, png(_coloured(depth_m, span), PNG).tobytes())
+        yield image(DEPTH, time_ns, encode_png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
+        yield image(DEPTH_COLOUR, time_ns, encode_png(_coloured(depth_m, span), PNG).tobytes())
         yield image(FLOW, time_ns, _png(moved))
         yield image(SAID, time_ns, _overlay(said.label))
         yield image(SURE, time_ns, _overlay(said.confident(threshold)))
@@ -68,7 +67,7 @@ def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: 
 
 
 def _png(rgb: np.ndarray) -> bytes:
-    return png(np.ascontiguousarray(rgb[..., ::-1]), PNG).tobytes()
+    return encode_png(np.ascontiguousarray(rgb[..., ::-1]), PNG).tobytes()
 
 
 def _overlay(label: np.ndarray) -> bytes:

@@ -38,9 +38,8 @@ class Params:
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every frame of each sequence, and write both files."""
-    from afford.common import materialise
-    from afford.common.files import empty_folder, tree
-    from afford.common.tiles import write_page
+    from afford.common.drawing import write_page
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset.sor3d import sequences
     from afford.recording.files import write
     from afford.recording.interaction_strips import strips_of
@@ -52,7 +51,7 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Fil
 
     if params.rate_hz <= 0 or params.shown < 0:
         raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")
-    predictor = Predictor(materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
+    predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
     part = sequences.part({file.name: file.path for file in dataset.files}, params.split)
     chosen, root = spread(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
     for n, path in enumerate(chosen, 1):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from afford.dataset.sor3d.rules import USES, use
-from afford.render.batch import batch
+from afford.render.scene import batch
 from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
 from afford.synthetic.tabletop.sensor import holes, sense, steps
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec

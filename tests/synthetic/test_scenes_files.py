@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.synthetic.kitchens import polygons, specs, vocabulary, write_epic
 from afford.synthetic.kitchens.write_root import write_root
 from schemas.files import FileRef, FileTree

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from afford.dataset.sor3d.names import SPLITS, VIEWS
 from schemas.files import FileRef, FileTree
 
@@ -52,7 +52,7 @@ def views(root: Path) -> dict[str, int]:
     if not path.is_file():
         return {}
     out = {}
-    for number, line in enumerate(read_text(path, VIEWS).splitlines(), 1):
+    for number, line in enumerate(read_utf8(path, VIEWS).splitlines(), 1):
         subject, _, view = line.partition("\t")
         if line and view.strip() not in ("1", "2", "3"):
             raise SourceError(f"{VIEWS}, line {number}", "SubjectN, a tab, and 1, 2 or 3", repr(line), "correct the line")

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from afford.dataset.sor3d import sequences
-from afford.models.threads import one_thread
+from afford.models.loading import one_thread
 from afford.rgbd.model import files
 from afford.rgbd.model.both_ways import both_ways
 from afford.rgbd.model.found import Found

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common import strict_json
 from afford.common.errors import SourceError
-from afford.common.natural import natural
+from afford.common.text import natural_key, parse_json
 from afford.dataset.sor3d.colours import commonest, unpaint
 from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
 from afford.dataset.sor3d.write import GRID
@@ -43,7 +42,7 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
         raise SourceError(files.name, "the files of a sequence", "none", DOCS)
     name = parse(files.files[0].name)
     base = f"{name.split}/{name.folder}"
-    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural(file.name))
+    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural_key(file.name))
     if len(rgb) <= EXTRAS:
         raise SourceError(f"{base}/rgb", f"frames and {EXTRAS} files behind them", f"{len(rgb)} files", DOCS)
     frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
@@ -123,7 +122,7 @@ def _camera(files: FileTree, base: str, size: tuple[int, ...], rules: Rules) -> 
     given = {"fx": scale * width, "fy": scale * width, "cx": (width - 1) / 2 - left, "cy": (height - 1) / 2 - top,
              "rate_hz": rules.rate_hz}  # fmt: skip
     if file is not None:
-        said = strict_json.parse(file.path.read_bytes(), file.name)
+        said = parse_json(file.path.read_bytes(), file.name)
         given = {key: _number(said, key, file.name) for key in given}
         if rules.grid == "stcae":
             raise SourceError(file.name, "grid='native', as K is given for the files", "grid='stcae'", "read it as it is")
@@ -135,7 +134,7 @@ def _camera(files: FileTree, base: str, size: tuple[int, ...], rules: Rules) -> 
 
 def _spots(file: FileRef, size: tuple[int, ...], grid: str) -> np.ndarray:
     """(k, 3) float32 x, y, radius on the grid that is shown."""
-    said = strict_json.parse(file.path.read_bytes(), file.name)
+    said = parse_json(file.path.read_bytes(), file.name)
     if not isinstance(said, dict) or not isinstance(said.get("center"), list):
         raise SourceError(f"{file.name}, center", "a list of circles", type(said).__name__, DOCS)
     found = [[_number(spot, key, file.name) for key in ("x_coord", "y_coord", "radius")] for spot in said["center"]]

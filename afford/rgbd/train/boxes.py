@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor, nn
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.boxes.losses import extents, losses
 from afford.rgbd.boxes.model import Boxes, painted, proposals
@@ -20,9 +20,9 @@ PREVIEWS, COLUMNS = 12, 4
 
 
 class Detecting:
-    """What the loop trains (`afford.training.task.Task`). What it says from its own boxes judges."""
+    """What the loop trains (`afford.training.job.Task`). What it says from its own boxes judges."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: Boxes, batches: SequenceBatches, judged: Listed[Sequence], device: str) -> None:
         """`judged` are the sequences of validation; their last frames are looked at."""

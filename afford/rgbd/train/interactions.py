@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.dataset.sor3d.sequences import Sequence
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.model.losses import LossParams, losses
@@ -23,9 +23,9 @@ OPACITY = 0.6
 
 
 class Interactions:
-    """What the loop trains (`afford.training.task.Task`). Videos judge; the same last frames as pictures are measured too."""
+    """What the loop trains (`afford.training.job.Task`). Videos judge; the same last frames as pictures are measured too."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: Sor3d, batches: SequenceBatches, judged: Listed[Sequence], loss: LossParams, size: int,
                  device: str) -> None:

@@ -18,10 +18,9 @@ from afford.rgbd.model.losses import LossParams
 from afford.rgbd.model.sequence_batches import Changes
 from afford.rgbd.train import sor3d_card
 from afford.training.job import Dataset
-from afford.training.order import Order
-from afford.training.params import Optimisation
-from afford.training.state import State
-from afford.training.task import Plan, plan_of
+from afford.training.params import Optimisation, Plan, plan_of
+from afford.training.sampler import BalancedSampler
+from afford.training.state import TrainingState
 from schemas.training import TrainingLog
 
 FILES = "sequences.json"
@@ -54,11 +53,11 @@ class SequencesJob:
         found = {split: [str(path.absolute()) for path in sequences.part(data, split)] for split in ("train", "val")}
         (scratch / FILES).write_text(json.dumps(found), encoding="utf-8")
 
-    def order(self, paths: list[Path]) -> Order:
+    def order(self, paths: list[Path]) -> BalancedSampler:
         """Which sequence of training comes when."""
-        return Order([sequences.kind(path) for path in paths], self.balance, self.seed)
+        return BalancedSampler([sequences.kind(path) for path in paths], self.balance, self.seed)
 
-    def finish(self, model: nn.Module, state: State) -> None:
+    def finish(self, model: nn.Module, state: TrainingState) -> None:
         """Validation decides nothing but which weights are kept."""
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:

@@ -9,7 +9,7 @@ from blake3 import blake3
 
 from afford.codecs import save
 from afford.common.folders import media_of
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.synthetic.kitchens import write_epic
 from afford.synthetic.kitchens.play import LENGTH, Play, Saying
 from afford.synthetic.kitchens.record import Recording

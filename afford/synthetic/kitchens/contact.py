@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from afford.render.model import Camera
+from afford.render.scene import Camera
 from afford.synthetic.kitchens.world import World
 from afford.synthetic.things.asset import Part
 

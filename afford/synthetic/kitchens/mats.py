@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.model import Instance, Material
 from afford.render.motion import about, pose
+from afford.render.scene import Instance, Material
 from afford.render.solids import box
 
 THICKNESS_M = 0.0012

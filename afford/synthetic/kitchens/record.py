@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.draw import render_bundle
-from afford.render.model import Bundle, Camera
+from afford.render.scene import Bundle, Camera
 from afford.synthetic.kitchens.contact import Surfaces
 from afford.synthetic.kitchens.play import LENGTH
 from afford.synthetic.kitchens.world import HEIGHT, WIDTH, World

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from afford.render.camera import CALM, PARALLAX, Head, intrinsics
-from afford.render.model import Camera, Instance
-from afford.render.textures import Textures
+from afford.render.scene import Camera, Instance, Textures
 from afford.synthetic.kitchens.cast import CENTRE, Cast
 from afford.synthetic.kitchens.grasp import Fingers
 from afford.synthetic.kitchens.mats import mats

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.mesh import Mesh
-from afford.render.model import Instance
+from afford.render.scene import Instance
 from afford.synthetic.people.hand_bones import REST, WRIST, bone_frames, tips
 from afford.synthetic.people.hand_look import HandLook
 from afford.synthetic.people.hand_shape import hand_shape

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.mesh import moved
-from afford.render.model import BACKGROUND, Instance
 from afford.render.motion import Pose, about, pose
+from afford.render.scene import BACKGROUND, Instance
 from afford.render.solids import lathe
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.people.hand import HandModel

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.camera import intrinsics, look_at
-from afford.render.model import Camera, Light
 from afford.render.motion import about
 from afford.render.patterns import cloud, image, ramp
+from afford.render.scene import Camera, Light
 
 FIELD_OF_VIEW_DEG = (42.0, 96.0)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import draw_ids, render
-from afford.render.model import Camera, Instance
 from afford.render.raster import edges, fill, project
+from afford.render.scene import Camera, Instance
 from afford.synthetic.kitchens.cast import CENTRE
 from afford.synthetic.kitchens.record import grain
 from afford.synthetic.kitchens.world import EYE

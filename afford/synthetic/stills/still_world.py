@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.render.model import BACKGROUND, Instance, Light
 from afford.render.motion import about, pose
-from afford.render.textures import Textures
+from afford.render.scene import BACKGROUND, Instance, Light, Textures
 from afford.synthetic.kitchens import rooms
 from afford.synthetic.kitchens.cast import CENTRE
 from afford.synthetic.kitchens.mats import mats

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.synthetic.kitchens.cast import plain_name
 from afford.synthetic.kitchens.write_epic import narration
 from afford.synthetic.stills.still_draw import Shot, Sizes, shoot
@@ -51,7 +51,7 @@ def stills(spec: StillSpec, quality: Quality, progress: Callable[[int, int], Non
                 number = len(found) + 1
                 said = _said(spec.video_id, number, act)
                 found.append(Still(number, len(images), said, act.kinds, is_new(act.verb, act.kinds), modes))
-            images.append(Picture(jpeg(shot.rgb, quality.jpeg_quality)))
+            images.append(Picture(encode_jpeg(shot.rgb, quality.jpeg_quality)))
             progress(len(images), spec.layouts * spec.views)
     width, height = quality.sizes.image
     person = spec.video_id.rpartition("_")[0]

@@ -9,11 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from afford.dataset.sor3d.rules import use
-from afford.render.batch import batch
 from afford.render.draw import render
-from afford.render.model import Instance
-from afford.render.textures import Textures
-from afford.render.view import View, depth
+from afford.render.raster import View, depth
+from afford.render.scene import Instance, Textures, batch
 from afford.synthetic.tabletop.acts import LENGTH, Act, act, elbow
 from afford.synthetic.tabletop.skin import exact_skin
 from afford.synthetic.tabletop.studio import Studio, hand_of, studio

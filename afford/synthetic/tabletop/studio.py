@@ -9,10 +9,9 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.camera import look_at
-from afford.render.model import BACKGROUND, Camera, Instance, Light, Material
 from afford.render.motion import about, pose
+from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, linear
 from afford.render.solids import patch, tube
-from afford.render.textures import linear
 from afford.synthetic.kitchens.cast import CENTRE
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_look import HandLook, person

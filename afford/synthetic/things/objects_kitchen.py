@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.mesh import Mesh, merge, mesh, moved, transform
-from afford.render.model import Material
 from afford.render.motion import about, pose
+from afford.render.scene import Material
 from afford.render.solids import extrude, lathe, tube
 from afford.synthetic.things.asset import Grip, ObjectModel, Part
 from afford.synthetic.things.grips import UP, Vec, along, around, both, edge, over, pinch, rod
