@@ -7,7 +7,7 @@ import pytest
 from afford.dataset.card import MADE
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
-from afford.twohands.model import build
+from afford.twohands.model import interface
 from commands.errors import UsageError
 from commands.settings import CHOICES, SEQUENCES, SHARED_CHOICES, blocks, check_value, field_types, registry, settings
 from maps.settings import PRESETS, SYSTEM_OF, Settings
@@ -64,7 +64,7 @@ def test_what_can_be_is_taken(word: str) -> None:
 
 def test_the_words_are_those_of_the_code() -> None:
     """A word that is added there is missed here."""
-    assert set(CHOICES["model_train", "variant"]) == set(build.VARIANTS)
+    assert set(CHOICES["model_train", "variant"]) == set(interface.VARIANTS)
     for stage in SEQUENCES:
         assert set(CHOICES[stage, "variant"]) == set(VARIANTS) and CHOICES[stage, "row"] == tuple(ROWS)
     assert set(CHOICES["dataset_pack", "made"]) == set(MADE) and set(SHARED_CHOICES["engines"]) == set(engine.BACKENDS)
