@@ -88,7 +88,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        model_folder, predictor = open_model(options.model, options.store, options.device)
+        model, predictor = open_model(options.model, options.store, options.device)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -97,10 +97,10 @@ def predict(image: Path, task: str, options: Options) -> int:
         for source in sources:
             for _ in range(picture_count(source, options.every)):
                 shown.planned(STAGE, source.name)
-        shown.started(STAGE, sources[0].name, Reason("forced", model_folder.name))
+        shown.started(STAGE, sources[0].name, Reason("forced", model.name))
         for item in answer_all(predictor, sources, question, options.every, batch):
-            _keep(item, model_folder, options, done, shown)
-    return _tell(_summary(question.task, model_folder, options, done, time.perf_counter() - began), options)
+            _keep(item, model, options, done, shown)
+    return _tell(_summary(question.task, model, options, done, time.perf_counter() - began), options)
 
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
@@ -135,7 +135,7 @@ def _check(task: str, options: Options) -> None:
             raise UsageError(f"--{name} {value}: expected 1 or more")
 
 
-def _keep(item: Any, stored: ModelFolder, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
+def _keep(item: Any, model: ModelFolder, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
     """Write an answer, or note what was refused."""
     from afford.twohands.inference import Refused
     from afford.twohands.prediction_files import brief, write_prediction
@@ -144,7 +144,7 @@ def _keep(item: Any, stored: ModelFolder, options: Options, done: BatchResult, s
         _failed(item.source, item.message, done, shown)
         return
     try:
-        folder = write_prediction(item, model_folder, options.out, options.all_hypotheses)
+        folder = write_prediction(item, model, options.out, options.all_hypotheses)
     except (ValueError, OSError) as error:
         _failed(item.picture.source, str(error), done, shown)
         return
@@ -158,14 +158,15 @@ def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserve
     shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
 
 
-def _summary(task: str, stored: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
+def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
-    picture_count = max(len(done.predictions), 1)
+    shown = max(len(done.predictions), 1)
     from afford.twohands.model.model_folder import unknown_words
 
-    return {"task": task, "unknown_words": unknown_words(model_folder, task), "hands_asked": options.hands,
-            "model": {"name": model_folder.name, "digest": model_folder.digest}, "predictions": done.predictions, "failures": done.failures,
-            "ms_per_image": {"cpu": round(done.cpu_ms / picture_count, 3), "wall": round(done.wall_ms / picture_count, 3)},
+    return {"task": task, "unknown_words": unknown_words(model, task), "hands_asked": options.hands,
+            "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
+            "failures": done.failures,
+            "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},
             "seconds": round(seconds, 3)}  # fmt: skip
 
 

@@ -11,8 +11,8 @@
 
 Modules in reading order: graph (the DAG), source, names, scopes, references, effects, links and fingerprint (code as content), keys
 and task_planner (keys and reasons), store (blobs and manifests), traces (key -> output), lease (one run per key), execute (one
-task), engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify, gc,
-lineage).
+task), engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify,
+gc, lineage).
 """
 
 from __future__ import annotations

@@ -146,7 +146,8 @@ def test_a_stage_cannot_read_a_block_that_is_not_selected(jobs: int, tmp_path: P
     """It is in no key, so that an output could not follow it."""
     project = EditableProject.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
     project.edit("pkg/stage.py", "+ params.end", "+ params.sam_2.sign")
-    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is not in the key; read only")
+    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is not in the "
+                                        "key; read only")
 
 
 @dataclass(frozen=True)
