@@ -30,7 +30,7 @@ from afford.extraction.sources.polygons import rasterise
 from afford.models.hub import files
 from afford.render.batch import batch
 from afford.render.view import View
-from afford.synthetic.kitchens.play import LENGTH
+from afford.synthetic.kitchens.animation import LENGTH
 from afford.synthetic.kitchens.specs import standard_specs
 from afford.synthetic.kitchens.world import World, build_world
 from commands.session import digester, open_runner

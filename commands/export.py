@@ -17,7 +17,7 @@ FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
     "coco": "afford.dataset.export_coco:export",
     "webdataset": "afford.dataset.export_webdataset:export",
-    "epic": "afford.synthetic.kitchens.write_root:write_root",
+    "epic": "afford.synthetic.kitchens.epic_files:write_root",
 }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.synthetic.kitchens.cast import CENTRE
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.people.hand_shape import ARM_M
 from afford.synthetic.stills import hand_lessons as drawn
 from afford.synthetic.stills.hand_people import Person, apart, dressed, in_the_air

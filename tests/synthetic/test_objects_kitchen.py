@@ -10,7 +10,7 @@ import pytest
 
 from afford.render.mesh import merge
 from afford.render.motion import about, pose
-from afford.synthetic.kitchens.cast import plain_name
+from afford.synthetic.kitchens.scene_builder import plain_name
 from afford.synthetic.kitchens.vocabulary import FIRST_NEW_NOUN, noun_class
 from afford.synthetic.people.hand_grasp import distance_to
 from afford.synthetic.stills.still_layout import Placed

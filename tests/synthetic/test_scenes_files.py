@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from afford.common.video.write import write_video
-from afford.synthetic.kitchens import polygons, specs, vocabulary, write_epic
-from afford.synthetic.kitchens.write_root import write_root
+from afford.synthetic.kitchens import epic_files, specs, vocabulary
+from afford.synthetic.kitchens.epic_files import write_root
 from schemas.files import FileRef, FileTree
 from schemas.video import HAND_CLASS, SIDES
 
@@ -21,13 +21,13 @@ def test_polygons_give_the_mask_back_exactly(seed):
     """Tracing a mask and drawing it by VISOR's rule gives the same mask, holes, islands and borders included."""
     noise = np.random.default_rng(seed).standard_normal((256, 456))
     mask = cv2.GaussianBlur(noise, (0, 0), 1.0 + 2 * seed) > 0.01
-    np.testing.assert_array_equal(polygons.draw(polygons.trace(mask), 456, 256), mask)
+    np.testing.assert_array_equal(epic_files.draw(epic_files.trace(mask), 456, 256), mask)
 
 
 def test_an_empty_mask_has_no_polygon():
     """Nothing to draw gives no outline, and no outline draws nothing."""
-    assert polygons.trace(np.zeros((256, 456), bool)) == []
-    assert not polygons.draw([], 456, 256).any()
+    assert epic_files.trace(np.zeros((256, 456), bool)) == []
+    assert not epic_files.draw([], 456, 256).any()
 
 
 def test_every_class_is_unique_and_hands_are_epics():
@@ -49,8 +49,8 @@ def test_nouns_outside_epic_get_new_classes():
 
 def test_action_rows_have_epics_columns(tmp_path):
     """The narration file has the 15 columns in EPIC's order, and its times agree with its frames."""
-    said = write_epic.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
-    write_epic.write_actions(tmp_path, "P91_01", "train", [said])
+    said = epic_files.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
+    epic_files.write_actions(tmp_path, "P91_01", "train", [said])
     with (tmp_path / "EPIC_100_train.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert len(rows[0]) == 15

@@ -11,8 +11,8 @@ from afford.render.draw import render
 from afford.render.model import BACKGROUND, Instance
 from afford.render.motion import Pose, about, pose
 from afford.render.textures import Textures
-from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.kitchens.record import grain
+from afford.synthetic.kitchens.render_clip import grain
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.stills.hand_people import Person, apart, in_the_air
 from afford.synthetic.stills.hand_views import backdrop, lit, view

@@ -11,8 +11,8 @@ from afford.render.camera import intrinsics, look_at
 from afford.render.draw import draw_ids, render
 from afford.render.model import Camera, Instance
 from afford.render.raster import edges, fill, project
-from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.kitchens.record import grain
+from afford.synthetic.kitchens.render_clip import grain
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import EYE
 from afford.synthetic.stills.still_ways import Way
 from afford.synthetic.stills.still_world import Layout, StillWorld

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from afford.synthetic.kitchens.cast import BOTH_APART_M
+from afford.synthetic.kitchens.scene_builder import BOTH_APART_M
 from afford.synthetic.stills.still_tasks import Act
 from afford.synthetic.stills.still_ways import Reach, Way
 from schemas.video import SIDES

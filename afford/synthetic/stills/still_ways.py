@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.motion import Pose, about, pose
-from afford.synthetic.kitchens.cast import comfort
+from afford.synthetic.kitchens.scene_builder import comfort
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.people.hand_bones import ROOTS, WRIST
 from afford.synthetic.stills.still_layout import Placed, height_at, heights

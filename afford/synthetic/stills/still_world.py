@@ -12,8 +12,8 @@ from afford.render.model import BACKGROUND, Instance, Light
 from afford.render.motion import about, pose
 from afford.render.textures import Textures
 from afford.synthetic.kitchens import rooms
-from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.kitchens.mats import mats
+from afford.synthetic.kitchens.rooms import place_mats
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_grasp import close_on, distance_to
@@ -52,7 +52,7 @@ class StillWorld:
         self.spec, self.rng = spec, np.random.default_rng(spec.seed)
         self.models = [with_more_grips(objects.build(kind, self.rng)) for kind in self._pool()]
         room = rooms.bare(spec.setting, self.rng)
-        self.room = replace(room, instances=(*room.instances, *mats(spec.setting, self.rng, CENTRE)))
+        self.room = replace(room, instances=(*room.instances, *place_mats(spec.setting, self.rng, CENTRE)))
         look = person(self.rng)
         self.hands: dict[str, HandModel] = {side: HandModel.build(side, look) for side in SIDES}
         shown = [part.material for model in self.models for part in model.parts]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.common.encode import jpeg
-from afford.synthetic.kitchens.cast import plain_name
-from afford.synthetic.kitchens.write_epic import narration
+from afford.synthetic.kitchens.epic_files import narration
+from afford.synthetic.kitchens.scene_builder import plain_name
 from afford.synthetic.stills.still_draw import Shot, Sizes, shoot
 from afford.synthetic.stills.still_plans import Plan, plans, weights
 from afford.synthetic.stills.still_sets import is_asked, is_new

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.render.mesh import merge
 from afford.render.motion import Pose, about, pose
-from afford.synthetic.kitchens.cast import CENTRE, HANDED, SLACK, comfort, mirrored
+from afford.synthetic.kitchens.scene_builder import CENTRE, HANDED, SLACK, comfort, mirrored
 from afford.synthetic.people.hand_bones import tips
 from afford.synthetic.people.hand_grasp import Distance, close_on, distance_to, opening, posture
 from afford.synthetic.things.asset import Grip, ObjectModel, palm_frame

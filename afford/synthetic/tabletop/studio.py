@@ -13,7 +13,7 @@ from afford.render.model import BACKGROUND, Camera, Instance, Light, Material
 from afford.render.motion import about, pose
 from afford.render.solids import patch, tube
 from afford.render.textures import linear
-from afford.synthetic.kitchens.cast import CENTRE
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.people.hand import HandModel
 from afford.synthetic.people.hand_look import HandLook, person
 from afford.synthetic.tabletop.acts import Act

@@ -10,7 +10,7 @@ import numpy as np
 from afford.render import materials
 from afford.render.mesh import moved
 from afford.render.solids import box, lathe, tube
-from afford.synthetic.kitchens.moves import rolled
+from afford.synthetic.kitchens.trajectories import rolled
 from afford.synthetic.things import objects, objects_kitchen, objects_table
 from afford.synthetic.things.asset import ObjectModel, Part
 from afford.synthetic.things.grips import along, around, over

@@ -1,23 +1,52 @@
-"""One synthetic clip -> the files of an EPIC-KITCHENS-100 / VISOR root: video, sparse annotations, narrations, classes, info.
-
-The readers must not be able to tell the root from a real one: same names, columns and JSON, polygons in 1920 x 1080.
-"""
+"""Mask -> VISOR polygons, and back: outlines in 1920 x 1080 that give the same mask again when VISOR's readers draw them."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import json
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
-from afford.synthetic.kitchens.polygons import trace
 from afford.synthetic.kitchens.vocabulary import NOUNS, VERBS, WordClass, noun_class, verb_class
+from schemas.files import FileRef, FileTree
 from schemas.masks import Entity
 from schemas.video import HAND_CLASS, SIDES, Narration
+
+GRID_WH = (1920, 1080)
+
+
+def mask_to_polygons(mask: np.ndarray) -> list[list[list[float]]]:
+    """Outlines of a (h, w) bool mask: polygons of [x, y] corners in the 1920 x 1080 grid, holes as further polygons.
+
+    The mask is blown up so that each of its pixels covers exactly the grid cells that nearest-neighbour resizing would read
+    from, then every border is followed. Drawing all polygons together (even-odd, borders included) fills the same cells.
+    """
+    rows, columns = _cells(mask.shape[0], GRID_WH[1]), _cells(mask.shape[1], GRID_WH[0])
+    large = np.ascontiguousarray(mask[rows][:, columns]).view(np.uint8)
+    outlines, _ = cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    return [outline.reshape(-1, 2).astype(float).tolist() for outline in outlines]
+
+
+def polygons_to_mask(segments: list[list[list[float]]], width: int, height: int) -> np.ndarray:
+    """The mask (height, width) bool of VISOR polygons, by VISOR's own rule: truncate, even-odd fill, nearest resize."""
+    grid = np.zeros((GRID_WH[1], GRID_WH[0]), np.uint8)
+    corners = [np.asarray(polygon, np.float64).reshape(-1, 2).astype(np.int32) for polygon in segments if polygon]
+    if corners:
+        cv2.fillPoly(grid, corners, 1)
+    return cv2.resize(grid, (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
+
+
+def _cells(size: int, grid: int) -> np.ndarray:
+    """For each of `grid` cells the index of the pixel, of `size`, that reads it."""
+    first = np.arange(size) * grid // size
+    return np.searchsorted(first, np.arange(grid), side="right") - 1
+
 
 FPS = 30
 ACTION_COLUMNS = (
@@ -58,7 +87,7 @@ def _annotations(video_id: str, entities: Sequence[Entity], key: KeyMasks) -> li
     for index in seen:
         entity = entities[index]
         row: dict[str, object] = {"id": ids[index], "name": entity.name, "class_id": entity.class_id, "exhaustive": "y",
-                                  "segments": trace(key.masks[index])}
+                                  "segments": mask_to_polygons(key.masks[index])}
         if entity.role == "hand":
             touched = key.contact[0 if entity.side == "left" else 1]
             row["in_contact_object"] = ids.get(touched, "hand-not-in-contact" if touched < 0 else "none-of-the-above")
@@ -125,7 +154,49 @@ def narration(video_id: str, number: int, interval: tuple[int, int], text: str, 
         all_nouns=tuple(nouns))
 
 
-def hands() -> tuple[Entity, Entity]:
+def hand_entities() -> tuple[Entity, Entity]:
     """The two hand entities, as VISOR names them."""
     left, right = (Entity(f"{side} hand", f"{side} hand", HAND_CLASS[side], "hand", side) for side in SIDES)
     return left, right
+
+
+CLASS_FILES = ("EPIC_100_verb_classes.csv", "EPIC_100_noun_classes_v2.csv")
+
+
+def write_root(trees: Iterable[FileTree], root: Path) -> None:
+    """Write all files of `trees` (the `files` and, when wanted, the `truth` of rendered clips) under `root`.
+
+    Raises ValueError when two clips bring different files of the same name that are no tables, or rows with the same key that
+    differ.
+    """
+    by_name: dict[str, list[FileRef]] = {}
+    for tree in trees:
+        for file in tree.files:
+            by_name.setdefault(file.name, []).append(file)
+    for name in sorted(by_name):
+        _write_joined(root / name, by_name[name])
+
+
+def _write_joined(path: Path, files: list[FileRef]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".csv":
+        _join_tables(path, files, by_id=path.name in CLASS_FILES)
+    elif len({file.digest for file in files}) > 1:
+        raise ValueError(f"{files[0].name}: two clips bring different files of this name; give them different video ids")
+    else:
+        shutil.copyfile(files[0].path, path)
+
+
+def _join_tables(path: Path, files: list[FileRef], by_id: bool) -> None:
+    rows: dict[str, dict[str, str]] = {}
+    columns: tuple[str, ...] = ()
+    for file in files:
+        with file.path.open(newline="", encoding="utf-8") as stream:
+            reader = csv.DictReader(stream)
+            columns = columns or tuple(reader.fieldnames or ())
+            for row in reader:
+                key = row[columns[0]]
+                if rows.setdefault(key, row) != row:
+                    raise ValueError(f"{path.name}: {columns[0]} {key} has two different rows; give clips different video ids")
+    ordered = sorted(rows.values(), key=lambda row: int(row[columns[0]])) if by_id else list(rows.values())
+    write_csv(path, columns, ordered)

@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.render.mesh import transform
 from afford.render.motion import Pose, Track, about, pose
-from afford.synthetic.kitchens.play import Arm, Play, Thing
+from afford.synthetic.kitchens.animation import Arm, Play, Thing
 from afford.synthetic.things.asset import Grip, ObjectModel
 from afford.synthetic.things.objects import build
 from schemas.video import OTHER

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render.motion import Pose, PoseAt, about, blend, pose, sway
-from afford.synthetic.kitchens.cast import Cast
-from afford.synthetic.kitchens.play import Thing
+from afford.synthetic.kitchens.animation import Thing
+from afford.synthetic.kitchens.scene_builder import Cast
 from afford.synthetic.things.asset import Grip
 
 SPOUT_M = 0.04
