@@ -31,8 +31,8 @@ from afford.models.hub import files
 from afford.render.batch import batch
 from afford.render.view import View
 from afford.synthetic.kitchens.animation import LENGTH
-from afford.synthetic.kitchens.specs import standard_specs
 from afford.synthetic.kitchens.world import World, build_world
+from afford.synthetic.splits import standard_specs
 from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build

@@ -183,7 +183,7 @@ def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], s
 
 
 def _synthetic(target: str, settings: Settings) -> Origin:
-    from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
+    from afford.synthetic.splits import dataset_specs, hard_specs, standard_specs
 
     if target != "extraction-report":
         return Origin("synthetic", specs=dataset_specs(settings.synthetic.scene_render.seed))

@@ -39,12 +39,12 @@ class Params:
 
 def run(params: Params) -> tuple[InteractionSpec, ...]:
     """All sequences, those for training first."""
-    from afford.synthetic.tabletop.plan import specs
+    from afford.synthetic.splits import interaction_specs
 
     counts = (params.train_instances, params.val_instances, params.train_subjects, params.val_subjects)
     if min(params.train, params.val) < 0 or params.train + params.val == 0 or min(counts) < 1:
         raise ValueError("interaction_plan: expected numbers of sequences of 0 or more, one at least, and one instance and one "
                          f"subject of each split at least, got {params}")
     first = params.train_subjects + 1
-    return (*specs("train", params.train, params.train_instances, range(1, first), params.seed),
-            *specs("val", params.val, params.val_instances, range(first, first + params.val_subjects), params.seed))
+    return (*interaction_specs("train", params.train, params.train_instances, range(1, first), params.seed),
+            *interaction_specs("val", params.val, params.val_instances, range(first, first + params.val_subjects), params.seed))

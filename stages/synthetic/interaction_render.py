@@ -41,10 +41,10 @@ class Params:
 
 def run(spec: InteractionSpec, params: Params, ctx: Context) -> RenderedInteraction:
     """Render one sequence into the scratch folder."""
-    from afford.synthetic.tabletop.made import made
+    from afford.synthetic.tabletop.render_interaction import render_interaction
 
     if params.height_px < 32 or params.frames < 2 or params.rate_hz <= 0 or params.clutter < 0 or params.noise < 0:
         raise ValueError("interaction_render: expected height_px of 32 or more, 2 frames or more, a positive rate_hz, clutter and "
                          f"noise of 0 or more, got {params}")
-    return made(spec, params.height_px, params.frames, params.rate_hz, params.clutter, params.noise, params.supersample,
-                ctx.scratch / "root")
+    return render_interaction(spec, params.height_px, params.frames, params.rate_hz, params.clutter, params.noise,
+                              params.supersample, ctx.scratch / "root")

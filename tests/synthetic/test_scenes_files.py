@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from afford.common.video.write import write_video
-from afford.synthetic.kitchens import epic_files, specs, vocabulary
+from afford.synthetic import splits
+from afford.synthetic.kitchens import epic_files, vocabulary
 from afford.synthetic.kitchens.epic_files import write_root
 from schemas.files import FileRef, FileTree
 from schemas.video import HAND_CLASS, SIDES
@@ -103,7 +104,7 @@ def test_clashing_roots_are_refused(tmp_path):
 
 def test_sets_of_clips_hold_what_they_promise():
     """At least 8 standard and 6 hard clips with the acts the report needs; both splits and all settings in the data set."""
-    standard, hard, data = specs.standard_specs(0), specs.hard_specs(0), specs.dataset_specs(0)
+    standard, hard, data = splits.standard_specs(0), splits.hard_specs(0), splits.dataset_specs(0)
     assert len(standard) == 8
     assert len(hard) == 6
     assert {"parallax", "carry", "pour", "carry_both"} <= {spec.script for spec in standard}
@@ -111,4 +112,4 @@ def test_sets_of_clips_hold_what_they_promise():
     assert {spec.setting for spec in data} == {"kitchen", "workshop", "desk"}
     assert {spec.split for spec in data} == {"train", "val"}
     assert len({spec.video_id for spec in (*standard, *hard, *data)}) == len(standard) + len(hard) + len(data)
-    assert all(a.seed != b.seed for a, b in zip(standard, specs.standard_specs(1), strict=True))
+    assert all(a.seed != b.seed for a, b in zip(standard, splits.standard_specs(1), strict=True))

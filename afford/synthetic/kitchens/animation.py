@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.render.camera import Head
 from afford.render.motion import Curve, Pose, PoseAt, Track, approach, arc
-from afford.synthetic.things.asset import Grip, ObjectModel
+from afford.synthetic.assets.object_model import Grip, ObjectModel
 
 LENGTH = 121.0
 """How long a play is, in units of time."""

@@ -16,10 +16,11 @@ from afford.common.folders import media_of
 from afford.common.video.write import write_video
 from afford.render.draw import render_bundle
 from afford.render.model import Bundle, Camera
+from afford.synthetic.assets.object_model import Part
 from afford.synthetic.kitchens import epic_files
 from afford.synthetic.kitchens.animation import LENGTH, Play, Saying
 from afford.synthetic.kitchens.world import HEIGHT, WIDTH, World
-from afford.synthetic.things.asset import Part
+from afford.synthetic.sensor import add_image_noise
 from schemas.files import FileRef, FileTree
 from schemas.scene import ClipTruth, RenderedClip, SceneSpec
 from schemas.video import Narration
@@ -76,8 +77,6 @@ def _unproject(camera: Camera, x: np.ndarray, y: np.ndarray, depth_m: np.ndarray
 HANDS = (0, 1)
 SLIVER_PX = 12
 """A visible part smaller than this counts as out of sight: no annotator would see it."""
-NOISE_DARK, NOISE_BRIGHT = 1.6, 3.2
-"""Standard deviation of the sensor noise at black and at white, in grey levels."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,8 @@ def render_frames(spec: SceneSpec, world: World, supersample: int, progress: Cal
         time = t * LENGTH / count
         camera = world.camera(time)
         bundle = render_bundle(world.instances(time), HANDS, n, camera, world.room.light, world.textures, supersample=supersample)
-        rgb[t], clean[t], kept[t] = grain(bundle.rgb, noise), bundle.rgb_no_hands, bundle.rgb_no_hands_shadow
+        rgb[t] = add_image_noise(bundle.rgb, noise)
+        clean[t], kept[t] = bundle.rgb_no_hands, bundle.rgb_no_hands_shadow
         visible[:, t], amodal[:, t] = seen(bundle, n), bundle.amodal
         depth[t] = np.round(1000 * bundle.depth_m).astype(np.uint16)
         contact[:, t], poses[t] = world.touched(time), camera.T_world_cam
@@ -118,15 +118,6 @@ def seen(bundle: Bundle, count: int) -> np.ndarray:
     masks = bundle.ids[None] == np.arange(count, dtype=np.int16)[:, None, None]
     masks[masks.sum(axis=(1, 2)) < SLIVER_PX] = False
     return masks
-
-
-def grain(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """The image with sensor noise that grows with brightness, mostly grey."""
-    level = image.astype(np.float32)
-    sigma = NOISE_DARK + (NOISE_BRIGHT - NOISE_DARK) * level / 255
-    grey = rng.standard_normal(image.shape[:2], np.float32)[..., None]
-    colour = rng.standard_normal(image.shape, np.float32)
-    return np.clip(np.round(level + sigma * (0.8 * grey + 0.6 * colour)), 0, 255).astype(np.uint8)
 
 
 def _touching(surfaces: ContactFinder, camera: Camera, bundle: Bundle, contact: np.ndarray, time: float) -> np.ndarray:

@@ -13,8 +13,8 @@ from afford.render.model import BACKGROUND, Instance, Light, Material
 from afford.render.motion import about, pose
 from afford.render.solids import box, patch
 from afford.render.textures import linear
+from afford.synthetic.assets import library
 from afford.synthetic.kitchens.settle_env import rest_poses
-from afford.synthetic.things import objects
 
 TABLE = ((-0.95, 0.95), (-0.12, 0.82))
 """Extent of the worktop in x and y, metres."""
@@ -133,7 +133,7 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
     out: list[Instance] = []
     slots = rng.permutation(np.linspace(-0.62, 0.62, 9))[:count]
     for x in slots:
-        model = objects.build(kinds[rng.integers(len(kinds))], rng)
+        model = library.build(kinds[rng.integers(len(kinds))], rng)
         T = _standing(x + rng.uniform(-0.02, 0.02), rng.uniform(0.60, 0.72), rng.uniform(-0.8, 0.8))
         out += model.instances(T, BACKGROUND)
     return out
@@ -157,7 +157,7 @@ def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
 
 def _scatter(rng: np.random.Generator, kinds: tuple[str, ...]) -> list[Instance]:
     """A few small things that were dropped at one side and lie as they fell."""
-    models = [objects.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
+    models = [library.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
     place = _standing(float(rng.choice([-1.0, 1.0])) * rng.uniform(0.48, 0.60), rng.uniform(0.30, 0.50), 0.0)
     poses = rest_poses([m.points for m in models], int(rng.integers(1 << 30)), spread_m=0.07)
     return [i for model, T in zip(models, poses, strict=True) for i in model.instances(place @ T, BACKGROUND)]

@@ -14,9 +14,9 @@ import numpy as np
 
 from afford.render.mesh import transform
 from afford.render.motion import Pose, Track, about, pose
+from afford.synthetic.assets.library import build
+from afford.synthetic.assets.object_model import Grip, ObjectModel
 from afford.synthetic.kitchens.animation import Arm, Play, Thing
-from afford.synthetic.things.asset import Grip, ObjectModel
-from afford.synthetic.things.objects import build
 from schemas.video import OTHER
 
 CENTRE = np.array([0.0, 0.30])

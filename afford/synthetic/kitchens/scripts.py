@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from afford.render.motion import Pose, PoseAt, about, pose
+from afford.synthetic.assets.object_model import Grip
 from afford.synthetic.kitchens import scripts_kitchen
 from afford.synthetic.kitchens.animation import LENGTH, Thing
 from afford.synthetic.kitchens.scene_builder import Cast, Want
 from afford.synthetic.kitchens.scripts_kitchen import GRASPABLE, carry_one
 from afford.synthetic.kitchens.trajectories import aim, carry, held_at, put, rolled
-from afford.synthetic.things.asset import Grip
 
 DESK_THINGS = ("book", "tape", "phone", "water", "cup", "stapler")
 SHOP_THINGS = ("glue", "paint", "drill", "wood", "hammer", "screwdriver")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render.motion import Pose, PoseAt, about, blend, pose, sway
+from afford.synthetic.assets.object_model import Grip
 from afford.synthetic.kitchens.animation import Thing
 from afford.synthetic.kitchens.scene_builder import Cast
-from afford.synthetic.things.asset import Grip
 
 SPOUT_M = 0.04
 """A mouth farther than this from the middle of a vessel is a spout, which has to point at the cup."""

@@ -12,6 +12,10 @@ from afford.render.camera import CALM, PARALLAX, Head, intrinsics
 from afford.render.mesh import merge
 from afford.render.model import Camera, Instance
 from afford.render.textures import Textures
+from afford.synthetic.assets.object_model import palm_frame
+from afford.synthetic.human_hand.appearance import random_person
+from afford.synthetic.human_hand.hand_model import HandModel
+from afford.synthetic.human_hand.skeleton import close_on, distance_to, opening_posture, posture
 from afford.synthetic.kitchens.animation import LENGTH, Arm, Play, Thing, Touch
 from afford.synthetic.kitchens.epic_files import hand_entities
 from afford.synthetic.kitchens.rooms import Room, place_mats
@@ -19,10 +23,6 @@ from afford.synthetic.kitchens.rooms import build as build_room
 from afford.synthetic.kitchens.scene_builder import CENTRE, Cast
 from afford.synthetic.kitchens.scripts import STRONG_PARALLAX, script
 from afford.synthetic.kitchens.vocabulary import noun_class
-from afford.synthetic.people.hand import HandModel
-from afford.synthetic.people.hand_grasp import close_on, distance_to, opening, posture
-from afford.synthetic.people.hand_look import person
-from afford.synthetic.things.asset import palm_frame
 from schemas.masks import Entity
 from schemas.scene import SceneSpec
 from schemas.video import SIDES
@@ -42,7 +42,7 @@ class FingerTrajectory:
         weights = np.array([_contact_weight(touch, time) for touch in self.arm.touches])
         weights /= weights.sum()
         amount = float(self.arm.closed.at(time)[0])
-        opened = np.array([opening(touch.grip.kind) for touch in self.arm.touches])
+        opened = np.array([opening_posture(touch.grip.kind) for touch in self.arm.touches])
         return weights @ (opened + amount * (np.array(self._closed) - opened))
 
 
@@ -70,7 +70,7 @@ class World:
 
     play: Play
     room: Room
-    hand_entities: tuple[HandModel, HandModel]
+    hands: tuple[HandModel, HandModel]
     fingers: tuple[FingerTrajectory, FingerTrajectory]
     entities: tuple[Entity, ...]
     things: tuple[Thing, ...]
@@ -125,7 +125,7 @@ def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
     objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
     room = build_room(spec.setting, rng)
     room = replace(room, instances=(*room.instances, *place_mats(spec.setting, rng, CENTRE)))
-    look = person(rng)
+    look = random_person(rng)
     pair = (HandModel.build("left", look), HandModel.build("right", look))
     fingers = (FingerTrajectory(play.arms["left"]), FingerTrajectory(play.arms["right"]))
     return World(play, room, pair, fingers, (*hand_entities(), *objects), things, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
