@@ -15,8 +15,8 @@ from commands.targets import build
 
 FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
-    "coco": "afford.dataset.export_coco:export",
-    "webdataset": "afford.dataset.export_webdataset:export",
+    "coco": "afford.dataset.exports:export_coco",
+    "webdataset": "afford.dataset.exports:export_coco",
     "epic": "afford.synthetic.kitchens.epic_files:write_root",
 }
 

@@ -8,7 +8,7 @@ from zlib import crc32
 
 import numpy as np
 
-from afford.dataset.sor3d.rules import SHARES, types_for
+from afford.dataset.affordance_rules import SHARES, types_for
 from schemas.interaction import AFFORDANCES, InteractionSpec
 from schemas.mesh import ObjectSpec
 from schemas.scene import HandRoom, SceneSpec, StillSpec

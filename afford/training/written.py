@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from afford.codecs.identity import digest
+from afford.codecs.kinds import digest
 from afford.common.files import empty_folder
 from afford.training.fit import Fitted
 from afford.training.job import Job

@@ -2,8 +2,8 @@
 
 Reads   nothing but its parameters
 Writes  InteractionSpec of every sequence: thing, affordance, instance, person, seeds
-Method  affordances by the weights of the paper, types of things by turns (afford/dataset/sor3d/rules.py says what affords what);
-        no instance (shape, size, colours) and no person is in both splits
+Method  affordances by the weights of the paper, types of things by turns (afford/dataset/affordance_rules.py says what affords
+        what); no instance (shape, size, colours) and no person is in both splits
 Fails   when there is nothing to plan, or a split has no instance or no person
 Paper   SOR3D-AFF, section 6 (962 + 239 sequences, nine affordances, ten types of things)
 """

@@ -6,7 +6,7 @@ Writes  RenderedInteraction: files (rgb, mask and hot spot as in SOR3D-AFF; dept
 Method  a hand of the person comes, uses the thing as synthetic/tabletop/acts.py says, leaves it at rest and goes; a camera that
         stands still at the other side of the table sees it; a software renderer draws colours, points of surfaces are followed
         for the flow; depth gets a sensor's noise, steps and holes. The label is the part of the thing that the table
-        in afford/dataset/sor3d/rules.py names, where it is seen in the last frame. Deterministic.
+        in afford/dataset/affordance_rules.py names, where it is seen in the last frame. Deterministic.
 Fails   when the thing is not used so, or no try shows enough of the label.
 Paper   takes the place of SOR3D-AFF (section 6: RGB registered to depth, 300 x 300, 10 frames/s), which is not to be had.
 """

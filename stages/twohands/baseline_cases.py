@@ -45,13 +45,13 @@ def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> Fil
     from afford.common import materialise
     from afford.common.files import empty_folder, tree
     from afford.common.registry import load
-    from afford.dataset import layout
+    from afford.dataset import act_affordance
     from afford.twohands.benchmark import stored
     from afford.twohands.benchmark.cases import read
 
     root = materialise.unfold(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
     answer = load(BACKENDS, params.backend)(root)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         for n, files in enumerate(listed):

@@ -48,14 +48,14 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
     """Ask the model about every case."""
     from afford.common import materialise
     from afford.common.files import empty_folder, tree
-    from afford.dataset import layout
+    from afford.dataset import act_affordance
     from afford.twohands.benchmark import stored, words
     from afford.twohands.benchmark.cases import picture, task
     from afford.twohands.model.predictor import Predictor
 
     predictor = Predictor(materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
                           params.mirror)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         told = words.tasks([task(files) for files in listed], params.text, params.seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from afford.dataset.card import MADE
+from afford.dataset.metadata import METHODS
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import build
@@ -69,7 +69,7 @@ def test_the_words_are_those_of_the_code() -> None:
     assert set(WORDS["model_train", "variant"]) == set(build.VARIANTS)
     for stage in SEQUENCES:
         assert set(WORDS[stage, "variant"]) == set(VARIANTS) and WORDS[stage, "row"] == tuple(ROWS)
-    assert set(WORDS["dataset_pack", "made"]) == set(MADE) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)
+    assert set(WORDS["dataset_pack", "made"]) == set(METHODS) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)
 
 
 def test_registries_are_named_after_what_chooses_from_them() -> None:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from afford.dataset.sor3d.rules import USES, use
+from afford.dataset.affordance_rules import AFFORDANCE_RULES, affordance_rule
 from afford.render.batch import batch
 from afford.synthetic.sensor import depth_holes, measure_depth, quantize_depth
 from afford.synthetic.tabletop.render_interaction import HAND, THING, SurfaceHits, plan_sequence
@@ -94,7 +94,7 @@ def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
     assert 0.2 < (label != BACKGROUND).sum() / len(thing) < 0.8
 
 
-@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in USES for name in USES[kind]])
+@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in AFFORDANCE_RULES for name in AFFORDANCE_RULES[kind]])
 def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
     """A label on the thing that is seen in the last frame; the thing at rest before the touch and after the release; the hand
     close to it between.
@@ -120,7 +120,7 @@ def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
 def test_what_a_thing_is_not_used_for_is_refused() -> None:
     """In one sentence that lists what it is used for."""
     with pytest.raises(ValueError, match="expected one of grasp, lift, cut for a knife, got 'type'"):
-        use("knife", "type")
+        affordance_rule("knife", "type")
 
 
 def test_depth_steps_and_holes() -> None:

@@ -121,11 +121,11 @@ def test_a_plate_has_its_area_times_its_thickness_also_when_it_is_curved() -> No
 
 def test_a_wire_goes_from_end_to_end_and_cuts_its_corners() -> None:
     """Both ends stay; it is a little shorter than its lines, and one body."""
-    build_shape = wire([(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0)], 0.003, 0.02, sides=48)
-    low_x, low_y, low_z, high_x, high_y, high_z = build_shape.bounding_box()
+    shape = wire([(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0)], 0.003, 0.02, sides=48)
+    low_x, low_y, low_z, high_x, high_y, high_z = shape.bounding_box()
     np.testing.assert_allclose((low_x, high_y, low_z, high_z), (0, 0.1, -0.003, 0.003), atol=1e-4)
-    length = build_shape.volume() / (np.pi * 0.003**2)
-    assert 0.18 < length < 0.2 and len(build_shape.decompose()) == 1 and high_x < 0.1031 and low_y > -0.0031
+    length = shape.volume() / (np.pi * 0.003**2)
+    assert 0.18 < length < 0.2 and len(shape.decompose()) == 1 and high_x < 0.1031 and low_y > -0.0031
 
 
 @pytest.mark.parametrize("seed", range(5))

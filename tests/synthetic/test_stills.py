@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from afford.codecs import CODEC
-from afford.dataset.still_samples import samples
+from afford.dataset.still_samples import sample_stills
 from afford.render.motion import about, pose
 from afford.synthetic.assets import library
 from afford.synthetic.splits import (
@@ -117,7 +117,7 @@ def test_one_picture_is_asked_for_several_things(room: Stills) -> None:
 
 def test_samples_show_one_way_each(room: Stills) -> None:
     """The same picture and text come with different ways, each of them valid; likely ways come more often."""
-    drawn = samples(room, 2, 1)
+    drawn = sample_stills(room, 2, 1)
     by_number = {still.narration.narration_id: still for still in room.stills}
     ways: dict[str, list[bytes]] = {}
     for sample in drawn.samples:
@@ -133,14 +133,14 @@ def test_draws_follow_the_weights(room: Stills) -> None:
     """Over many seeds the first way of a still with several comes as often as its weight says."""
     still = next(still for still in room.stills if len(still.modes) > 1)
     alone = replace(room, stills=(still,))
-    first = [samples(alone, 1, seed).samples[0].masks.tobytes() == still.modes[0].masks.tobytes() for seed in range(200)]
+    first = [sample_stills(alone, 1, seed).samples[0].masks.tobytes() == still.modes[0].masks.tobytes() for seed in range(200)]
     assert np.mean(first) == pytest.approx(still.modes[0].weight, abs=0.12)
 
 
 def test_no_draws_are_refused(room: Stills) -> None:
     """One sample is the least."""
     with pytest.raises(ValueError, match="expected 1 or more, got 0"):
-        samples(room, 0, 1)
+        sample_stills(room, 0, 1)
 
 
 # -- which hand --------------------------------------------------------------------------------------------------------

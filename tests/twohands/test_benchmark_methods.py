@@ -10,7 +10,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.common.files import tree
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import class_mean, extracted, methods, stored, words
 from afford.twohands.benchmark.answers import nothing, of_prediction
 from afford.twohands.benchmark.score import MEASURES
@@ -172,7 +172,7 @@ def test_taxonomy_is_open_where_the_words_do_not_tell(bench: FileTree, tmp_path:
     """`take mug` is done with the right hand in one picture and with the left in another; `open jar` is always the same."""
     told = Prediction("", np.zeros((2, 1, *SIZE), np.float32), np.ones((2, 1), np.float32),
                       np.array([0.1, 0.7, 0.1, 0.1], np.float32), np.array([False, True]), 0.5)
-    stored.write(tmp_path / stored.NAME, [(files.where, told) for files in layout.cases(bench)])
+    stored.write(tmp_path / stored.NAME, [(files.where, told) for files in act_affordance.cases(bench)])
     scores = score_cases.run(bench, tree("told", tmp_path), score_cases.Params())
     assert value(scores, "cropped/P01_01/0000150", "taxonomy_open_accuracy") == 1
     assert value(scores, "cropped/P02_03/0000007", "taxonomy_open_accuracy") == 0

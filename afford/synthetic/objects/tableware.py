@@ -60,8 +60,8 @@ def _bead(outer: np.ndarray, inside: float, deep: float, thick: float) -> Manifo
     more = thick * np.array([0.6, 1.0, 1.0, 0.4])
     r = np.interp(z, outer[5:, 1], outer[5:, 0])
     wall = outer[-1, 0] - inside
-    ring_grip = np.concatenate([np.stack([r + more, z], -1), np.stack([r - wall - more, z], -1)[::-1]])
-    return revolve(np.concatenate([ring_grip, ring_grip[:1]]))
+    ring = np.concatenate([np.stack([r + more, z], -1), np.stack([r - wall - more, z], -1)[::-1]])
+    return revolve(np.concatenate([ring, ring[:1]]))
 
 
 def _within(inner: np.ndarray, z: float) -> Manifold:

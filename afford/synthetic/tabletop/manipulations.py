@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.dataset.sor3d.rules import use
+from afford.dataset.affordance_rules import affordance_rule
 from afford.render.motion import Curve, Pose, PoseAt, Track, about, approach, arc, ease, pose, sway
 from afford.synthetic.assets.object_model import ObjectModel
 from afford.synthetic.tabletop import hand_placement
@@ -68,7 +68,7 @@ class Manipulation:
 
 def manipulate(affordance: str, object_type: str, model: ObjectModel, rng: np.random.Generator) -> Manipulation:
     """The thing used so by a hand."""
-    return MANIPULATIONS[affordance](model, use(object_type, affordance).grips, rng)
+    return MANIPULATIONS[affordance](model, affordance_rule(object_type, affordance).grips, rng)
 
 
 def grasp(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 from blake3 import blake3
 
-from afford.dataset.sor3d.folder import discover
-from afford.dataset.sor3d.rules import use
-from afford.dataset.sor3d.write import write
+from afford.dataset.affordance_rules import affordance_rule
+from afford.dataset.sor3d_layout import discover_sequences, write_sequence
 from afford.render.batch import batch
 from afford.render.draw import render
 from afford.render.model import Instance
@@ -39,8 +38,8 @@ class Interaction:
     """What happens and where, before a picture is made."""
 
     spec: InteractionSpec
-    manipulate: Manipulation
-    build_scene: TabletopScene
+    act: Manipulation
+    studio: TabletopScene
 
     @cached_property
     def textures(self) -> Textures:
@@ -80,7 +79,7 @@ class RenderedSequence:
     flow_px: np.ndarray
     valid: np.ndarray
     visible: np.ndarray
-    label_last_frame: np.ndarray
+    label: np.ndarray
     hotspot: np.ndarray
 
 
@@ -172,7 +171,7 @@ class SurfaceHits:
 
     def marks(self, take: Interaction) -> np.ndarray:
         """(h, w) bool: pixels of the thing that the label marks."""
-        rule, hold = use(take.spec.object_type, take.spec.affordance), take.act.hold
+        rule, hold = affordance_rule(take.spec.object_type, take.spec.affordance), take.act.hold
         named = np.array([bool(name) and (not rule.parts or name in rule.parts) for name in self.parts])
         out = (self.entity() == THING) & named[self.view.scene.part[self.face]]
         at = np.linalg.inv(take.act.thing.at(LENGTH)) @ take.studio.camera.T_world_cam
@@ -220,7 +219,7 @@ def render_interaction(spec: InteractionSpec, size_px: int, frames: int, rate_hz
     rgb = np.stack([add_image_noise(frame, rng, dark=1.5, bright=3.0) for frame in shot.rgb])
     clip = InteractionClip(spec.name, spec.split, spec.object_type, spec.affordance, rgb, depth, K, shot.label, rate_hz,
                            shot.hotspot)  # fmt: skip
-    write(clip, root)
+    write_sequence(clip, root)
     truth = InteractionTruth(spec.name, shot.flow_m, shot.flow_px, shot.valid, shot.visible, shot.depth_m)
-    (files,) = discover(root, lambda path: blake3(path.read_bytes()).hexdigest())
+    (files,) = discover_sequences(root, lambda path: blake3(path.read_bytes()).hexdigest())
     return RenderedInteraction(files, truth)

@@ -17,7 +17,7 @@ import numpy as np
 
 from afford.common.boxes import BORDER, box
 from afford.dataset import load, masks
-from afford.dataset.columns import MASKS
+from afford.dataset.table_schema import MASKS
 from afford.twohands.benchmark.baselines import Baseline, said
 from schemas.affordance import TAKES
 from schemas.benchmark import Case, Prediction

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Protocol
 
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import answers, stored
 from afford.twohands.benchmark.answers import Answer
 from schemas.benchmark import Case
@@ -53,7 +53,7 @@ class Masks:
     def __init__(self, files: FileTree, level: float, protocol: str) -> None:
         self._files: dict[str, dict[float, dict[str, FileRef]]] = defaultdict(lambda: defaultdict(dict))
         seen = set()
-        for threshold, case_id, side, ref in layout.predictions(files, protocol):
+        for threshold, case_id, side, ref in act_affordance.predictions(files, protocol):
             seen.add(threshold)
             self._files[case_id][ALREADY_CUT if threshold is None else threshold][side] = ref
         if None in seen and len(seen) > 1:

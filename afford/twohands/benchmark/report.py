@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from afford.common import files
-from afford.dataset.layout import PROTOCOLS
+from afford.dataset.act_affordance import PROTOCOLS
 from afford.twohands.benchmark import plots, summary, tables
 from schemas.benchmark import MethodScores
 from schemas.files import FileTree

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.common import bootstrap
-from afford.dataset.layout import PROTOCOLS
+from afford.dataset.act_affordance import PROTOCOLS
 from afford.twohands.benchmark import calibration, compat
 from afford.twohands.benchmark.cases import KITCHEN, SHIFT
 from schemas.affordance import TAXONOMY

@@ -18,7 +18,7 @@ from skimage.draw import polygon
 
 from afford.common.errors import SourceError
 from afford.common.strict_json import entry, parse
-from afford.dataset.layout import CaseFiles
+from afford.dataset.act_affordance import CaseFiles
 from schemas.files import FileTree
 from schemas.video import SIDES
 

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from afford.common.errors import SourceError
 from afford.common.picture import decode, read_image
 from afford.common.pictures import jpeg
-from afford.dataset.layout import ANNOTATION, IMAGE
+from afford.dataset.act_affordance import ANNOTATION, IMAGE
 from afford.training.written import CARD
 from afford.twohands.train.sources import tables
 

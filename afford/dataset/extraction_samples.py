@@ -1,18 +1,67 @@
-"""One clip's outputs, frame by frame -> its samples: which frames count, and what a sample carries."""
+"""How each hand and its object move on in the image after a sample: centroids of their masks at equal steps of time."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from afford.common.encode import jpeg
-from afford.dataset.motion import Paths
 from schemas.affordance import Affordances, FrameLabels, Rejection, Sample, Samples
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import SIDES, Clip, Frames, Inpainted, Narration
+
+NS_PER_S = 1_000_000_000
+
+
+def mask_centroid(mask: np.ndarray) -> np.ndarray:
+    """(h, w) bool -> (2,) float32 x, y of the mean pixel; NaN for an empty mask."""
+    columns, rows = mask.sum(0), mask.sum(1)
+    count = columns.sum()
+    if not count:
+        return np.full(2, np.nan, np.float32)
+    return np.array([columns @ np.arange(columns.size) / count, rows @ np.arange(rows.size) / count], np.float32)
+
+
+class MotionPaths:
+    """Paths of one clip's hands (visible masks) and objects (complete masks); every centroid is computed once.
+
+    A step takes the frame nearest in time, at most half a step away; without one (clip at its end, sparse frames, entity out
+    of sight) the point is NaN. Points are in the image of their own frame: the camera's motion is part of the path.
+    """
+
+    def __init__(self, tracks: Tracks, complete: CompleteObjects, time_ns: np.ndarray, motion_s: float, steps: int) -> None:
+        if steps < 2 or motion_s <= 0:
+            raise ValueError(f"motion needs at least 2 steps over more than 0 s, got {steps} steps over {motion_s} s")
+        self.time_ns = time_ns
+        self.steps_ns = np.rint(np.linspace(0, motion_s * NS_PER_S, steps)).astype(np.int64)
+        masks = {entity.entity_id: tracks.masks[n] for n, entity in enumerate(tracks.entities)}
+        masks |= {entity.entity_id: complete.masks[n] for n, entity in enumerate(complete.entities)}
+        self.known = frozenset(masks)
+        self.centroid = cache(lambda entity_id, t: mask_centroid(masks[entity_id][t]))
+
+    def rows_after(self, t: int) -> list[int]:
+        """Row of the frame nearest to each step after row t, -1 where none is near enough."""
+        wanted = self.time_ns[t] + self.steps_ns
+        right = np.searchsorted(self.time_ns, wanted).clip(0, self.time_ns.size - 1)
+        left = (right - 1).clip(0)
+        nearest = np.where(wanted - self.time_ns[left] < self.time_ns[right] - wanted, left, right)
+        far = np.abs(self.time_ns[nearest] - wanted) > self.steps_ns[1] // 2
+        return np.where(far, -1, nearest).tolist()
+
+    def after(self, t: int, object_ids: list[str]) -> np.ndarray:
+        """(4, steps, 2) float32 px: left hand, right hand, then the given left and right objects ('' for none)."""
+        rows = self.rows_after(t)
+        path = np.full((4, len(rows), 2), np.nan, np.float32)
+        for n, entity_id in enumerate(["left hand", "right hand", *object_ids]):
+            if entity_id in self.known:
+                for step, row in enumerate(rows):
+                    if row >= 0:
+                        path[n, step] = self.centroid(entity_id, row)
+        return path
 
 
 @dataclass(frozen=True)
@@ -41,7 +90,7 @@ class Extraction:
 
 
 @dataclass(frozen=True)
-class Choice:
+class SamplingRule:
     """Which accepted frames become samples; 0 switches a limit off."""
 
     stride_frames: int
@@ -49,7 +98,7 @@ class Choice:
     min_quality: float
 
 
-def choose(x: Extraction, choice: Choice) -> tuple[list[int], Counter[str]]:
+def select_frames(x: Extraction, choice: SamplingRule) -> tuple[list[int], Counter[str]]:
     """Rows t that give samples, and for every other frame the first reason why it does not."""
     reasons: Counter[str] = Counter()
     rows: list[int] = []
@@ -65,21 +114,21 @@ def choose(x: Extraction, choice: Choice) -> tuple[list[int], Counter[str]]:
     return rows, reasons
 
 
-def _reason(x: Extraction, choice: Choice, t: int, labelled: bool) -> str:
+def _reason(x: Extraction, choice: SamplingRule, t: int, labelled: bool) -> str:
     rejection = Rejection(int(x.affordances.rejection[t]))
     if rejection is not Rejection.ACCEPTED:
         return rejection.name.lower()
     if not labelled:
         return "no_narration"
-    if choice.max_key_distance and key_of(x, t)[1] > choice.max_key_distance:
+    if choice.max_key_distance and key_frame_of(x, t)[1] > choice.max_key_distance:
         return "far_from_key_frame"
     return "below_min_quality" if x.affordances.quality[t] < choice.min_quality else ""
 
 
-def key_of(x: Extraction, t: int) -> tuple[int, int]:
+def key_frame_of(x: Extraction, t: int) -> tuple[int, int]:
     """(key frame, distance in frames) of the mask of row t that is farthest from its key frame; (-1, 0) when unknown."""
     entities = [entity.entity_id for entity in x.tracks.entities]
-    used = [entities.index(name) for name in _used(x, t) if name in entities]
+    used = [entities.index(name) for name in _active_entities(x, t) if name in entities]
     known = [n for n in used if x.tracks.distance[n, t] >= 0]
     if not known:
         return -1, 0
@@ -87,7 +136,7 @@ def key_of(x: Extraction, t: int) -> tuple[int, int]:
     return int(x.tracks.source_frame[farthest, t]), int(x.tracks.distance[farthest, t])
 
 
-def _used(x: Extraction, t: int) -> Iterator[str]:
+def _active_entities(x: Extraction, t: int) -> Iterator[str]:
     for side, hand in enumerate(SIDES):
         touched = int(x.affordances.object_index[side, t])
         if touched >= 0:
@@ -95,7 +144,7 @@ def _used(x: Extraction, t: int) -> Iterator[str]:
             yield x.affordances.objects[touched].entity_id
 
 
-def samples(x: Extraction, rows: list[int], paths: Paths, jpeg_quality: int) -> Iterator[Sample]:
+def samples(x: Extraction, rows: list[int], paths: MotionPaths, jpeg_quality: int) -> Iterator[Sample]:
     """The samples of the chosen rows: one per narration of the frame (one, but for the policy `all`)."""
     for t in rows:
         narrations = _narrations(x.labels, int(x.frames.frame[t]))
@@ -108,10 +157,10 @@ def _narrations(labels: FrameLabels, frame: int) -> list[Narration]:
     return [labels.narrations[n] for n in labels.narration[start:stop].tolist()]
 
 
-def _sample(x: Extraction, t: int, narration: Narration, several: bool, paths: Paths, jpeg_quality: int) -> Sample:
+def _sample(x: Extraction, t: int, narration: Narration, several: bool, paths: MotionPaths, jpeg_quality: int) -> Sample:
     frame = int(x.frames.frame[t])
     names, masks = _objects(x, t)
-    key_frame, key_distance = key_of(x, t)
+    key_frame, key_distance = key_frame_of(x, t)
     return Sample(
         sample_id=f"{x.clip.video_id}_{frame:010d}" + (f"_{narration.narration_id}" if several else ""),
         frame=frame,
@@ -154,7 +203,7 @@ def _confidence(inpainted: Inpainted, t: int) -> float:
     return float(replaced.mean()) / 255.0 if replaced.size else 1.0
 
 
-def bundle(x: Extraction, made: list[Sample], reasons: Counter[str]) -> Samples:
+def as_samples(x: Extraction, made: list[Sample], reasons: Counter[str]) -> Samples:
     """The samples of a clip as one value."""
     height, width = x.frames.rgb.shape[1:3]
     return Samples(x.clip.clip_id, x.clip.video_id, x.clip.participant_id, x.clip.split, width, height,

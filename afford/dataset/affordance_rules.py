@@ -23,7 +23,7 @@ ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
-class Use:
+class Rule:
     """A use of a thing: names of the grips that do (none: any), and what the label marks."""
 
     grips: tuple[str, ...] = ()
@@ -42,37 +42,37 @@ class Use:
         return (share >= self.above - ROUNDING) & (share <= self.below + ROUNDING) & (not self.near or points[:, :2] @ towards > 0)
 
 
-SIDE = Use(near=True)
-HANDLE = Use(("handle",), ("handle", "rivets"))
-BODY = Use(("body",), ("body", "glass", "label", "steel"))
-CUP = Use(("body",), ("body", "inside"))
-USES: dict[str, dict[str, Use]] = {
-    "ball": {"grasp": Use(("top",), above=0.5), "lift": Use(("top",), above=0.5), "push": SIDE, "squeeze": Use(("top",))},
-    "book": {"grasp": Use(("edge",), near=True), "lift": Use(("edge",), near=True), "push": SIDE, "rotate": Use(("edge",))},
-    "bottle": {"grasp": Use(("body",), below=0.62), "lift": Use(("body",), below=0.62), "push": SIDE,
-               "rotate": Use(("neck",), above=0.62)},
-    "brush": {"grasp": HANDLE, "lift": HANDLE, "paint": Use(("handle",), ("bristles",))},
-    "can": {"grasp": BODY, "lift": BODY, "push": SIDE, "rotate": Use(("rim",), above=0.55), "squeeze": Use(("body",))},
-    "cup": {"grasp": CUP, "lift": CUP, "push": SIDE, "rotate": Use(("rim",), ("body", "inside"), above=0.5)},
-    "hammer": {"grasp": HANDLE, "lift": HANDLE, "hammer": Use(("handle",), ("head",))},
-    "knife": {"grasp": HANDLE, "lift": HANDLE, "cut": Use(("handle",), ("blade",))},
+SIDE = Rule(near=True)
+HANDLE = Rule(("handle",), ("handle", "rivets"))
+BODY = Rule(("body",), ("body", "glass", "label", "steel"))
+CUP = Rule(("body",), ("body", "inside"))
+AFFORDANCE_RULES: dict[str, dict[str, Rule]] = {
+    "ball": {"grasp": Rule(("top",), above=0.5), "lift": Rule(("top",), above=0.5), "push": SIDE, "squeeze": Rule(("top",))},
+    "book": {"grasp": Rule(("edge",), near=True), "lift": Rule(("edge",), near=True), "push": SIDE, "rotate": Rule(("edge",))},
+    "bottle": {"grasp": Rule(("body",), below=0.62), "lift": Rule(("body",), below=0.62), "push": SIDE,
+               "rotate": Rule(("neck",), above=0.62)},
+    "brush": {"grasp": HANDLE, "lift": HANDLE, "paint": Rule(("handle",), ("bristles",))},
+    "can": {"grasp": BODY, "lift": BODY, "push": SIDE, "rotate": Rule(("rim",), above=0.55), "squeeze": Rule(("body",))},
+    "cup": {"grasp": CUP, "lift": CUP, "push": SIDE, "rotate": Rule(("rim",), ("body", "inside"), above=0.5)},
+    "hammer": {"grasp": HANDLE, "lift": HANDLE, "hammer": Rule(("handle",), ("head",))},
+    "knife": {"grasp": HANDLE, "lift": HANDLE, "cut": Rule(("handle",), ("blade",))},
     "pitcher": {"grasp": HANDLE, "lift": HANDLE, "push": SIDE},
-    "smartphone": {"lift": Use(("edge",), near=True), "push": SIDE, "rotate": Use(("edge",)), "type": Use((), ("screen",))},
-    "sponge": {"grasp": Use(("top",), above=0.7), "lift": Use(("top",), above=0.7), "push": SIDE, "squeeze": Use(("top",))},
+    "smartphone": {"lift": Rule(("edge",), near=True), "push": SIDE, "rotate": Rule(("edge",)), "type": Rule((), ("screen",))},
+    "sponge": {"grasp": Rule(("top",), above=0.7), "lift": Rule(("top",), above=0.7), "push": SIDE, "squeeze": Rule(("top",))},
 }  # fmt: skip
 SHARES = {"grasp": 0.2, "lift": 0.2, "push": 0.1, "cut": 0.0833, "rotate": 0.0833, "hammer": 0.0833, "squeeze": 0.0833,
           "paint": 0.0833, "type": 0.0833}  # fmt: skip
 """how often each affordance is shown: the weights of the paper's weighted F measure, which are those of its data"""
 
 
-def use(object_type: str, affordance: str) -> Use:
+def affordance_rule(object_type: str, affordance: str) -> Rule:
     """The row of the table; ValueError when the thing is not used so."""
-    if affordance not in USES[object_type]:
-        raise ValueError(f"InteractionSpec.affordance: expected one of {', '.join(USES[object_type])} for a {object_type}, "
-                         f"got {affordance!r}")
-    return USES[object_type][affordance]
+    if affordance not in AFFORDANCE_RULES[object_type]:
+        known = ", ".join(AFFORDANCE_RULES[object_type])
+        raise ValueError(f"InteractionSpec.affordance: expected one of {known} for a {object_type}, got {affordance!r}")
+    return AFFORDANCE_RULES[object_type][affordance]
 
 
 def types_for(affordance: str) -> tuple[str, ...]:
     """The types of things that afford this."""
-    return tuple(kind for kind, uses in USES.items() if affordance in uses)
+    return tuple(kind for kind, uses in AFFORDANCE_RULES.items() if affordance in uses)

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from afford.common.lettering import font
 from afford.common.palette import FAINT, INK, LEFT, PAPER, RIGHT
 from afford.dataset import masks
-from afford.dataset.columns import MASKS, PATHS
+from afford.dataset.table_schema import MASKS, PATHS
 from schemas.affordance import TAXONOMY
 
 TILE_PX = (456, 256)
@@ -23,14 +23,14 @@ GAP_PX = 8
 COLUMNS = 3
 
 
-def spread(total: int, wanted: int) -> list[int]:
+def evenly_spaced(total: int, wanted: int) -> list[int]:
     """Positions of `wanted` samples, evenly over all of them."""
     return sorted({(2 * k + 1) * total // (2 * wanted) for k in range(wanted)}) if total > wanted else list(range(total))
 
 
-def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+def write_sheet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Write the sheet of these rows of the table as PNG."""
-    tiles = [tile(row) for row in rows]
+    tiles = [draw_tile(row) for row in rows]
     lines = -(-len(tiles) // COLUMNS)
     width, height = TILE_PX[0] + GAP_PX, TILE_PX[1] + BAND_PX + GAP_PX
     sheet = Image.new("RGB", (min(COLUMNS, len(tiles)) * width + GAP_PX, lines * height + GAP_PX), PAPER)
@@ -39,17 +39,17 @@ def write(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     sheet.save(path, optimize=False)
 
 
-def tile(row: dict[str, Any]) -> Image.Image:
+def draw_tile(row: dict[str, Any]) -> Image.Image:
     """One sample: affordances filled, complete objects outlined, motion as a line; left orange, right blue."""
     image = np.asarray(Image.open(io.BytesIO(row["image"]["bytes"])).convert("RGB"))
     planes = masks.decode_rle([row[f"{name}_rle"] for name in MASKS], *image.shape[:2])
     drawn = Image.new("RGB", (TILE_PX[0], TILE_PX[1] + BAND_PX), PAPER)
-    drawn.paste(_fit(overlay(image, planes, [row["motion"][name] for name in PATHS])))
+    drawn.paste(_fit_tile(draw_overlay(image, planes, [row["motion"][name] for name in PATHS])))
     _caption(ImageDraw.Draw(drawn), row)
     return drawn
 
 
-def overlay(image: np.ndarray, planes: np.ndarray, motion: Sequence[Sequence[Sequence[float]]]) -> np.ndarray:
+def draw_overlay(image: np.ndarray, planes: np.ndarray, motion: Sequence[Sequence[Sequence[float]]]) -> np.ndarray:
     """Draw masks (4, h, w) and the four paths of points into a copy of an RGB image."""
     out = image.copy()
     for colour, affordance in zip((LEFT, RIGHT), planes[:2], strict=True):
@@ -65,7 +65,7 @@ def overlay(image: np.ndarray, planes: np.ndarray, motion: Sequence[Sequence[Seq
     return out
 
 
-def _fit(image: np.ndarray) -> Image.Image:
+def _fit_tile(image: np.ndarray) -> Image.Image:
     """Scaled into a tile, centred on black."""
     scale = min(TILE_PX[0] / image.shape[1], TILE_PX[1] / image.shape[0])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
@@ -76,16 +76,16 @@ def _fit(image: np.ndarray) -> Image.Image:
 
 def _caption(draw: ImageDraw.ImageDraw, row: dict[str, Any]) -> None:
     top = TILE_PX[1] + 4
-    draw.text((2, top), _cut(draw, row["narration"], font(15, bold=True), TILE_PX[0] - 4), INK, font(15, bold=True))
+    draw.text((2, top), _shorten(draw, row["narration"], font(15, bold=True), TILE_PX[0] - 4), INK, font(15, bold=True))
     facts = f"{TAXONOMY[row['taxonomy']].replace('_', ' ')}  \u00b7  quality {row['quality']:.2f}  \u00b7  {row['sample_id']}"
-    draw.text((2, top + 21), _cut(draw, facts, font(12), TILE_PX[0] - 120), FAINT, font(12))
+    draw.text((2, top + 21), _shorten(draw, facts, font(12), TILE_PX[0] - 120), FAINT, font(12))
     for colour, name, x in ((LEFT, row["object_left"], TILE_PX[0] - 112), (RIGHT, row["object_right"], TILE_PX[0] - 55)):
         if name:
             draw.rectangle((x, top + 24, x + 8, top + 32), colour)
-            draw.text((x + 11, top + 21), _cut(draw, name, font(12), 44), INK, font(12))
+            draw.text((x + 11, top + 21), _shorten(draw, name, font(12), 44), INK, font(12))
 
 
-def _cut(draw: ImageDraw.ImageDraw, text: str, font: ImageFont.FreeTypeFont, width: int) -> str:
+def _shorten(draw: ImageDraw.ImageDraw, text: str, font: ImageFont.FreeTypeFont, width: int) -> str:
     """The text, on one line, shortened to `width` pixels."""
     text = " ".join(text[:400].split())
     if draw.textlength(text, font) <= width:

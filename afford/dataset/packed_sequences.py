@@ -20,7 +20,7 @@ FLOWS = {"2d": "flow_2d", "3d": "flow_3d"}
 
 
 @dataclass(frozen=True)
-class Sequence:
+class PackedSequence:
     """One sequence as it was packed."""
 
     name: str
@@ -39,7 +39,7 @@ class Sequence:
     """(h, w) uint8 of the last frame"""
 
 
-def write(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
+def pack_sequence(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
     """One sequence. ValueError when the flow is another clip's."""
     if clip.name != flow.name or len(flow.colour) != len(clip.rgb) - 1:
         raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
@@ -48,7 +48,7 @@ def write(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
     _save(root / clip.split, words, clip.rgb, clip.depth_m, flow.colour, flow.colour_px, flow.still, clip.label)
 
 
-def write_action(root: Path, clip: ActionClip, split: str) -> None:
+def pack_action(root: Path, clip: ActionClip, split: str) -> None:
     """A clip of an action, which has neither flow nor label."""
     none, label = np.zeros((0, *clip.rgb.shape[1:]), np.uint8), np.full(clip.rgb.shape[1:3], BACKGROUND, np.uint8)
     words = {"name": clip.name, "object_type": "", "affordance": clip.action}
@@ -63,7 +63,7 @@ def _save(folder: Path, words: dict[str, str], rgb: np.ndarray, depth_m: np.ndar
               folder / f"{words['name']}.safetensors", {WORDS: json.dumps(words)})  # fmt: skip
 
 
-def read(path: Path, flow: str) -> Sequence:
+def read_sequence(path: Path, flow: str) -> PackedSequence:
     """A sequence with its flow `2d`, `3d` or `none`. ValueError for a file that is none."""
     try:
         with safe_open(path, framework="numpy") as file:
@@ -73,25 +73,25 @@ def read(path: Path, flow: str) -> Sequence:
     except (SafetensorError, KeyError, TypeError, OSError) as error:
         raise ValueError(f"{path.name}: expected a sequence that interaction_pack wrote, got something else ({error})") from error
     part = still[3:] if flow == "2d" else still[:3]
-    return Sequence(words["name"], words["object_type"], words["affordance"], rgb, (depth / DEPTH_PER_M).astype(np.float32), colour,
-                    part, label)
+    depth_m = (depth / DEPTH_PER_M).astype(np.float32)
+    return PackedSequence(words["name"], words["object_type"], words["affordance"], rgb, depth_m, colour, part, label)
 
 
-def kind(path: Path) -> tuple[str, str]:
+def read_classes(path: Path) -> tuple[str, str]:
     """(object type, affordance) of a packed sequence, from its header alone."""
     with safe_open(path, framework="numpy") as file:
         words = json.loads(file.metadata()[WORDS])
     return words["object_type"], words["affordance"]
 
 
-def label(path: Path) -> np.ndarray:
+def read_label(path: Path) -> np.ndarray:
     """(h, w) uint8 of the last frame of a packed sequence, without the rest."""
     with safe_open(path, framework="numpy") as file:
         found: np.ndarray = file.get_tensor("label")
     return found
 
 
-def part(files: Mapping[str, Path], split: str) -> list[Path]:
+def split_files(files: Mapping[str, Path], split: str) -> list[Path]:
     """The sequences of a split, by name. ValueError when there is none."""
     found = [files[name] for name in sorted(files) if name.startswith(f"{split}/") and name.endswith(".safetensors")]
     if not found:
@@ -99,7 +99,7 @@ def part(files: Mapping[str, Path], split: str) -> list[Path]:
     return found
 
 
-def action(affordance: str) -> int:
+def affordance_index(affordance: str) -> int:
     """Its class, 0..8. ValueError for an unknown one."""
     if affordance not in AFFORDANCES:
         raise ValueError(f"affordance: expected one of {', '.join(AFFORDANCES)}, got {affordance!r}")
