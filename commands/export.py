@@ -16,7 +16,7 @@ from commands.targets import build
 FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
     "coco": "afford.dataset.exports:export_coco",
-    "webdataset": "afford.dataset.exports:export_coco",
+    "webdataset": "afford.dataset.exports:export_webdataset",
     "epic": "afford.synthetic.kitchens.epic_files:write_root",
 }
 

@@ -22,7 +22,7 @@ from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
 
 CLIPS = (clip("P01_01", 6, split="train"), clip("P01_02", 5, split="train"), clip("P02_01", 4, split="val"))
-EXPORTS = (export_2hands.export, exports.export_webdataset, exports.export_webdataset)
+EXPORTS = (export_2hands.export, exports.export_coco, exports.export_webdataset)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_contours_are_exact_but_for_holes(mask):
 
 def test_coco_gives_every_mask_back(root, tmp_path):
     """Read by pycocotools: each mask that is not empty, to the bit, with its area."""
-    exports.export_webdataset(root, tmp_path)
+    exports.export_coco(root, tmp_path)
     for split in ("train", "val"):
         read = COCO(str(tmp_path / "annotations" / f"{split}.json"))
         for number, sample in enumerate(samples(split), 1):
