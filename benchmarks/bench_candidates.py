@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from afford.common.files import tree
-from afford.grasping.candidates.report import table
+from afford.grasping.candidates.comparison_report import table
 from afford.grasping.hand.assets import shadow_files
 from afford.surface.negative.files import slug
 from afford.synthetic.splits import object_specs

@@ -22,7 +22,7 @@ from afford.grasping.env.metrics import MEANING
 from afford.grasping.env.observe import LAYOUTS, STATES, blocks
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.coupling import driven, limits_u
+from afford.grasping.hand.kinematics import driven, limits_u
 from afford.grasping.imitation import imitation
 from afford.grasping.sim.scene import RANDOM, Physics
 from benchmarks.pages import ROOT, into

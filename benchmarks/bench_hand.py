@@ -16,7 +16,7 @@ import numpy as np
 import pybullet
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.folder import save
+from afford.grasping.hand.export import save
 from afford.grasping.hand.kinematics import forward, jacobian, limits, moving
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel

@@ -23,7 +23,7 @@ from afford.rgbd.model.config import VARIANTS
 from afford.rgbd.model.model import build
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
-from commands.blocks import described
+from commands.settings import described
 from stages.rgbd import sor3d_report, sor3d_train
 
 SELF = Path(__file__).name

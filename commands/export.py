@@ -8,7 +8,7 @@ from pathlib import Path
 from afford.common.registry import load
 from commands.errors import UsageError, unknown
 from commands.origin import origin
-from commands.part import PART
+from commands.outputs import PART
 from commands.session import open_runner
 from commands.settings import settings
 from commands.targets import build

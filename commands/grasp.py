@@ -15,7 +15,7 @@ from rich.table import Table
 from commands.errors import UsageError, unknown
 
 if TYPE_CHECKING:
-    from afford.grasping.candidates.read import Files
+    from afford.grasping.candidates.read_scene import Files
     from schemas.grasp import GraspCandidates
 
 HANDS = ("auto", "left", "right", "both")
@@ -39,8 +39,8 @@ def grasp(files: Files, options: Options) -> int:
     and options that do not fit.
     """
     _check(files, options)
-    from afford.grasping.candidates.read import check_regions, read
-    from afford.grasping.candidates.write import write
+    from afford.grasping.candidates.read_scene import check_regions, read
+    from afford.grasping.candidates.write_candidates import write
     from stages.grasping import grasp_candidates
 
     try:
@@ -70,7 +70,7 @@ def _check(files: Files, options: Options) -> None:
 
 def _claim(options: Options) -> None:
     """A new or empty folder, one of an earlier call, or any with --force."""
-    from afford.grasping.candidates.write import RECORD
+    from afford.grasping.candidates.write_candidates import RECORD
 
     out = options.out
     if out.exists() and not out.is_dir():

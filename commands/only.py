@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from commands.part import RECORDS
+from commands.outputs import RECORDS
 from commands.publish import publish_file
 from maps.settings import Origin
 from runner import Graph, Handle, Runner, RunReport, TaskPlan

@@ -164,10 +164,10 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
 
 def _is_dataset(source: Path) -> bool:
     """Whether a folder holds samples that a model can be trained on as they are."""
-    from afford.twohands.train.sources import below, splits
+    from afford.twohands.train.samples import files_below, splits
 
     try:
-        return bool(splits(below(source)))
+        return bool(splits(files_below(source)))
     except ValueError:
         return False
 

@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.padding import Padding
 
-from commands.blocks import Described, described
 from commands.errors import unknown
+from commands.settings import Described, described
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 
 PIPED_WIDTH = 100

@@ -11,18 +11,16 @@ from pathlib import Path
 from typing import TypeVar
 
 from afford.extraction.sources.discover import Source
-from commands.belongs import laid_out
 from commands.compare import Names, publish_columns
 from commands.errors import UsageError
 from commands.only import only, publish_recordings, record
 from commands.origin import NEEDED
-from commands.outputs import measured, published
-from commands.part import Publisher, parts
+from commands.outputs import Publisher, measured, parts, published
 from commands.progress import Shown, observer
 from commands.session import digester, open_runner
 from commands.settings import columns
-from commands.stages import resolved, target_named
 from commands.summary import Summary, show, where
+from commands.target_graphs import laid_out, resolved, target_named
 from commands.warnings import show_warnings
 from commands.weights import weighed
 from maps.settings import Origin

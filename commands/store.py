@@ -17,7 +17,6 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from commands.belongs import laid_out
 from commands.compare import built
 from commands.errors import UsageError, unknown
 from commands.only import plan as plan_of_stages
@@ -25,7 +24,7 @@ from commands.origin import origin
 from commands.run import Request
 from commands.session import STORE, digester, open_runner, seen_runner
 from commands.settings import columns
-from commands.stages import home, resolved, target_named
+from commands.target_graphs import home, laid_out, resolved, target_named
 from commands.targets import TARGETS
 from commands.weights import weighed
 from runner import Graph, Runner, TaskPlan
@@ -124,7 +123,7 @@ def graph(request: Request, out: Path | None) -> int:
         return 0
     if out.suffix not in (".svg", ".png"):
         raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
-    from afford.extraction.report.drawing import draw
+    from afford.extraction.drawing import draw
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from afford.extraction.sources.discover import Source
-from commands.content import content
 from runner import RunReport
 
 MANY = 200
@@ -98,3 +97,18 @@ def _show_failures(console: Console, failures: list[Any]) -> None:
     for failure in failures:
         table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
     console.print(table)
+
+
+def content(dataset: Path) -> Iterator[str]:
+    """Samples by split and by hands, and the frames that gave none, by reason: out of the statistics of a published data set."""
+    found = json.loads((dataset / "statistics.json").read_text(encoding="utf-8"))
+    samples, out = found["totals"]["samples"]["here"], found["frames_without_sample"]
+    yield f"{samples:,} samples of {found['videos']} video(s): {_counts(found['splits'])}"
+    yield f"hands: {_counts(found['taxonomy'])}"
+    yield f"frames left out: {_counts(out)}" if out else "no frame left out"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    """The largest first."""
+    shown = sorted(counts.items(), key=lambda item: -item[1])
+    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in shown if count)

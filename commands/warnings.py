@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.extraction.sources.remarks import handless, other_shape
+from afford.extraction.sources.hand_names import handless, other_shape
 from runner import LostError, Runner, RunReport
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.registry import block
+from commands.backends import of_stage
 from commands.errors import UsageError
-from commands.registries import of_stage
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
 
@@ -56,10 +56,10 @@ def _needs(stage: str, backend: str) -> str:
 
 
 def _files(parameter: str, model: str, digest: Callable[[Path], str]) -> FileTree:
-    from afford.models.hub import files
+    from afford.models.weights import weight_files
 
     try:
-        return files(model, digest)
+        return weight_files(model, digest)
     except ValueError as error:
         raise UsageError(f"{parameter}: {error}") from error
 

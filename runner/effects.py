@@ -14,8 +14,8 @@ from typing import Any
 from runner.foreign import harmless, sets_state
 from runner.modules import Modules
 from runner.resolve import Place, places
+from runner.scopes import ARGUMENT, CALLED, READS
 from runner.source import MAIN, Module, SourceError, line_of
-from runner.touches import ARGUMENT, CALLED, READS
 
 Changed = set[tuple[str, str]]
 """(module, name) of what is changed; see `SOMEWHERE`"""

@@ -17,8 +17,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal, ParamSpec, TypeVar, cast
 
-from runner.labels import Cost, Measured, Published
-
 P = ParamSpec("P")
 T = TypeVar("T")
 U = TypeVar("U")
@@ -331,3 +329,43 @@ def _same(a: Node, b: Node) -> bool:
 def _is_frozen(params: Any) -> bool:
     declared = getattr(type(params), "__dataclass_params__", None)
     return declared is not None and bool(declared.frozen)
+
+
+@dataclass(frozen=True)
+class Published:
+    """A value with a place of its own, see `Graph.publish`."""
+
+    node: int
+    place: str
+    """path with {source} and {clip} in it"""
+    name: str
+    """in the summary of a run"""
+    part: str = ""
+    """which of several targets that are made together it belongs to"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with figures, see `Graph.measure`."""
+
+    node: int
+    file: str
+    under: str
+    part: str = ""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What stages cost, see `Graph.cost`."""
+
+    name: str
+    stages: tuple[str, ...]
+    measured: int
+    per: str
+    """figure of the measured value"""
+    shards: str | None
+    """stage whose shards count; None: all do"""
+    scale: float
+    each: bool
+    rate: bool
+    part: str = ""

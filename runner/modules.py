@@ -139,5 +139,5 @@ def _code(module: Module) -> list[Any]:
 def _version(schemas: tuple[str, ...]) -> str:
     """What the remembered form depends on: our own parser, and Python's."""
     own = [stamp(Path(__file__).with_name(name)) for name in (
-        "source.py", "spelling.py", "names.py", "scopes.py", "touches.py", "foreign.py", "modules.py", "canonical.py")]
+        "source.py", "spelling.py", "names.py", "scopes.py", "foreign.py", "modules.py", "canonical.py")]
     return digest("afford-parser", [own, list(sys.version_info[:3]), list(schemas)])

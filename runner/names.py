@@ -12,8 +12,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 
-from runner.scopes import FUNCTIONS, Scope, arguments_of, defaults_of, scope_of
-from runner.touches import ARGUMENT, CALLED, READS, roots
+from runner.scopes import ARGUMENT, CALLED, FUNCTIONS, READS, Scope, arguments_of, defaults_of, roots, scope_of
 
 ENTRY_POINT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 UNSEEN = frozenset(("__doc__", "__subclasses__", "__globals__", "__code__", "exec_module", "load_module", "f_globals", "f_locals"))

@@ -12,7 +12,6 @@ from typing import Any
 
 from runner import upkeep
 from runner.codec import resolve
-from runner.desk import Desk, Task
 from runner.engines import Engine, Inline, Pool
 from runner.execute import Place
 from runner.files import FORMAT
@@ -20,13 +19,13 @@ from runner.graph import Graph, Handle, Node
 from runner.keys import Codes
 from runner.lease import Lease
 from runner.modules import Modules
-from runner.planner import Planner
 from runner.report import Failure, Observer, Reason, RunReport, Silent, TaskPlan
 from runner.schedule import Budget, Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
+from runner.task_planner import Desk, Task
 from runner.traces import Traces, failures, store_format
-from runner.walk import FAILED, NOTHING, Walk
+from runner.walk import FAILED, NOTHING, Planner, Walk
 
 
 class Runner:

@@ -17,11 +17,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from runner.desk import Desk, Path_, Task
 from runner.engines import Engine
 from runner.execute import Done
 from runner.graph import Node
 from runner.report import Failure, Observer, Reason, RunReport, count
+from runner.task_planner import Desk, Path_, Task
 from runner.walk import FAILED, LATE, Place_, Walk
 
 PATIENCE_S = 0.05

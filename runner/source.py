@@ -20,9 +20,8 @@ from typing import Any
 from runner.canonical import digest
 from runner.foreign import COMPUTED, harmless
 from runner.names import SourceError, Uses, bindings_of, imports_of, loads_of, uses_of
-from runner.scopes import DEFINITIONS, arguments_of, scope_of
+from runner.scopes import ARGUMENT, DEFINITIONS, arguments_of, roots, scope_of
 from runner.spelling import Slots, is_text, spell
-from runner.touches import ARGUMENT, roots
 
 __all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "untyped", "where"]
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from runner.canonical import file_digest, path_digest
 from runner.files import host
 from runner.lease import Lease
-from runner.reasons import kept_definitions
 from runner.store import Entry, Store
+from runner.task_planner import kept_definitions
 from runner.traces import Trace, Traces
 
 DAY_S = 86400.0

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.common.lettering import font
+from afford.common.drawing import font
 from afford.common.palette import FAINT, INK, LEFT, PAPER, RIGHT
 from afford.dataset import masks
 from afford.dataset.table_schema import MASKS, PATHS

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 from urllib.error import HTTPError
 from urllib.request import HTTPHandler, HTTPRedirectHandler, HTTPSHandler, ProxyHandler, Request, build_opener
 
-from afford.common.deadline import Until, left_s
-from afford.models import api_key
+from afford.common.deadline import DeadlineStream, seconds_left
+from afford.models import chat
 from afford.models.chat import Endpoint
 
 LARGEST_REPLY = 1 << 22
@@ -54,7 +54,7 @@ class _Reply(HTTPResponse):
 
     def __init__(self, ends: float, sock: socket.socket, *args: Any, **more: Any) -> None:
         super().__init__(sock, *args, **more)
-        self.fp = io.BufferedReader(Until(sock, self.fp.detach(), ends))
+        self.fp = io.BufferedReader(DeadlineStream(sock, self.fp.detach(), ends))
 
 
 class _Connection(HTTPConnection):
@@ -69,15 +69,15 @@ class _Connection(HTTPConnection):
     def connect(self) -> None:
         """Each address of the host gets an equal share of the time."""
         addresses = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)
-        self.timeout = left_s(self._ends) / len(addresses)
+        self.timeout = seconds_left(self._ends) / len(addresses)
         super().connect()
-        self.sock.settimeout(left_s(self._ends))
+        self.sock.settimeout(seconds_left(self._ends))
 
     def send(self, data: Any) -> None:
         """All of the data."""
         if self.sock is None:
             self.connect()
-        self.sock.settimeout(left_s(self._ends))
+        self.sock.settimeout(seconds_left(self._ends))
         super().send(data)
 
 
@@ -109,7 +109,7 @@ def ask(server: Endpoint, text: str, jpeg: bytes) -> str:
     if not isinstance(said, str):
         raise ValueError(f"{server.url}: expected choices[0].message.content with text, got {len(reply.body)} bytes without it; "
                          "check that url is the base address of an OpenAI-compatible server")  # fmt: skip
-    return api_key.absent(said, server.key_variable, server.url)
+    return chat.refuse_key_in(said, server.key_variable, server.url)
 
 
 def _body(server: Endpoint, text: str, jpeg: bytes) -> dict[str, Any]:
@@ -134,7 +134,7 @@ def _asked(server: Endpoint, body: bytes) -> Reply:
 
 
 def _request(server: Endpoint, body: bytes) -> Request:
-    key = api_key.read(server.key_variable, server.url)
+    key = chat.read_key(server.key_variable, server.url)
     headers = {"Content-Type": "application/json", "Accept": "application/json"}
     if key:
         headers["Authorization"] = f"Bearer {key}"
@@ -143,7 +143,7 @@ def _request(server: Endpoint, body: bytes) -> Request:
 
 def _tried(request: Request, timeout_s: float) -> Reply:
     """One try. Exceptions of the library end here: they may hold what the server said."""
-    proxies = [ProxyHandler({})] if api_key.is_here(request.full_url) else []
+    proxies = [ProxyHandler({})] if chat.is_here(request.full_url) else []
     try:
         try:
             with build_opener(_NoRedirects, _Http, _Https, *proxies).open(request, timeout=timeout_s) as reply:
@@ -190,7 +190,7 @@ def _message(server: Endpoint, reply: Reply) -> str:
         said = json.loads(reply.body)["error"]["message"]
     except (ValueError, LookupError, TypeError, RecursionError):
         return ""
-    key = api_key.read(server.key_variable, server.url)
+    key = chat.read_key(server.key_variable, server.url)
     if not isinstance(said, str) or (key and key in said):
         return ""
     return f": {' '.join(said.split())[:SHOWN]}"

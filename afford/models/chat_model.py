@@ -16,8 +16,8 @@ from PIL import Image
 from transformers import AutoModelForImageTextToText, AutoProcessor
 from transformers.utils import logging
 
-from afford.models.pretrained import ERRORS, device_of, dtype_of, first, fit, place
-from afford.models.weights import stamp
+from afford.models.loading import ERRORS, check_loading, device_of, dtype_of, first_line, local_path
+from afford.models.weights import file_stamps
 
 UNUSED = dict.fromkeys(("temperature", "top_p", "top_k"))
 """settings of sampling that a model may come with: nothing is sampled"""
@@ -34,8 +34,8 @@ def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> ChatMo
     """From a local folder, weights in safetensors only, for inference; ValueError says what was tried. The last one is kept, since
     a process asks about many objects.
     """
-    where = place(name, "vlm", "vision-language model with its processor")
-    return _kept(where, stamp(where), device_of(device), dtype_of(dtype))
+    where = local_path(name, "vlm", "vision-language model with its processor")
+    return _kept(where, file_stamps(where), device_of(device), dtype_of(dtype))
 
 
 @lru_cache(maxsize=1)
@@ -46,11 +46,13 @@ def _kept(where: Path, stamped: Any, device: torch.device, dtype: torch.dtype) -
         model, report = AutoModelForImageTextToText.from_pretrained(
             where, use_safetensors=True, local_files_only=True, dtype=dtype, output_loading_info=True)  # fmt: skip
     except (*ERRORS, ImportError) as error:
-        raise ValueError(f"model {str(where)!r}: expected a vision-language model with its processor; {first(error)}") from error
+        wanted = "a vision-language model with its processor"
+        raise ValueError(f"model {str(where)!r}: expected {wanted}; {first_line(error)}") from error
     if not getattr(processor, "image_processor", None) or not getattr(processor, "chat_template", None):
         got = type(processor).__name__
         raise ValueError(f"model {str(where)!r}: expected a processor of pictures with a chat template, got {got}")
-    fit({**report, "unexpected_keys": ()}, "vision-language model", str(where))  # published ones carry buffers of older versions
+    # Published models carry buffers of older versions, so unexpected keys are ignored.
+    check_loading({**report, "unexpected_keys": ()}, "vision-language model", str(where))
     return ChatModel(model.to(device).eval(), processor)
 
 

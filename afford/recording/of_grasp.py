@@ -18,13 +18,13 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from afford.common.geometry import sample_surface
+from afford.common.image_files import jpeg
 from afford.common.palette import Colour
-from afford.common.pictures import jpeg
-from afford.common.points import sample
 from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
-from afford.grasping.evaluate.traced import Traced, traced
+from afford.grasping.evaluate.trace_metrics import Traced, traced
 from afford.grasping.hand.kinematics import forward, moving
-from afford.grasping.hand.skin import Skin, skins
+from afford.grasping.hand.link_meshes import Skin, skins
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
@@ -91,7 +91,7 @@ def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[
     for skin in found:
         a, b, c = skin.vertices[skin.faces].swapaxes(0, 1)
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-        points, _ = sample(skin.vertices, skin.faces, area, int(np.ceil(area.sum() / SPACING_M**2)), rng)
+        points, _ = sample_surface(skin.vertices, skin.faces, area, int(np.ceil(area.sum() / SPACING_M**2)), rng)
         yield cloud(_points(hand, skin), time_ns, _frame(hand, skin.link), points, _rgba([colour] * len(points)))
 
 

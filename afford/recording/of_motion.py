@@ -17,11 +17,11 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.env.studio import hand_colour
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Scalar
 from afford.recording.spatial import cloud, entity, loop, pose, scene, transforms, triangles

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.traced import traced
+from afford.grasping.evaluate.trace_metrics import traced
 from afford.recording.content import Recording
 from afford.recording.of_grasp import times
 from afford.recording.of_training import Shown, at, record

@@ -58,7 +58,7 @@ def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, 
     """Try them all."""
     from afford.grasping.candidates.compare import Subject, Trials, compare
     from afford.grasping.candidates.find import Wish
-    from afford.grasping.candidates.look import Eye
+    from afford.grasping.candidates.render_view import Eye
     from afford.surface.positive.asked import asker
 
     ask = asker(model, mesh.category, ctx.scratch / "model") if model.files else None

@@ -54,7 +54,7 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileTree, references: ReferenceSet, params: Params,
         ctx: Context) -> GraspEpisodes:  # fmt: skip
     """Play all episodes."""
-    from afford.grasping.evaluate.examine import Examination, examine
+    from afford.grasping.evaluate.evaluate_policy import Examination, examine
 
     mine = tuple(one for some in tasks for one in some)
     if not mine:

@@ -55,7 +55,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], policy: FileTree, para
     from afford.common.files import empty_folder, tree
     from afford.grasping.env.studio import Studio
     from afford.grasping.evaluate.grasp_sheet import write_sheet
-    from afford.grasping.evaluate.two_ends import grasp_twice
+    from afford.grasping.evaluate.two_tasks import grasp_twice
     from afford.grasping.policies.acting import load
     from afford.grasping.sim.scene import Physics
 

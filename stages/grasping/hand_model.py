@@ -52,9 +52,7 @@ class Params:
 def run(files: FileTree, params: Params) -> HandModel:
     """Build the hand; ValueError when a parameter or the source cannot be used."""
     from afford.common.registry import block, load
-    from afford.grasping.hand.coupling import coupled
-    from afford.grasping.hand.gantry import Gantry
-    from afford.grasping.hand.model import Wishes, model
+    from afford.grasping.hand.model import Gantry, Wishes, coupled, model
 
     _check(params)
     gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)

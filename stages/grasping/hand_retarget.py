@@ -66,9 +66,9 @@ class Params:
 
 def run(motion: HandMotion, hand: HandModel, params: Params) -> Retargeted:
     """Fit the hand to one clip and judge it."""
-    from afford.grasping.motion.problem import Weights
+    from afford.grasping.motion.clip_rules import Rules
+    from afford.grasping.motion.fit import Weights
     from afford.grasping.motion.retarget import Wishes, retarget
-    from afford.grasping.motion.rules import Rules
 
     _check(params)
     weights = Weights(params.level_1, params.level_2, params.tips, params.pinch, params.pinch_m, params.acceleration_m)

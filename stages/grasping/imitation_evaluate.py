@@ -50,7 +50,7 @@ class Params:
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], references: ReferenceSet, prior: FileTree, params: Params,
         ctx: Context) -> ClipsFollowed:  # fmt: skip
     """Follow every clip."""
-    from afford.grasping.evaluate.follow import Asked, followed
+    from afford.grasping.evaluate.tracking_error import Asked, followed
 
     if params.at_once < 1 or params.iterations < 1 or not params.tolerance_m > 0:
         raise ValueError(f"imitation_evaluate: expected at_once and iterations of 1 or more and a tolerance_m above 0, got "

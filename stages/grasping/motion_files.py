@@ -29,7 +29,7 @@ class Params:
 def run(references: ReferenceSet, params: Params, ctx: Context) -> FileTree:
     """One folder of all."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.motion.written import write
+    from afford.grasping.motion.reference_files import write
 
     if not references.references:
         raise ValueError(f"{params.name}: expected a motion that can be imitated, got none of {len(references.report.verdicts)}")

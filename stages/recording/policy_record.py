@@ -47,7 +47,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: Training
         ctx: Context) -> FileTree:  # fmt: skip
     """Let the policy act, draw it, and write the recording."""
     from afford.grasping.env.studio import Studio
-    from afford.grasping.evaluate.rehearsal import rehearsed, spread
+    from afford.grasping.evaluate.evaluate_policy import example_episodes, spread
     from afford.recording.files import as_tree, write
     from afford.recording.of_policy import policy
     from afford.recording.provenance import of_files, with_parameters
@@ -57,7 +57,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: Training
         raise ValueError(f"policy_record, {log.name}: expected curves and tasks to record, got {len(log.curves)} curves and "
                          f"{len(known)} tasks")
     chosen = spread(known, params.episodes)
-    traces = rehearsed(hand, chosen, files, params.seed) if chosen else []
+    traces = example_episodes(hand, chosen, files, params.seed) if chosen else []
     shown = [Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
              for task, trace in zip(chosen, traces, strict=True)]  # fmt: skip
     path = ctx.scratch / f"{log.name}.mcap"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from commands.belongs import watched
 from commands.origin import origin
+from commands.target_graphs import watched
 from maps.settings import SYSTEM_OF, Settings
 from pipeline import TARGETS, build
 from tests.helpers.command import Made, call

@@ -7,11 +7,9 @@ import pytest
 from afford.dataset.metadata import METHODS
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
-from afford.twohands.model import build
-from commands.blocks import blocks, types
-from commands.bounds import EVERYWHERE, SEQUENCES, WORDS, check, registry
+from afford.twohands.model import interface
 from commands.errors import UsageError
-from commands.settings import settings
+from commands.settings import EVERYWHERE, SEQUENCES, WORDS, blocks, check, registry, settings, types
 from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 
@@ -66,7 +64,7 @@ def test_what_can_be_is_taken(word: str) -> None:
 
 def test_the_words_are_those_of_the_code() -> None:
     """A word that is added there is missed here."""
-    assert set(WORDS["model_train", "variant"]) == set(build.VARIANTS)
+    assert set(WORDS["model_train", "variant"]) == set(interface.VARIANTS)
     for stage in SEQUENCES:
         assert set(WORDS[stage, "variant"]) == set(VARIANTS) and WORDS[stage, "row"] == tuple(ROWS)
     assert set(WORDS["dataset_pack", "made"]) == set(METHODS) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)

@@ -19,9 +19,9 @@ import pytest
 
 from commands.backends import rows
 from commands.backends import show as show_backends
-from commands.blocks import described
 from commands.params import show as show_params
 from commands.publish import LISTED
+from commands.settings import described
 from maps.settings import SYSTEM_OF, SYSTEMS, Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from commands.part import Publisher, parts
+from commands.outputs import Publisher, parts
 from commands.session import open_runner
 from maps.settings import Origin, Settings
 from pipeline import build

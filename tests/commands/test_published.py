@@ -9,14 +9,13 @@ from typing import Any
 import pytest
 
 from commands.origin import origin
-from commands.outputs import costs, measured, published
-from commands.part import Publisher
+from commands.outputs import Publisher, costs, measured, published
 from commands.session import open_runner
 from maps.everything import CHAIN
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from runner import Graph, GraphError, RunReport
-from runner.labels import Cost
+from runner.graph import Cost
 from tests.helpers.made_files import artifact
 
 REPORT = {"report": "reports/{source}"}

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from commands.blocks import described
 from commands.errors import UsageError
-from commands.settings import settings
+from commands.settings import described, settings
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 from stages.extraction import extraction_report
 from stages.rgbd import sor3d_train

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from commands.only import recorders
-from commands.stages import home, named, target_named
+from commands.target_graphs import home, named, target_named
 from tests.commands.test_published import usual
 from tests.helpers.command import RECORDED, Made, call
 from tests.helpers.tiny_source import VIDEOS

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from afford.extraction.tracks.propagate import Sam2
-from afford.models.hub import files, find
-from afford.models.weights import placed, root, stamp
+from afford.extraction.tracks import Sam2
+from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
@@ -39,20 +38,20 @@ def model(tmp_path: Path) -> Path:
 
 def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
     """By name and content; words about it do not count, and neither does where it lies."""
-    found = files(str(model), digest)
-    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and root(found) == model
+    found = weight_files(str(model), digest)
+    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and weights_root(found) == model
     (model / "README.md").write_text("other words")
     moved = Path(shutil.copytree(model, tmp_path / "elsewhere"))
-    other = files(str(moved), digest)
+    other = weight_files(str(moved), digest)
     assert [(one.name, one.digest) for one in other.files] == [(one.name, one.digest) for one in found.files]
-    assert other.name == found.name and root(other) == moved
-    single = files(str(model / "config.json"), digest)
-    assert root(single) == model / "config.json"
+    assert other.name == found.name and weights_root(other) == moved
+    single = weight_files(str(model / "config.json"), digest)
+    assert weights_root(single) == model / "config.json"
 
 
 def test_params_say_where_the_files_lie(model: Path) -> None:
     params = Sam2("label")
-    assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
+    assert with_weights(params, None) is params and with_weights(params, weight_files(str(model), digest)).model == str(model)
 
 
 def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
@@ -60,16 +59,16 @@ def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
     for name in ("0a1b", "2c3d"):
         (tmp_path / name).write_text(name)
     refs = (FileRef("config.json", "0", 4, tmp_path / "0a1b"), FileRef("sub/x.safetensors", "1", 4, tmp_path / "2c3d"))
-    folder = root(FileTree("weights", refs))
+    folder = weights_root(FileTree("weights", refs))
     assert (folder / "config.json").read_text() == "0a1b" and (folder / "sub" / "x.safetensors").read_text() == "2c3d"
-    assert root(FileTree("weights", refs)) == folder
-    assert root(FileTree("weights", refs[:1])).read_text() == "0a1b"
+    assert weights_root(FileTree("weights", refs)) == folder
+    assert weights_root(FileTree("weights", refs[:1])).read_text() == "0a1b"
 
 
 def test_a_stamp_tells_changed_files(model: Path) -> None:
-    before = stamp(model)
+    before = file_stamps(model)
     (model / "sub" / "model.safetensors").write_bytes(b"weightz")
-    assert stamp(model) != before and stamp(model) == stamp(model)
+    assert file_stamps(model) != before and file_stamps(model) == file_stamps(model)
 
 
 def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
@@ -115,7 +114,7 @@ def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> Non
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     """What was downloaded before is found; what was not says how to get it."""
-    code = ("from afford.models.hub import find\ntry:\n    find('some-owner/some-model')\n"
+    code = ("from afford.models.weights import find\ntry:\n    find('some-owner/some-model')\n"
             "except ValueError as error:\n    print(error)")  # fmt: skip
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
@@ -153,7 +152,7 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
 def test_what_is_no_revision_is_no_hub_id(name: str) -> None:
     """Refused before anything is downloaded."""
     with pytest.raises(ValueError, match=r"OWNER/NAME or OWNER/NAME@REVISION\), got nothing there"):
-        find(name)
+        find_model(name)
 
 
 def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,4 +166,4 @@ def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monk
 
 
 def test_local_places_are_taken_as_they_are(model: Path) -> None:
-    assert find(str(model)) == model
+    assert find_model(str(model)) == model

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from commands.blocks import blocks
+from commands.settings import blocks
 from runner.canonical import canonical
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -122,7 +122,7 @@ def test_a_new_field_of_sam_2_changes_the_code_of_sam_2_alone(tmp_path: Path) ->
     """The class of a block is in the fingerprint of its backend and of no other."""
     for folder in ("afford", "stages", "schemas"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    file = tmp_path / "afford/extraction/tracks/propagate/__init__.py"
+    file = tmp_path / "afford/extraction/tracks/__init__.py"
     old = "    cache_frames: int = 16\n"
     assert old in file.read_text()
     before = {name: coded(ROOT, name) for name in entries("mask_densify")}

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from afford.models import chat_endpoint
-from afford.models.api_key import plain
+from afford.models.chat import check_url
 from afford.models.chat_endpoint import Endpoint, ask
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, says, serving
 
@@ -246,4 +246,4 @@ def test_a_reply_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
 def test_an_address_that_is_none_is_refused_in_a_sentence(url: str) -> None:
     """Before anything is sent."""
     with pytest.raises(ValueError, match=r"expected http\(s\)://HOST"):
-        plain(url)
+        check_url(url)

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.pin_outputs import NAMES_CODE, PINNED, RUNS, compare, request
 from benchmarks.pin_sources import SOURCES, written
-from commands.belongs import laid_out
 from commands.settings import settings
+from commands.target_graphs import laid_out
 from commands.targets import ALL
 from pipeline import TARGETS
 from runner.canonical import file_digest

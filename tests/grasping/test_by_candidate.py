@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.coupling import limits_u
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.sim.by_candidate import execute, wrist
+from afford.grasping.candidates.compare import execute, wrist
+from afford.grasping.hand.kinematics import forward, limits_u
 from afford.grasping.sim.engine import BACKENDS, world
 from afford.grasping.sim.scene import STRICT, Scene
 from afford.grasping.sim.scripted import ABOVE_M, GRASP, UP, Aim, before, moves, targets

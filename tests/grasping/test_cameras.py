@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from afford.common.files import tree
 from afford.grasping.hand import read_urdf
-from afford.grasping.hand.folder import save
+from afford.grasping.hand.export import save
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.solids import solid
+from afford.grasping.hand.link_meshes import solid
 from afford.grasping.policies.cameras import HAND, NOTHING, OBJECT, Images, Rig, shoot, spots
 from afford.grasping.policies.depth_noise import RANDOM_DEPTH, DepthNoise, drawn, noisy
 from afford.grasping.policies.shapes import body_shape, hand_shape
 from afford.render.raster import project
-from afford.render.views.rays import Rays
+from afford.render.views.surface import Rays
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_students import worlds
 

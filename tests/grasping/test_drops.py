@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.sim.drops import dropped
 from afford.grasping.sim.engine import BACKENDS, world
+from afford.grasping.sim.rest_poses import dropped
 from tests.helpers.made_scenes import block, scene
 
 

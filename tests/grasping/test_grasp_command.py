@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.grasping.candidates.cloud import unproject
-from afford.grasping.candidates.read import Files, read
+from afford.grasping.candidates.point_cloud import unproject
+from afford.grasping.candidates.read_scene import Files, read
 from schemas.grasp import TERMS, GraspScene
 from tests.helpers.command import Called, call
 from tests.helpers.made_looks import rod

@@ -11,8 +11,8 @@ import pytest
 
 from afford.common.files import tree
 from afford.grasping.candidates.compare import masks
-from afford.grasping.candidates.look import Eye, look
-from afford.grasping.candidates.report import differences, shares, table
+from afford.grasping.candidates.comparison_report import differences, shares, table
+from afford.grasping.candidates.render_view import Eye, look
 from schemas.files import FileTree
 from schemas.grasp import FIGURES, METHODS, GraspComparison, GraspObject
 from schemas.mesh import ObjectSpec, PartedMesh

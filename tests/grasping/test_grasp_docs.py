@@ -8,7 +8,7 @@ import pytest
 
 from afford.grasping.env import env
 from afford.grasping.env.observe import blocks, slices
-from afford.grasping.hand.coupling import driven
+from afford.grasping.hand.kinematics import driven
 from benchmarks import bench_grasp_env as page
 from tests.helpers.made_hands import shadow
 

@@ -13,10 +13,10 @@ from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Still, play
 from afford.grasping.env.task import of
-from afford.grasping.evaluate import report_rows
-from afford.grasping.evaluate.cells import cells
-from afford.grasping.evaluate.examine import FIGURES
+from afford.grasping.evaluate import result_cells
+from afford.grasping.evaluate.evaluate_policy import FIGURES
 from afford.grasping.evaluate.report import by_row, markdown, metrics
+from afford.grasping.evaluate.result_cells import cells
 from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -112,8 +112,8 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
 def test_scores_are_told_seed_by_seed(script: GraspEpisodes) -> None:
     """Where the report has their mean; what cannot be told of one seed is not there."""
     both = [script, replace(script, seed=7, values=script.values * [0.0 if name == "success" else 1.0 for name in FIGURES])]
-    told = report_rows.scores(both)
-    (row,) = report_rows.rows(cells(both))
+    told = result_cells.scores(both)
+    (row,) = result_cells.result_rows(cells(both))
     assert list(told) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
     assert [one["succ"] for one in told.values()] == [2 * row.figures["succ"], 0.0]
     assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in told.values())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.likeness import criteria, humans, likeness, log_jerk
+from afford.grasping.evaluate.human_likeness import criteria, humans, likeness, log_jerk
 from tests.helpers.made_grasps import reference
 from tests.helpers.made_hands import shadow
 

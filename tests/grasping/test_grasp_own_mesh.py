@@ -11,8 +11,7 @@ import pytest
 import trimesh
 
 from afford.common.files import tree
-from commands.outputs import published
-from commands.part import Publisher
+from commands.outputs import Publisher, published
 from commands.session import open_runner
 from maps.settings import Origin
 from runner import Graph

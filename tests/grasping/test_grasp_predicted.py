@@ -13,8 +13,8 @@ from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Round, Still, play
 from afford.grasping.env.task import Task, of
-from afford.grasping.evaluate.agreement import agreement
-from afford.grasping.evaluate.examine import FIGURES
+from afford.grasping.evaluate.comparisons import agreement
+from afford.grasping.evaluate.evaluate_policy import FIGURES
 from afford.surface.negative.distance import distance
 from maps.settings import Origin, Settings
 from pipeline import build

@@ -12,7 +12,7 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.observe import blocks
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.env.task import task
-from afford.grasping.hand.coupling import commanded
+from afford.grasping.hand.kinematics import commanded
 from afford.grasping.imitation.proof import held
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import PHASES

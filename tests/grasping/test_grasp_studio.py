@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from afford.grasping.env.studio import GROUND, HAND, NEGATIVE, RING, THING, Studio, colour_of, matrix, pieces, view
-from afford.grasping.evaluate.traced import PHASES, phases, traced
+from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from tests.helpers.made_hands import PINCER, hand_of, shadow, written
 from tests.helpers.made_traces import grasped, hammer
 

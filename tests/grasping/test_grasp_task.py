@@ -12,8 +12,8 @@ from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.scenery import scenery
 from afford.grasping.env.task import NEGATIVE_POINTS, placed, spread_points, task
-from afford.grasping.sim.drops import drops, laid
 from afford.grasping.sim.engine import world
+from afford.grasping.sim.rest_poses import drops, laid
 from afford.grasping.sim.scene import centre
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block, scene, tool

@@ -11,8 +11,8 @@ import pytest
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import Actor
 from afford.grasping.env.studio import NEGATIVE, Studio
-from afford.grasping.evaluate.report_pairs import figures, lines, metrics, shifts_m
-from afford.grasping.evaluate.two_ends import APART_M, axis, grasp_twice, pair
+from afford.grasping.evaluate.comparisons import pair_figures, pair_lines, pair_metrics, shifts_m
+from afford.grasping.evaluate.two_tasks import APART_M, axis, grasp_twice, pair
 from afford.grasping.policies.acting import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import TwoTasks
@@ -75,13 +75,14 @@ def made(along: list[tuple[float, float]], success: list[tuple[int, int]], body:
 def test_figures_are_of_objects_lifted_twice() -> None:
     """a moved by 10 and 30 mm, b by 40, c was dropped once: mean 30 of two objects."""
     pairs = made([(0, 0.01), (-0.01, 0.02), (0, 0.04), (0, 1.0)], [(1, 1), (1, 1), (1, 1), (1, 0)])
-    found = figures(pairs)
+    found = pair_figures(pairs)
     assert found["shift_mm"] == pytest.approx(30) and found["objects"] == 2 and found["succ"] == 0.75
     assert found["shift_mm_low"] == pytest.approx(30 - 12.7062 * 10, abs=0.01) and found["away"] == 1
-    said = metrics([pairs, replace(pairs, engine="mujoco", policy="no_negative")])
+    said = pair_metrics([pairs, replace(pairs, engine="mujoco", policy="no_negative")])
     assert said["teacher.two_tasks.shift_mm"] == said["mujoco.no_negative.two_tasks.shift_mm"] == pytest.approx(30)
     none = made([(0, 0.01)], [(1, 0)], "a")
-    assert np.isnan(figures(none)["shift_mm"]) and "| teacher | bullet |  |  |" in lines([none])[-2] and lines([]) == []
+    assert np.isnan(pair_figures(none)["shift_mm"]) and "| teacher | bullet |  |  |" in pair_lines([none])[-2]
+    assert pair_lines([]) == []
 
 
 def test_the_stage_draws_the_object_twice(tmp_path: Path) -> None:

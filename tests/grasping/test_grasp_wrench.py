@@ -15,7 +15,7 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import play
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.env.wrench_script import Script
-from afford.grasping.hand.coupling import limits_u
+from afford.grasping.hand.kinematics import limits_u
 from afford.grasping.sim.engine import State, World, world
 from afford.grasping.sim.scene import STRICT, Physics, Scene, held
 from tests.helpers.made_grasps import env, held_by_handle

@@ -11,9 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.coupling import driven, spread
-from afford.grasping.hand.folder import save
-from afford.grasping.hand.kinematics import forward, jacobian, limits, moving, points
+from afford.grasping.hand.export import save
+from afford.grasping.hand.kinematics import driven, forward, jacobian, limits, moving, points, spread
 from schemas.hand import HandModel
 from tests.helpers.made_hands import COUPLED, PINCER, SHARED, hand_of, poses, shadow, tree, written
 

@@ -12,7 +12,7 @@ import pytest
 from afford.codecs import CODEC
 from afford.grasping.hand import Urdf, mjcf, read_urdf
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.folder import save
+from afford.grasping.hand.export import save
 from afford.grasping.hand.kinematics import forward, limits, moving, points
 from stages.grasping import hand_model
 from tests.helpers.made_hands import read_text, shadow, tree

@@ -12,7 +12,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.grasping.motion.keypoints import COLUMNS
-from afford.grasping.motion.mirror import mirrored
+from afford.grasping.motion.retarget import mirrored
 from afford.grasping.motion.targets import grip_axes
 from schemas.hand import PHASES, HandMotion
 from stages.grasping import motion_read

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from afford.grasping.hand.kinematics import forward, limits, points
-from afford.grasping.motion.build import build
-from afford.grasping.motion.mirror import mirrored
-from afford.grasping.motion.points import hand_points
-from afford.grasping.motion.problem import Problem, State, Weights
-from afford.grasping.motion.targets import targets
+from afford.grasping.motion.fit import Problem, State, Weights
+from afford.grasping.motion.keypoints import build
+from afford.grasping.motion.retarget import mirrored
+from afford.grasping.motion.targets import hand_points, targets
 from schemas.hand import HandModel, HandMotion, Retargeted
 from stages.grasping import hand_retarget, motion_read, motion_report
 from tests.helpers.made_hands import shadow

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.grasping.motion.minimum_jerk import minimum_jerk, through
 from afford.grasping.motion.skeleton import aperture, closings, posed
+from afford.grasping.motion.synthetic import minimum_jerk, through
 from schemas.hand import PHASES, HandMotion
 from stages.grasping import hand_retarget, motion_synthesise
 from tests.helpers.made_hands import shadow

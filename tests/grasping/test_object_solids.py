@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from afford.grasping.sim.hulls import corners, decomposed
+from afford.grasping.sim.grasp_object import corners, decomposed
 from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec

@@ -10,7 +10,7 @@ from afford.grasping.env.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasping.env.measures import Measures
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.kinematics import forward, points
-from afford.grasping.motion.signals import speed, twist
+from afford.grasping.motion.retarget import speed, twist
 from schemas.hand import HandModel, HandReference
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_motions import trajectory

@@ -10,12 +10,11 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.coupling import driven, spread
-from afford.grasping.hand.kinematics import forward, limits, moving
-from afford.grasping.motion.build import build
-from afford.grasping.motion.mano import TIPS
+from afford.grasping.hand.kinematics import driven, forward, limits, moving, points, spread
+from afford.grasping.motion.keypoints import build
+from afford.grasping.motion.oakink2 import TIPS
 from afford.grasping.motion.oakink2_import import convert_all
-from afford.grasping.motion.points import keypoints_of
+from afford.grasping.motion.targets import hand_points
 from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
 from schemas.hand import GraspTarget, HandModel, HandMotion
@@ -42,6 +41,15 @@ def trajectory(hand: HandModel, frames: int, seed: int, *, share: float = 0.8) -
 def own_motion(hand: HandModel, q: np.ndarray, rate_hz: float = 60.0) -> HandMotion:
     """What a tracker would see of the robot hand."""
     return build("own", "test", hand.side, rate_hz, keypoints_of(hand, forward(hand.joints, q)), where="test")
+
+
+def keypoints_of(hand: HandModel, T: np.ndarray) -> np.ndarray:
+    """(n, l, 4, 4) poses of all links -> (n, 21, 3), as a person's hand would be read; nan for fingers that the hand lacks."""
+    which = hand_points(hand)
+    out = np.full((len(T), 21, 3), np.nan)
+    out[:, 0] = T[:, hand.palm, :3, 3]
+    out[:, which.keypoint.ravel()] = points(T, which.links, which.offsets_m)
+    return out
 
 
 def tree(*paths: Path) -> FileTree:

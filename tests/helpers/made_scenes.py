@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from afford.grasping.hand.coupling import commanded
-from afford.grasping.hand.kinematics import moving
+from afford.grasping.hand.kinematics import commanded, moving
 from afford.grasping.sim.scene import Physics, Scene
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectSpec

@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from afford.common.files import tree as files_of
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.judge.question import question
-from afford.twohands.train.recipes import recipes
 from commands.origin import origin
 from maps.rgbd import interactions
 from maps.settings import Origin, Settings
+from maps.twohands import recipes
 from pipeline import build
 from runner import Graph, Runner
 from schemas.scene import SceneSpec

@@ -18,7 +18,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from afford.grasping.env.measures import nearest
 from afford.grasping.env.studio import matrix
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS

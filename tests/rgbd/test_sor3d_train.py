@@ -16,7 +16,7 @@ from afford.rgbd.model import files
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import build
 from afford.rgbd.model.sequence_batches import Changes, changed, last, mirrored, stack
-from afford.training.job import Job, read
+from afford.training.job import Job, read_job
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip
 from schemas.training import Recipe, Trained
@@ -91,7 +91,7 @@ def test_a_recipe_is_a_row(dataset: FileTree, tmp_path: Path) -> None:
 @pytest.mark.parametrize("job", [sor3d_train._job(PARAMS), sor3d_pretrain._job(sor3d_pretrain.Params())])
 def test_a_job_travels_as_text(job: Job[Any]) -> None:
     """What a process reads is what was sent."""
-    assert read(job.to_json()) == job
+    assert read_job(job.to_json()) == job
 
 
 def test_a_card_lists_what_was_read(dataset: FileTree, tmp_path: Path) -> None:

@@ -82,9 +82,9 @@ def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None
 
 
 def test_a_program_that_a_stage_starts_is_part_of_its_code() -> None:
-    """Training on several devices runs `afford.training.rank` in processes of their own."""
+    """Training on several devices runs `afford.training.distributed` in processes of their own."""
     found = fingerprint(Modules(ROOT), "stages.twohands.model_train:run", {}).definitions
-    assert {"afford.training.rank:main", "afford.training.rank:__main__"} <= found.keys()
+    assert {"afford.training.distributed:main", "afford.training.distributed:__main__"} <= found.keys()
 
 
 LINES = [

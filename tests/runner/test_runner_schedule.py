@@ -10,11 +10,11 @@ from toy.values import Word
 from toy_project import Project
 
 from runner import Graph
-from runner.desk import Desk
 from runner.engines import Inline
 from runner.keys import Codes
 from runner.report import Reason, RunReport, Silent
 from runner.schedule import OVERTAKEN, Budget, Limit, Schedule
+from runner.task_planner import Desk
 from runner.walk import Walk
 
 

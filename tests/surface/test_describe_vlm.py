@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from afford.models.chat_model import ChatModel, inputs, load_model, reply
-from afford.render.views.contact import contact_sheet, labels
+from afford.render.views.draw import contact_sheet, labels
 from afford.surface.describe.question import question
 from stages.surface import part_describe
 from tests.helpers.blocks import changed

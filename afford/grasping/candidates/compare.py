@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from afford.grasping.candidates.find import Wish, candidates
-from afford.grasping.candidates.look import Eye, Look, look
+from afford.grasping.candidates.render_view import Eye, Look, look
 from afford.grasping.env.measures import TOUCH_N
 from afford.grasping.env.task import placed
-from afford.grasping.sim.by_candidate import execute
-from afford.grasping.sim.drops import laid
 from afford.grasping.sim.engine import World, world
+from afford.grasping.sim.rest_poses import laid
 from afford.grasping.sim.scene import STRICT, Scene
+from afford.grasping.sim.scripted import GRASP, Grasp, Outcome, before, carried, moves, settled
 from schemas.grasp import FIGURES, GraspComparison, GraspObject, GraspScene
 from schemas.hand import HandModel
 from schemas.mesh import MeshParts, ObjectMesh
@@ -131,3 +132,26 @@ def _named(parts: MeshParts, one: PartDescription, role: str) -> np.ndarray:
 
 def _role(one: PartDescription, part: str) -> str:
     return next((note.role for note in one.notes if note.part == part), "neutral")
+
+
+FROM_ABOVE = Rotation.from_euler("x", np.pi / 2)
+"""axes of a grasp straight from above: x along the thing, y up"""
+
+
+def wrist(scene: Scene, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> np.ndarray:
+    """(6,) of the gantry for a grasp (4, 4) of a right hand: x, y, z, yaw, pitch, roll."""
+    palm_of_script = Rotation.from_euler("ZYX", [grasp.yaw_rad, grasp.pitch_rad, grasp.roll_rad])
+    to_grip = Rotation.from_matrix(np.array(scene.hand.R_palm_grip))
+    turn = Rotation.from_matrix(T_world_grasp[:3, :3]) * FROM_ABOVE.inv() * palm_of_script * to_grip.inv()
+    yaw_pitch_roll = turn.as_euler("ZYX")
+    return np.concatenate([T_world_grasp[:3, 3] - turn.apply(to_grip.apply(grasp.grip_m)), yaw_pitch_roll])
+
+
+def execute(world: World, scene: Scene, body: np.ndarray, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> Outcome:
+    """Grasp the object that rests at the pose (7,). ValueError for a hand that is no right hand; leaves the world at the end."""
+    if scene.hand.side != "right":
+        raise ValueError(f"{scene.hand.name}: expected a right hand, got a {scene.hand.side} one; mirror the grasp")
+    back = T_world_grasp[:3, 1]
+    at = wrist(scene, T_world_grasp, grasp)
+    state = settled(world, scene, before(scene, grasp, at, back), body)
+    return carried(world, scene, state, moves(scene, grasp, at, back))

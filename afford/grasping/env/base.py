@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from afford.grasping.env.act import turned
-from afford.grasping.hand.coupling import commanded, spread
+from afford.grasping.hand.kinematics import commanded, spread
 from afford.grasping.sim.scene import Scene
 from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, start, targets
 

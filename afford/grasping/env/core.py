@@ -22,12 +22,12 @@ from afford.grasping.env.observe import Now, blocks, observe
 from afford.grasping.env.reward import rewards, weights
 from afford.grasping.env.scenery import Episode, scenery
 from afford.grasping.env.task import Task, placed
-from afford.grasping.hand.coupling import commanded, limits_u
-from afford.grasping.sim.batch import batch
-from afford.grasping.sim.drops import drops, laid
+from afford.grasping.hand.kinematics import commanded, limits_u
 from afford.grasping.sim.engine import CONTROL_S, State
+from afford.grasping.sim.rest_poses import drops, laid
 from afford.grasping.sim.scene import Scene, Sensing, centre, held, randomised, sensing
 from afford.grasping.sim.scripted import Aim, along, at_part
+from afford.grasping.sim.worlds import world_batch
 from schemas.hand import HandModel
 
 LOST_M = 0.5
@@ -48,7 +48,7 @@ class Grasping:
         self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = scenery(hand, self.tasks)
-        self.worlds = batch(config.engine, self.scenes, config.threads, config.processes, config.device)
+        self.worlds = world_batch(config.engine, self.scenes, config.threads, config.processes, config.device)
         self._of_motor = commanded(hand.joints)
         self._limits = limits_u(hand.joints)
         self.rates = (wrench.table(self._limits) if config.action_mode == "paper"

@@ -6,10 +6,8 @@ from functools import cache
 
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.coupling import coupled
-from afford.grasping.hand.gantry import Gantry
 from afford.grasping.hand.mjcf import read
-from afford.grasping.hand.model import Wishes, model
+from afford.grasping.hand.model import Gantry, Wishes, coupled, model
 from afford.grasping.sim.grasp_object import grasp_object
 from afford.synthetic.objects.library import build_object
 from schemas.hand import HandModel

@@ -9,13 +9,12 @@ import numpy as np
 from afford.common.palette import Colour
 from afford.grasping.env.studio import LAMP, hand_colour
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
-from afford.grasping.motion.mirror import M
+from afford.grasping.hand.link_meshes import skins
+from afford.grasping.motion.retarget import M
 from afford.render.draw import render
 from afford.render.mesh import mesh
-from afford.render.model import Camera, Instance, Material
+from afford.render.scene import Camera, Instance, Material, Textures
 from afford.render.solids import tube
-from afford.render.textures import Textures
 from schemas.hand import HandModel, HandMotion, HandReference
 
 PERSON: Colour = (213, 94, 0)

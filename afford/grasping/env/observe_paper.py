@@ -11,8 +11,7 @@ from afford.grasping.env.moment import Block, Now
 from afford.grasping.env.observe_small import fingers_q
 from afford.grasping.env.scenery import OBJECT_POINTS, about_z, to_frame
 from afford.grasping.env.task import NEGATIVE_POINTS
-from afford.grasping.hand.coupling import commanded
-from afford.grasping.hand.kinematics import ancestry, forward, jacobian, moving
+from afford.grasping.hand.kinematics import ancestry, commanded, forward, jacobian, moving
 
 
 def _all_torques(now: Now) -> np.ndarray:

@@ -18,12 +18,11 @@ from scipy.spatial.transform import Rotation
 from afford.common.palette import Colour
 from afford.grasping.env.reward import GOAL_M
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from afford.render.draw import render
 from afford.render.mesh import Mesh, merge, mesh, moved
-from afford.render.model import Camera, Instance, Light, Material, Rendered
+from afford.render.scene import Camera, Instance, Light, Material, Rendered, Textures
 from afford.render.solids import box, patch, tube
-from afford.render.textures import Textures
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel

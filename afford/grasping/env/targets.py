@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import placed
-from afford.grasping.sim.drops import laid
 from afford.grasping.sim.engine import world
+from afford.grasping.sim.rest_poses import laid
 from afford.grasping.sim.scene import Scene
 from afford.grasping.sim.scripted import SLICE_M, along
 from schemas.grasp import GraspObject

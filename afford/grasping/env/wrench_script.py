@@ -7,7 +7,7 @@ import numpy as np
 from afford.grasping.env import wrench
 from afford.grasping.env.base import script_steps, scripted
 from afford.grasping.env.core import Grasping
-from afford.grasping.hand.coupling import commanded, limits_u
+from afford.grasping.hand.kinematics import commanded, limits_u
 from afford.grasping.sim.engine import CONTROL_S
 
 PULL_N_M, HOLD_N_S_M = 1600.0, 80.0

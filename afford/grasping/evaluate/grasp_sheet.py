@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.common.encode import png
-from afford.common.lettering import font
+from afford.common.drawing import font
+from afford.common.image_files import encode_png
 from afford.common.palette import FAINT, INK, PAPER, Colour
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
 from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.traced import PHASES, phases, traced
+from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)
@@ -38,7 +38,7 @@ def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
 
 def write_sheet(path: Path, rows: Mapping[str, Episode]) -> None:
     """`sheet` as a PNG."""
-    path.write_bytes(png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
+    path.write_bytes(encode_png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
 
 
 def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> None:

@@ -73,3 +73,26 @@ def _motions(joints: HandJoints, q: np.ndarray) -> np.ndarray:
             K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
             out[:, k, :3, :3] += np.sin(value)[..., None] * K + (1 - np.cos(value))[..., None] * (K @ K)
     return out
+
+
+def driven(joints: HandJoints) -> np.ndarray:
+    """(m,) indices of the joints that are commanded, wrist first: the columns of u."""
+    return np.array([k for k, role in enumerate(joints.role) if role in ("wrist", "actuated")], np.int64)
+
+
+def commanded(joints: HandJoints) -> np.ndarray:
+    """(m,) where the joints that are commanded stand in q: u is q[commanded]."""
+    return np.searchsorted(moving(joints), driven(joints))
+
+
+def limits_u(joints: HandJoints) -> np.ndarray:
+    """(m, 2) lowest and highest position of the joints that are commanded, rad or m."""
+    return np.stack([joints.lower, joints.upper], axis=1)[driven(joints)]
+
+
+def spread(joints: HandJoints) -> tuple[np.ndarray, np.ndarray]:
+    """A (d, m) and b (d,): q = A u + b. A Jacobian by q times A is one by u."""
+    rows, columns = moving(joints), driven(joints)
+    follows = np.where(joints.driver[rows] < 0, rows, joints.driver[rows])
+    ratio = np.where(joints.driver[rows] < 0, 1.0, joints.ratio[rows])
+    return (follows[:, None] == columns) * ratio[:, None], joints.offset[rows].copy()

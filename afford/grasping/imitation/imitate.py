@@ -18,14 +18,13 @@ from afford.grasping.env import act
 from afford.grasping.env.happened import Happened
 from afford.grasping.env.observe import LIMIT
 from afford.grasping.env.scenery import palm_yaw, to_frame
-from afford.grasping.hand.coupling import commanded, limits_u
-from afford.grasping.hand.kinematics import forward, moving
+from afford.grasping.hand.kinematics import commanded, forward, limits_u, moving
 from afford.grasping.imitation.clips import Clips, ImitationConfig
 from afford.grasping.imitation.imitation import Tracking, failed, rewards
 from afford.grasping.imitation.track import FIELDS, Tracker
 from afford.grasping.sim.engine import CONTROL_S, State
 from afford.grasping.sim.scene import Scene
-from afford.grasping.sim.worlds import Worlds
+from afford.grasping.sim.worlds import ThreadWorlds
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel, HandReference
 
@@ -40,7 +39,7 @@ class Imitating:
                  config: ImitationConfig) -> None:  # fmt: skip
         """ValueError for no references, or such of another hand."""
         self.hand, self.clips, self.config = hand, Clips(hand, references), config
-        self.worlds = Worlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
+        self.worlds = ThreadWorlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
         self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
         self._limits = limits_u(hand.joints)
         self.rates = act.table(act.RATES["none" if config.base == "none" else "script"], len(self._limits))

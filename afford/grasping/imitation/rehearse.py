@@ -22,7 +22,7 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.happened import Happened
 from afford.grasping.env.scenery import about_z
 from afford.grasping.env.task import Task
-from afford.grasping.hand.coupling import commanded
+from afford.grasping.hand.kinematics import commanded
 from afford.grasping.imitation.clips import Clips
 from afford.grasping.imitation.imitation import REWARDS, STRICT_M, Tracking, failed, rewards
 from afford.grasping.imitation.track import FIELDS, Tracker

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.coupling import commanded
-from afford.grasping.hand.kinematics import forward, jacobian, moving, points
+from afford.grasping.hand.kinematics import commanded, forward, jacobian, moving, points
 from afford.grasping.imitation.imitation import Tracking
 from afford.grasping.sim.engine import State
 from schemas.hand import HandModel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.grasping.judge.question import question, read, sheet
 from afford.models.chat import Endpoint
 from afford.models.chat_endpoint import ask
@@ -15,5 +15,5 @@ QUALITY = 90
 
 def judge(name: str, frames: np.ndarray, seconds: np.ndarray, params: Endpoint) -> float:
     """See `Judge`."""
-    picture = jpeg(sheet(frames, seconds), QUALITY).tobytes()
+    picture = encode_jpeg(sheet(frames, seconds), QUALITY).tobytes()
     return read(ask(params, question(len(frames)), picture), name, "endpoint")

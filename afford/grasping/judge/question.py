@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.common.lettering import font
+from afford.common.drawing import font
 from afford.common.palette import INK, PAPER
 from afford.surface.describe.answer import ADVICE, QUOTED, objects
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.grasping.motion.build import build
+from afford.grasping.motion.keypoints import build
 from schemas.files import FileRef, FileTree
 from schemas.hand import PHASES, HandMotion
 

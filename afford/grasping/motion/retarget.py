@@ -5,19 +5,44 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import moving
-from afford.grasping.motion import rules
-from afford.grasping.motion.fit import fit_clip, fit_frames
-from afford.grasping.motion.mirror import mirrored
-from afford.grasping.motion.place import placed
-from afford.grasping.motion.points import LEVEL_1, LEVEL_2, OF_FINGER, TIP, hand_points
-from afford.grasping.motion.problem import Problem, State, Weights
-from afford.grasping.motion.rules import Broken, Rules
-from afford.grasping.motion.signals import speed, twist
-from afford.grasping.motion.targets import bone_angles, targets
-from afford.grasping.motion.wrist import beyond, on_gantry
+from afford.grasping.hand.kinematics import forward, limits, moving
+from afford.grasping.hand.model import STEPS
+from afford.grasping.motion import clip_rules
+from afford.grasping.motion.clip_rules import Broken, Rules
+from afford.grasping.motion.fit import Problem, State, Weights, fit_clip, fit_frames
+from afford.grasping.motion.targets import LEVEL_1, LEVEL_2, OF_FINGER, TIP, bone_angles, hand_points, targets
 from schemas.hand import HandModel, HandMotion, HandReference, Retargeted, RetargetVerdict
+
+
+def placed(motion: HandMotion, palm: np.ndarray) -> np.ndarray:
+    """(4, 4) T_world_source: the gantry's yaw is 0 on average, so that it stays far from its limits, and the object of the first
+    frame, or the palm where there is none, is at x = y = 0. palm (t, 4, 4) in the source's world.
+    """
+    toward = palm[:, :2, 0].mean(axis=0)
+    yaw = np.arctan2(toward[1], toward[0]) if np.linalg.norm(toward) > 1e-6 else 0.0
+    c, s = np.cos(yaw), np.sin(yaw)
+    T = np.eye(4)
+    T[:2, :2] = [[c, s], [-s, c]]
+    start = motion.object_pose[0, :3] if len(motion.object_pose) else palm[0, :3, 3]
+    T[:2, 3] = -(T[:2, :2] @ start[:2])
+    return T
+
+
+M = np.diag([-1.0, 1.0, 1.0])
+OTHER = {"left": "right", "right": "left"}
+
+
+def mirrored(motion: HandMotion) -> HandMotion:
+    """The same motion of the other hand. Rotations R become M R M: the object must be mirrored in its own frame as well."""
+    pose = motion.object_pose * np.array([-1, 1, 1, 1, -1, -1, 1])
+    palm = motion.T_world_palm.copy()
+    palm[:, :3, :3] = M @ palm[:, :3, :3] @ M
+    palm[:, :3, 3] = palm[:, :3, 3] @ M
+    return replace(motion, side=OTHER[motion.side], keypoints_m=motion.keypoints_m @ M, object_pose=pose, T_world_palm=palm)
+
 
 NONE = -1.0
 """a figure that was not reached"""
@@ -44,13 +69,13 @@ class Wishes:
 def retarget(motion: HandMotion, hand: HandModel, wishes: Wishes) -> Retargeted:
     """Fit the hand to a clip and judge it; the same input gives the same bytes."""
     motion = thinned(motion, wishes.max_rate_hz, wishes.max_frames)
-    wrong = rules.before(motion, hand, wishes.rules)
+    wrong = clip_rules.before(motion, hand, wishes.rules)
     if wrong is not None:
         return Retargeted(motion.name, _verdict(motion, hand, wrong), ())
     ours = motion if motion.side == hand.side else mirrored(motion)
     reference = fitted(ours, hand, wishes, mirrored=ours is not motion)
     fingers, palm = _fastest(hand, reference)
-    wrong = rules.after(reference.error_m, fingers, palm, beyond(hand, reference.q), wishes.rules)
+    wrong = clip_rules.after(reference.error_m, fingers, palm, beyond(hand, reference.q), wishes.rules)
     verdict = _verdict(motion, hand, wrong, reference, fingers, palm)
     return Retargeted(motion.name, verdict, () if wrong else (reference,))
 
@@ -116,3 +141,82 @@ def _verdict(motion: HandMotion, hand: HandModel, wrong: Broken | None, referenc
         error_p95_m=NONE if errors is None else float(np.percentile(errors, 95)),
         bone_error_rad=NONE if reference is None else float(reference.bone_error_rad.mean()),
         joint_speed_rad_s=joint_rad_s, palm_speed_m_s=palm_m_s)  # fmt: skip
+
+
+SIGMA_FRAMES = 2.0
+
+
+def speed(values: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
+    """(t, ...) -> (t, ...) change a second; 0 for a single frame."""
+    if len(values) < 2:
+        return np.zeros_like(values)
+    return _smooth(np.gradient(values, axis=0) * rate_hz, sigma_frames)
+
+
+def twist(T: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
+    """(t, 4, 4) -> (t, 6) linear, then angular velocity in the world's axes; 0 for a single frame."""
+    if len(T) < 2:
+        return np.zeros((len(T), 6))
+    R = T[:, :3, :3]
+    steps = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
+    both = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
+    return np.concatenate([speed(T[:, :3, 3], rate_hz, sigma_frames), _smooth(both * rate_hz, sigma_frames)], axis=1)
+
+
+def _smooth(values: np.ndarray, sigma_frames: float) -> np.ndarray:
+    smoothed: np.ndarray = gaussian_filter1d(values, sigma_frames, axis=0, mode="nearest") if sigma_frames > 0 else values
+    return smoothed
+
+
+LOCKED = 1e-4
+"""cosine of the pitch below which yaw and roll are the same turn: the yaw of the frame before is kept"""
+
+
+def has_gantry(hand: HandModel) -> bool:
+    """Whether the first six joints are a gantry's; all others may be anything."""
+    return hand.joints.name[: len(STEPS)] == tuple(f"wrist_{step}" for step in STEPS)
+
+
+def on_gantry(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> np.ndarray:
+    """q (t, d) whose first six columns are put so that the palm is at (t, 4, 4); angles do not jump by a turn from frame to frame.
+
+    Not cut at limits. A hand without a gantry keeps q: its root is free, and the palm's pose says where it is.
+    """
+    if not has_gantry(hand):
+        return q
+    still = forward(hand.joints, np.concatenate([np.zeros((len(q), 6)), q[:, 6:]], axis=1))
+    T = T_world_palm @ np.linalg.inv(still[:, hand.palm])
+    R = T[:, :3, :3]
+    pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
+    yaw = _held(np.arctan2(R[:, 1, 0], R[:, 0, 0]), np.hypot(R[:, 0, 0], R[:, 1, 0]) < LOCKED)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    roll = np.arctan2(sin * R[:, 0, 2] - cos * R[:, 1, 2], cos * R[:, 1, 1] - sin * R[:, 0, 1])
+    out = q.copy()
+    out[:, :6] = np.stack([*T[:, :3, 3].T, _continuous(yaw), pitch, _continuous(roll)], axis=1)
+    return out
+
+
+def beyond(hand: HandModel, q: np.ndarray) -> tuple[str, float] | None:
+    """The joint of the gantry that passes its limits most, and by how much; None when none does."""
+    if not has_gantry(hand):
+        return None
+    low, high = limits(hand.joints)[:6].T
+    over = np.maximum(low - q[:, :6], q[:, :6] - high).max(axis=0)
+    worst = int(over.argmax())
+    return (hand.joints.name[moving(hand.joints)[worst]], float(over[worst])) if over[worst] > 0 else None
+
+
+def _held(angle: np.ndarray, locked: np.ndarray) -> np.ndarray:
+    """The last value before, or the first after, where locked; 0 where all are."""
+    if locked.all():
+        return np.zeros_like(angle)
+    known = np.flatnonzero(~locked)
+    before = np.searchsorted(known, np.arange(len(angle)), side="right") - 1
+    held: np.ndarray = angle[known[np.maximum(before, 0)]]
+    return held
+
+
+def _continuous(angle: np.ndarray) -> np.ndarray:
+    """Unwrapped, and as near to 0 as whole turns can bring its middle."""
+    out = np.unwrap(angle)
+    return out - 2 * np.pi * np.round((out.max() + out.min()) / (4 * np.pi))

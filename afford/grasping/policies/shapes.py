@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.link_meshes import skins
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from afford.common.quaternions import cross
-from afford.grasping.hand.coupling import driven
-from afford.grasping.hand.folder import files as files_of
-from afford.grasping.hand.kinematics import moving, points
+from afford.common.geometry import cross
+from afford.grasping.hand.export import files as files_of
+from afford.grasping.hand.kinematics import driven, moving, points
 from afford.grasping.sim.engine import State, checked, solver_steps
 from afford.grasping.sim.scene import Scene, finger_of_link, held, limits_of
 from schemas.grasp import GraspObject

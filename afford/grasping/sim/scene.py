@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.coupling import commanded, driven, limits_u
-from afford.grasping.hand.kinematics import ancestry
+from afford.grasping.hand.kinematics import ancestry, commanded, driven, limits_u
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.coupling import commanded, driven, spread
+from afford.grasping.hand.kinematics import commanded, driven, spread
 from afford.grasping.sim.engine import CONTROL_S, State, World
 from afford.grasping.sim.scene import Scene, centre
 

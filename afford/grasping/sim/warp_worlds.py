@@ -42,7 +42,7 @@ class Saved:
 
 
 class WarpWorlds:
-    """See afford.grasping.sim.worlds.Worlds."""
+    """See afford.grasping.sim.worlds.ThreadWorlds."""
 
     def __init__(self, scenes: Sequence[Scene], device: str = "cpu") -> None:
         """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, for a scene that

@@ -16,7 +16,7 @@ from afford.dataset import packed_sequences
 from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Frames, Seen, frames
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 
 SMALLEST_CROP = 0.8
 """share of the side that a crop keeps"""
@@ -50,7 +50,7 @@ class SequenceBatches:
     paths: Listed[Path]
     config: Sor3dConfig
     changes: Changes
-    order: Order
+    order: BalancedSampler
     size: int
     """sequences per batch"""
     static_share: float

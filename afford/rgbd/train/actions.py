@@ -18,7 +18,7 @@ from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Seen, frames
 from afford.rgbd.model.pretrain import ActionLSTM
 from afford.rgbd.model.sequence_batches import Changes, changed, fitted
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 
 FRAMES = 10
 """frames that are seen of a clip, spread over it"""
@@ -40,7 +40,7 @@ class ClipBatches:
     paths: Listed[Path]
     config: Sor3dConfig
     changes: Changes
-    order: Order
+    order: BalancedSampler
     size: int
     actions: tuple[str, ...]
     seed: int
@@ -70,9 +70,9 @@ class ClipBatches:
 
 
 class Actions:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "action"
+    monitor = "action"
 
     def __init__(self, model: ActionLSTM, batches: ClipBatches, judged: Listed[Path], device: str) -> None:
         self.model: nn.Module = model

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.models.chat_endpoint import ask
-from afford.render.views.contact import contact_sheet, labels
+from afford.render.views.draw import contact_sheet, labels
 from afford.surface.describe import Served, answer
 from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -17,5 +17,5 @@ QUALITY = 90
 def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Served) -> PartDescription:
     """See `Describer`."""
     asked = question(mesh.category, task, labels(views, params.views))
-    picture = jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
+    picture = encode_jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
     return answer.read(ask(params, asked, picture), mesh.name, task, "endpoint")

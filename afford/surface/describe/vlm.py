@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from afford.models.chat_model import load_model, reply
-from afford.render.views.contact import contact_sheet, labels
+from afford.render.views.draw import contact_sheet, labels
 from afford.surface.describe import Vlm, answer
 from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews

@@ -7,8 +7,8 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.mesh import merge, moved, transform
-from afford.render.model import Material
 from afford.render.patterns import flat, image
+from afford.render.scene import Material
 from afford.render.solids import box, extrude, lathe, tube
 from afford.synthetic.assets.object_model import Joint, ObjectModel, Part, along, around, edge, over, pinch, sides
 

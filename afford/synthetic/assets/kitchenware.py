@@ -9,8 +9,8 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.mesh import Mesh, merge, mesh, moved, transform
-from afford.render.model import Material
 from afford.render.motion import about, pose
+from afford.render.scene import Material
 from afford.render.solids import extrude, lathe, tube
 from afford.synthetic.assets.object_model import (
     UP,

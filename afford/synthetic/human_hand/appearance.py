@@ -9,8 +9,8 @@ import numpy as np
 from afford.common.palette import TONES
 from afford.render import materials
 from afford.render.mesh import Mesh, merge, moved, smooth_normals, transform
-from afford.render.model import Material
 from afford.render.patterns import cloud
+from afford.render.scene import Material
 from afford.render.solids import lathe, tube
 from afford.synthetic.human_hand.skeleton import LENGTHS, RADII, REST, WRIST
 from afford.synthetic.human_hand.skin import ARM_M, HandShape, hand_shape
