@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from afford.common.boxes import box
-from afford.common.encode import png
 from afford.common.errors import SourceError
 from afford.common.files import write_json
 from afford.common.folders import entries
+from afford.common.image_files import encode_png
+from afford.common.masks import box
 from schemas.files import FileRef, FileTree
 from schemas.scene import Mode, Still, Stills
 from schemas.video import SIDES
@@ -230,4 +230,4 @@ def _one_hot(mode: Mode) -> list[int]:
 
 
 def _write_png(path: Path, image: np.ndarray) -> None:
-    path.write_bytes(png(image, PNG).tobytes())
+    path.write_bytes(encode_png(image, PNG).tobytes())

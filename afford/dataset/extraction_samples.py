@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import jpeg
 from schemas.affordance import Affordances, FrameLabels, Rejection, Sample, Samples
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import SIDES, Clip, Frames, Inpainted, Narration

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.files import sha256
-from afford.common.number import EPIC_ID
+from afford.common.video.probe import EPIC_ID
 from afford.dataset.table_schema import Column, Feature
 
 EPIC_LICENCE = "cc-by-nc-4.0"

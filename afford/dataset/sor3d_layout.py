@@ -13,7 +13,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR, InteractionClip
 
@@ -90,7 +90,7 @@ def read_views(root: Path) -> dict[str, int]:
     if not path.is_file():
         return {}
     out = {}
-    for number, line in enumerate(read_text(path, VIEWS).splitlines(), 1):
+    for number, line in enumerate(read_utf8(path, VIEWS).splitlines(), 1):
         subject, _, view = line.partition("\t")
         if line and view.strip() not in ("1", "2", "3"):
             raise SourceError(f"{VIEWS}, line {number}", "SubjectN, a tab, and 1, 2 or 3", repr(line), "correct the line")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from afford.dataset.affordance_rules import AFFORDANCE_RULES, affordance_rule
-from afford.render.batch import batch
+from afford.render.scene import batch
 from afford.synthetic.sensor import depth_holes, measure_depth, quantize_depth
 from afford.synthetic.tabletop.render_interaction import HAND, THING, SurfaceHits, plan_sequence
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec

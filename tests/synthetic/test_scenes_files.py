@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.synthetic import splits
 from afford.synthetic.kitchens import epic_files, vocabulary
 from afford.synthetic.kitchens.epic_files import write_root

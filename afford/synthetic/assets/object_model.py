@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from afford.render.mesh import Mesh
-from afford.render.model import Instance, Material
+from afford.render.scene import Instance, Material
 from schemas.video import OTHER
 
 

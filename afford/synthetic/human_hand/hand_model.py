@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.mesh import Mesh
-from afford.render.model import Instance
+from afford.render.scene import Instance
 from afford.synthetic.human_hand.appearance import HandAppearance
 from afford.synthetic.human_hand.skeleton import REST, WRIST, bone_frames, tips
 from afford.synthetic.human_hand.skin import hand_shape

@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from afford.codecs import save
 from afford.common.folders import media_of
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.render.draw import render_bundle
-from afford.render.model import Bundle, Camera
+from afford.render.scene import Bundle, Camera
 from afford.synthetic.assets.object_model import Part
 from afford.synthetic.kitchens import epic_files
 from afford.synthetic.kitchens.animation import LENGTH, Play, Saying

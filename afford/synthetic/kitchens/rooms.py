@@ -9,10 +9,9 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.mesh import moved
-from afford.render.model import BACKGROUND, Instance, Light, Material
 from afford.render.motion import about, pose
+from afford.render.scene import BACKGROUND, Instance, Light, Material, linear
 from afford.render.solids import box, patch
-from afford.render.textures import linear
 from afford.synthetic.assets import library
 from afford.synthetic.kitchens.settle_env import rest_poses
 

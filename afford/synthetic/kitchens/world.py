@@ -10,8 +10,7 @@ import numpy as np
 
 from afford.render.camera import CALM, PARALLAX, Head, intrinsics
 from afford.render.mesh import merge
-from afford.render.model import Camera, Instance
-from afford.render.textures import Textures
+from afford.render.scene import Camera, Instance, Textures
 from afford.synthetic.assets.object_model import palm_frame
 from afford.synthetic.human_hand.appearance import random_person
 from afford.synthetic.human_hand.hand_model import HandModel

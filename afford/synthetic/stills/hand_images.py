@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.draw import render
-from afford.render.model import BACKGROUND, Instance
 from afford.render.motion import Pose, about, pose
-from afford.render.textures import Textures
+from afford.render.scene import BACKGROUND, Instance, Textures
 from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.sensor import add_image_noise

@@ -9,9 +9,9 @@ import numpy as np
 
 from afford.render.camera import intrinsics, look_at
 from afford.render.mesh import moved
-from afford.render.model import BACKGROUND, Camera, Instance, Light
 from afford.render.motion import Pose, about, pose
 from afford.render.patterns import cloud, image, ramp
+from afford.render.scene import BACKGROUND, Camera, Instance, Light
 from afford.render.solids import lathe
 from afford.synthetic.assets.object_model import palm_frame
 from afford.synthetic.human_hand.appearance import HandAppearance, random_person

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import jpeg
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import draw_ids, render
-from afford.render.model import Camera, Instance
 from afford.render.raster import edges, fill, project
+from afford.render.scene import Camera, Instance
 from afford.synthetic.kitchens.epic_files import narration
 from afford.synthetic.kitchens.scene_builder import CENTRE, plain_name
 from afford.synthetic.kitchens.world import EYE

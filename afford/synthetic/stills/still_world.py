@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.render.model import BACKGROUND, Instance, Light
 from afford.render.motion import about, pose
-from afford.render.textures import Textures
+from afford.render.scene import BACKGROUND, Instance, Light, Textures
 from afford.synthetic.assets import library
 from afford.synthetic.assets.object_model import ObjectModel
 from afford.synthetic.human_hand.appearance import random_person

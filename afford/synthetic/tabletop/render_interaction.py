@@ -12,11 +12,9 @@ from blake3 import blake3
 
 from afford.dataset.affordance_rules import affordance_rule
 from afford.dataset.sor3d_layout import discover_sequences, write_sequence
-from afford.render.batch import batch
 from afford.render.draw import render
-from afford.render.model import Instance
-from afford.render.textures import Textures
-from afford.render.view import View, depth
+from afford.render.raster import View, depth
+from afford.render.scene import Instance, Textures, batch
 from afford.synthetic.human_hand.hand_model import exact_skin
 from afford.synthetic.sensor import add_image_noise, measure_depth
 from afford.synthetic.tabletop.manipulations import LENGTH, Manipulation, elbow, manipulate

@@ -9,10 +9,9 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.camera import look_at
-from afford.render.model import BACKGROUND, Camera, Instance, Light, Material
 from afford.render.motion import about, pose
+from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, linear
 from afford.render.solids import patch, tube
-from afford.render.textures import linear
 from afford.synthetic.assets import library
 from afford.synthetic.human_hand.appearance import HandAppearance, random_person
 from afford.synthetic.human_hand.hand_model import HandModel
