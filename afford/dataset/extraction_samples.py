@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from afford.common.image_files import jpeg
+from afford.common.image_files import encode_jpeg
 from schemas.affordance import Affordances, FrameLabels, Rejection, Sample, Samples
 from schemas.masks import CompleteObjects, Tracks
 from schemas.video import SIDES, Clip, Frames, Inpainted, Narration
@@ -165,7 +165,7 @@ def _sample(x: Extraction, t: int, narration: Narration, several: bool, paths: M
         sample_id=f"{x.clip.video_id}_{frame:010d}" + (f"_{narration.narration_id}" if several else ""),
         frame=frame,
         time_ns=int(x.frames.time_ns[t]),
-        image_jpeg=jpeg(x.inpainted.rgb[t], jpeg_quality),
+        image_jpeg=encode_jpeg(x.inpainted.rgb[t], jpeg_quality),
         masks=np.concatenate([x.affordances.masks[:, t], masks]),
         object_left=names[0],
         object_right=names[1],

@@ -68,7 +68,9 @@ def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> pac
             raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
                              f"{len(flow.colour)}")
         colour, still = (flow.colour_px, flow.still[3:]) if kind == "2d" else (flow.colour, flow.still[:3])
-    return packed_sequences.PackedSequence(clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label)
+    return packed_sequences.PackedSequence(
+        clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label
+    )
 
 
 def until(seen: Seen, count: int) -> Seen:

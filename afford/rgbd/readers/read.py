@@ -82,8 +82,9 @@ def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
     mask = _like(_colour(file), raw, file, "a mask", "write masks on the grid of the frames")
     label = label_of_colours(mask, affordance)
     if (label == BACKGROUND).all():
-        raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
-                          f"mostly {dominant_colour(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+        expected = f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder"
+        raise SourceError(file.name, expected, f"mostly {dominant_colour(mask) or 'black alone'}",
+                          "write masks as PNG in exactly that colour")  # fmt: skip
     return label
 
 

@@ -101,7 +101,8 @@ def spread(paths: list[Path], count: int) -> list[Path]:
 
 def kinds_of(scratch: Path) -> dict[str, Counter[str]]:
     """Sequences of both parts by '<object type> <affordance>'."""
-    return {split: Counter(" ".join(packed_sequences.read_classes(path)).strip() for path in paths) for split, paths in parts_of(scratch).items()}
+    return {split: Counter(" ".join(packed_sequences.read_classes(path)).strip() for path in paths)
+            for split, paths in parts_of(scratch).items()}  # fmt: skip
 
 
 def parts_of(scratch: Path) -> dict[str, list[Path]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.image_files import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import draw_ids, render
 from afford.render.raster import edges, fill, project
@@ -129,7 +129,7 @@ def render_stills(spec: StillSpec, quality: RenderQuality, progress: Callable[[i
                 number = len(found) + 1
                 said = _said(spec.video_id, number, act)
                 found.append(Still(number, len(images), said, act.kinds, is_new(act.verb, act.kinds), modes))
-            images.append(Picture(jpeg(shot.rgb, quality.jpeg_quality)))
+            images.append(Picture(encode_jpeg(shot.rgb, quality.jpeg_quality)))
             progress(len(images), spec.layouts * spec.views)
     width, height = quality.sizes.image
     person = spec.video_id.rpartition("_")[0]
