@@ -288,11 +288,11 @@ def grasp(
     json: Json = False,
 ) -> None:
     """From masks and depth to grasps: poses of one or two hands, best first."""
-    from afford.grasping.candidates.read_scene import Files
+    from afford.grasping.candidates.read_scene import SceneFiles
     from commands.grasp import Options
     from commands.grasp import grasp as find
 
-    files = Files(depth, masks, left, right, image, intrinsics, focal_px, negative, object_pose, taxonomy, hands)
+    files = SceneFiles(depth, masks, left, right, image, intrinsics, focal_px, negative, object_pose, taxonomy, hands)
     raise typer.Exit(find(files, Options(out, count, span_m, force, json)))
 
 

@@ -7,7 +7,7 @@ from functools import cache
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.hand.mjcf import read
-from afford.grasping.hand.model import Gantry, Wishes, coupled, model
+from afford.grasping.hand.model import Gantry, HandOptions, build_hand, couple_joints
 from afford.grasping.sim.grasp_object import grasp_object
 from afford.synthetic.objects.library import build_object
 from schemas.hand import HandModel
@@ -21,7 +21,7 @@ HOLD = "handle"
 def hand() -> HandModel:
     """The installed Shadow Hand on its gantry, as the stage hand_model builds it by default. SourceError where there is none."""
     gantry = Gantry(reach_m=2.0, force_n=200.0, torque_nm=30.0, mass_kg=0.05)
-    return model(coupled(read(shadow_files()), ()), Wishes("", gantry))
+    return build_hand(couple_joints(read(shadow_files()), ()), HandOptions("", gantry))
 
 
 @cache
