@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.sim.engine import world
+from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.scene import Physics, Scene
-from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
+from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, grasp_part
 from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
@@ -62,9 +62,9 @@ def _grasp(engine: str, physics: Physics, tools: dict[str, list[GraspObject]]) -
     for category, bodies in tools.items():
         for body in bodies:
             scene, start = Scene(hand, body, physics), time.process_time()
-            made = world(engine, scene)
+            made = make_world(engine, scene)
             middle = time.process_time()
-            found[category].append(perform(made, scene, AT, body.parts.index("handle"), GRASP))
+            found[category].append(grasp_part(made, scene, AT, body.parts.index("handle"), GRASP))
             cpu, build = cpu + time.process_time() - middle, build + middle - start
             made.close()
     return Row(found, cpu, build)
