@@ -15,9 +15,9 @@ from commands.targets import build
 
 FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
-    "coco": "afford.dataset.export_coco:export",
-    "webdataset": "afford.dataset.export_webdataset:export",
-    "epic": "afford.synthetic.kitchens.write_root:write_root",
+    "coco": "afford.dataset.exports:export_coco",
+    "webdataset": "afford.dataset.exports:export_webdataset",
+    "epic": "afford.synthetic.kitchens.epic_files:write_root",
 }
 
 

@@ -75,7 +75,7 @@ def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Pa
 
 
 @pytest.mark.parametrize("entry", ["afford.codecs:CODEC", "afford.codecs.structure:save", "afford.codecs.structure:load",
-                                   "afford.codecs.identity:digest", "afford.common.worker:prepare"])
+                                   "afford.codecs.kinds:digest", "afford.common.worker:prepare"])
 def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None:
     """They decide bytes, so that keys hold their code."""
     assert entry in fingerprint(Modules(ROOT), entry, {}).definitions
