@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from afford.dataset.card import MADE
+from afford.dataset.metadata import METHODS
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import interface
@@ -67,7 +67,7 @@ def test_the_words_are_those_of_the_code() -> None:
     assert set(CHOICES["model_train", "variant"]) == set(interface.VARIANTS)
     for stage in SEQUENCES:
         assert set(CHOICES[stage, "variant"]) == set(VARIANTS) and CHOICES[stage, "row"] == tuple(ROWS)
-    assert set(CHOICES["dataset_pack", "made"]) == set(MADE) and set(SHARED_CHOICES["engines"]) == set(engine.BACKENDS)
+    assert set(CHOICES["dataset_pack", "made"]) == set(METHODS) and set(SHARED_CHOICES["engines"]) == set(engine.BACKENDS)
 
 
 def test_registries_are_named_after_what_chooses_from_them() -> None:
