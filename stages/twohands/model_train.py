@@ -98,15 +98,15 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
         weights: FileTree | None = None) -> Trained:  # fmt: skip
     """Train the model."""
     from afford.models.weights import with_weights
-    from afford.training.train import train
+    from afford.training.train import train_job
 
     job = _job(with_weights(params, weights, "backbones"), recipe)
-    return train(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
+    return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
 
 
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     """What the parameters say, where a recipe does not say otherwise."""
-    from afford.training.task import plan_of
+    from afford.training.params import plan_of
     from afford.twohands.model.interface import ModelConfig
     from afford.twohands.model.losses import LossParams
     from afford.twohands.train.augment import Augmentation

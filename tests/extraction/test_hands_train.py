@@ -13,9 +13,8 @@ from afford.extraction.hands import network
 from afford.extraction.hands import train as finder
 from afford.extraction.hands.network import SIDE, HandsConfig, segment
 from afford.models.weights import weights_root
-from afford.training.loop import train
-from afford.training.repeatable import repeatable
-from afford.training.task import Plan
+from afford.training.loop import deterministic, train
+from afford.training.params import Plan
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 from stages.extraction import hands_train
 from tests.helpers.made_finder import SMALL_TRAINING, made_up
@@ -45,7 +44,7 @@ def test_it_learns(tmp_path: Path) -> None:
         before = new.validate()
     for name in ("one", "two"):
         mine = task()
-        with repeatable(1, "cpu"):
+        with deterministic(1, "cpu"):
             train(mine, Plan(steps=80, lr=6e-3, warmup=5, validate_every=80), tmp_path / name, lambda done, total: None)
         ends.append(mine)
     mine = ends[0]

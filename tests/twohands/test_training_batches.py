@@ -13,7 +13,7 @@ from PIL import Image
 
 from afford.dataset import export_2hands
 from afford.dataset.load import Dataset, Item
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 from afford.twohands.train import sample_cache
 from afford.twohands.train import samples as data
 from afford.twohands.train.augment import Augmentation, augment, centre, cropped, replace_nouns, whole
@@ -124,11 +124,12 @@ def test_the_cache_is_the_samples(packed: data.Files, tmp_path: Path) -> None:
 def test_order_is_a_function_of_seed_and_position() -> None:
     """Asked in any order; without balance an epoch is a permutation; other epochs and seeds are others."""
     labels = ["a"] * 50 + ["b"] * 7
-    one, two = Order(labels, 0.0, 1), Order(labels, 0.0, 1)
+    one, two = BalancedSampler(labels, 0.0, 1), BalancedSampler(labels, 0.0, 1)
     forward = [one.sample(n) for n in range(150)]
     assert [two.sample(n) for n in reversed(range(150))] == forward[::-1]
     assert sorted(index for epoch, index in forward if epoch == 0) == list(range(57))
-    assert forward[:57] != [(0, i) for _, i in forward[57:114]] and forward != [Order(labels, 0.0, 2).sample(n) for n in range(150)]
+    assert forward[:57] != [(0, i) for _, i in forward[57:114]]
+    assert forward != [BalancedSampler(labels, 0.0, 2).sample(n) for n in range(150)]
 
 
 def test_balance_makes_classes_equal() -> None:
@@ -136,7 +137,7 @@ def test_balance_makes_classes_equal() -> None:
     labels = ["common"] * 90 + ["rare"] * 10
     share = {}
     for balance in (0.0, 0.5, 1.0):
-        order = Order(labels, balance, 0)
+        order = BalancedSampler(labels, balance, 0)
         drawn = Counter(order.sample(n)[1] for n in range(100 * 40))
         share[balance] = sum(count for index, count in drawn.items() if index >= 90) / 4000
         assert len(drawn) == 100 and max(drawn[i] for i in range(90)) - min(drawn[i] for i in range(90)) <= 40
@@ -147,7 +148,7 @@ def test_balance_makes_classes_equal() -> None:
 def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
     samples = list(data.read_items(packed, "train"))
-    order = Order([item.taxonomy for item in samples], 0.5, 3)
+    order = BalancedSampler([item.taxonomy for item in samples], 0.5, 3)
     batches = Batches(samples, order, Augmentation(), InputSize(SIZE), 4, 3)
     first = batches(7)
     batches(2)
@@ -162,7 +163,7 @@ def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
 def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> None:
     """Twice as many samples at half the size, then the rest of the same sequence; sizes that have no half are refused."""
     samples = list(data.read_items(packed, "train"))
-    fine = Batches(samples, Order([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
+    fine = Batches(samples, BalancedSampler([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
     assert [coarse(n).image.shape for n in (1, 2)] == [(8, 32, 48, 3), (4, 64, 96, 3)]
     wanted = [fine(n) for n in range(6)]

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from afford.dataset.load import Item
-from afford.training.loop import train
-from afford.training.order import Order
-from afford.training.repeatable import repeatable
-from afford.training.task import Plan
+from afford.training.loop import deterministic, train
+from afford.training.params import Plan
+from afford.training.sampler import BalancedSampler
 from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.train.augment import Augmentation, whole
@@ -50,12 +49,12 @@ def test_eight_samples_by_heart(hypotheses: int, tmp_path: Path) -> None:
     """IoU above 0.95 of the top-ranked regions, every taxonomy right, in a few hundred steps from nothing."""
     samples, boxes = [sample(n) for n in range(8)], InputSize(SIZE)
     config = ModelConfig(size_px=SIZE, widths=(16, 32, 64), text_buckets=512, hypotheses=hypotheses)
-    batches = Batches(samples, Order([0] * 8, 0, 0), AS_IT_IS, boxes, 8, 0)
+    batches = Batches(samples, BalancedSampler([0] * 8, 0, 0), AS_IT_IS, boxes, 8, 0)
     judged = validation_batches([whole(item) for item in samples], boxes, 8)
     loss = LossParams(mask="bce", mask_weight=1.0, dice_weight=2.0)
     hands = TwoHandsTask(build(config, 0), batches, judged, loss, "affordance", "cpu")
     plan = Plan(steps=250, lr=3e-3, warmup=20, validate_every=250)
-    with repeatable(1, "cpu"):
+    with deterministic(1, "cpu"):
         state = train(hands, plan, tmp_path, lambda done, total: None)
     found = {point.name: point.value for point in state.points if point.step == plan.steps}
     assert found["val.iou"] > 0.95 and found["val.taxonomy"] == 1.0

@@ -13,11 +13,11 @@ from typing import Any
 from torch import nn
 
 from afford.dataset.load import Item
-from afford.training.curves import at_best, table
+from afford.training.curves import scores_at_best, scores_table
 from afford.training.job import Dataset
-from afford.training.order import Order
-from afford.training.state import State
-from afford.training.task import Plan
+from afford.training.params import Plan
+from afford.training.sampler import BalancedSampler
+from afford.training.state import TrainingState
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
@@ -88,7 +88,7 @@ step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 ## Validation
 
-{table(at_best(curves))}
+{scores_table(scores_at_best(curves))}
 
 On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
@@ -144,7 +144,7 @@ class TwoHandsJob:
     def task(self, scratch: Path, processes: int) -> TwoHandsTask:
         """A new model, the batches of training and those of validation."""
         learned, boxes = SampleCache(scratch / "train"), InputSize(self.config.size_px)
-        order = Order([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
+        order = BalancedSampler([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(learned, order, self.views, boxes, self.batch, self.seed, coarse)
         judged = validation_batches(self.judges(SampleCache(scratch / "val")), boxes, self.batch)
@@ -156,7 +156,7 @@ class TwoHandsJob:
         chosen = [samples[round(n * (len(samples) - 1) / max(count - 1, 1))] for n in range(count)]
         return [cropped(item, self.views) if n % 2 else whole(item) for n, item in enumerate(chosen)]
 
-    def finish(self, model: nn.Module, state: State) -> None:
+    def finish(self, model: nn.Module, state: TrainingState) -> None:
         """The threshold that was best for the weights that were kept."""
         found = {point.name: point.value for point in state.points if point.step == state.best_step}
         if "val.threshold" in found:

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.dataset.load import Item
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 from afford.twohands.model.interface import Batch, Output, Target, TwoHands
 from afford.twohands.model.letterbox import letterbox, letterbox_masks
 from afford.twohands.model.letterbox import stack as stack_images
@@ -61,7 +61,7 @@ class Batches:
     """`batches(n)` is batch n."""
 
     samples: Sequence[Item]
-    order: Order
+    order: BalancedSampler
     views: Augmentation
     boxes: InputSize
     size: int
@@ -98,9 +98,9 @@ TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 
 
 class TwoHandsTask:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: TwoHands, batches: Batches, judged: Sequence[SampleBatch], loss: LossParams, target: str,
                  device: str) -> None:
