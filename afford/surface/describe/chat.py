@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from afford.models.chat import Question, ask
-from afford.render.views.contact import contact_sheet, labels
+from afford.render.views.draw import contact_sheet, labels
 from afford.surface.describe import Served, Vlm, answer
 from afford.surface.describe.question import question
 from schemas.mesh import ObjectMesh, ObjectViews
