@@ -13,7 +13,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import task
-from afford.grasping.hand.kinematics import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.proof import held
 from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.rl import saved
@@ -62,7 +62,7 @@ def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequenc
     """
     places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3]))
               + one.object_pose[:3] for one in targets}  # fmt: skip
-    of_motor = commanded(hand.joints)
+    of_motor = commanded_columns(hand.joints)
     rows = list[np.ndarray]()
     for one in references:
         name = one.name.rpartition("_")[0]
