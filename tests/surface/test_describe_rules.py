@@ -8,7 +8,7 @@ import pytest
 from afford.surface.describe.lexicon import LEXICON, TASKS, ParsedTask, look_up, negative_parts, parse_task, role_changes, rule
 from afford.surface.describe.looks import PARTS, part_phrase
 from afford.surface.score.part_scorer import PartScorerConfig
-from afford.synthetic.objects.build import BUILDERS
+from afford.synthetic.objects.library import BUILDERS
 from schemas.surface import PartDescription
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from afford.common.image_files import encode_jpeg
-from afford.models.chat_endpoint import ask
+from afford.models.chat_endpoint import complete
 from afford.render.views.draw import contact_sheet, sheet_labels
 from afford.surface.describe import Served, prompt
 from afford.surface.describe.prompt import part_prompt
@@ -18,4 +18,4 @@ def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Served) ->
     """See `Describer`."""
     asked = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     picture = encode_jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
-    return prompt.parse_answer(ask(params, asked, picture), mesh.name, task, "endpoint")
+    return prompt.parse_answer(complete(params, asked, picture), mesh.name, task, "endpoint")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from afford.models.chat_model import load_model, reply
+from afford.models.chat_model import generate, load_model
 from afford.render.views.draw import contact_sheet, sheet_labels
 from afford.surface.describe import Vlm, prompt
 from afford.surface.describe.prompt import part_prompt
@@ -16,5 +16,5 @@ def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm) -> Pa
     """See `Describer`."""
     asked = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     model = load_model(params.model, params.device, params.dtype)
-    said = reply(model, asked, contact_sheet(views, params.views), params.new_tokens)
+    said = generate(model, asked, contact_sheet(views, params.views), params.new_tokens)
     return prompt.parse_answer(said, mesh.name, task, "vlm")
