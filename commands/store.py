@@ -123,12 +123,12 @@ def graph(request: Request, out: Path | None) -> int:
         return 0
     if out.suffix not in (".svg", ".png"):
         raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
-    from afford.extraction.drawing import draw
+    from afford.extraction.stage_graph import draw_graph
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        draw([node.name for node in drawn.stages()], sorted(edges), out)
+        draw_graph([node.name for node in drawn.stages()], sorted(edges), out)
     except OSError as error:
         raise UsageError(f"--out {out}: expected a file that can be written, got {error.strerror or error}") from error
     sys.stdout.write(f"{out}\n")
