@@ -12,9 +12,7 @@ import cv2
 import numpy as np
 
 from afford.codecs import load
-from afford.common.image_metrics import psnr_db
-from afford.common.mask_metrics import boundary_f, precision, recall, region_similarity
-from afford.common.morphology import dilate
+from afford.common.masks import boundary_f, dilate, precision, psnr_db, recall, region_similarity
 from schemas.affordance import Affordances
 from schemas.benchmark import Score
 from schemas.files import FileTree

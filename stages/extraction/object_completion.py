@@ -51,10 +51,10 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
     from afford.common.registry import block, load
     from afford.extraction import layers
-    from afford.models.weights import placed
+    from afford.models.weights import with_weights
 
     _check(frames, tracks, inpainted)
-    complete, own = load(BACKENDS, params.backend), placed(block(params, params.backend), weights)
+    complete, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
     indices = layers.touched_indices(tracks)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)
@@ -69,7 +69,7 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
 def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
-    from afford.common.morphology import dilate
+    from afford.common.masks import dilate
 
     touching = (dilate(visible, 3) & others).any(axis=(1, 2))
     return touching | ~visible.any(axis=(1, 2))

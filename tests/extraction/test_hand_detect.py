@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import iou
-from afford.common.morphology import dilate
+from afford.common.masks import dilate, iou
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED
 from afford.extraction.hands.detect import Finder, detect
 from afford.extraction.sources.narrations import untold

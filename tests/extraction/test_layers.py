@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
 from afford.extraction.layers.align import signed_distance
 from afford.extraction.layers.appearance import CONTACT_SHADE, contact_shadow, gather_colour, gather_votes, harmonic_fill, relight
 from afford.extraction.layers.camera import far_homography, register

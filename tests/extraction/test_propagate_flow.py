@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
-from afford.common.optical_flow import flow_between, follow
+from afford.common.masks import region_similarity
+from afford.common.optical_flow import compose_flow, flow_between
 from afford.extraction.tracks import UNKNOWN, Flow, flow
 from afford.extraction.tracks.densify import dense, nearest
 from afford.extraction.tracks.match import UNMATCHED, coarse_to_fine_flow, padded_lab, patch_match
@@ -67,7 +67,7 @@ def test_an_arm_that_is_too_fast_for_flow_is_followed() -> None:
 def test_following_two_flows_adds_up() -> None:
     """A shift by a, then by b, is a shift by a + b."""
     a, b = np.full((6, 8, 2), (1.0, 0.5), np.float32), np.full((6, 8, 2), (-2.0, 1.0), np.float32)
-    assert np.allclose(follow(a, b), (-1.0, 1.5))
+    assert np.allclose(compose_flow(a, b), (-1.0, 1.5))
 
 
 def test_flow_between_shifted_images_is_the_shift() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from afford.codecs import save
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.extraction.sources.outlines import trace
 from schemas.scene import ClipTruth
 from tests.helpers import tiny_root

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction import layers
 from afford.extraction.complete import Completed
 from afford.extraction.layers.shape import complete_shape, holding_hands, propagate_while_held

@@ -8,7 +8,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate, erode
+from afford.common.masks import dilate, erode
 from afford.extraction import layers
 from afford.extraction.inpaint import Filled
 from afford.extraction.layers.appearance import contact_shadow, gather_colour, harmonic_fill, log_ratio, relight

@@ -8,7 +8,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.layers.appearance import gather_votes
 from afford.extraction.layers.template import MIN_PIXELS, PoseTrack, propagate_pose
 from schemas.masks import Tracks

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.mask_metrics import iou
-from afford.common.morphology import dilate
+from afford.common.masks import dilate, iou
 from afford.extraction.layers.align import align, signed_distance
 
 MARGIN = 0.35

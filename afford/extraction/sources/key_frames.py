@@ -10,8 +10,8 @@ import numpy as np
 
 from afford.common.bounded import ZIP_ERRORS, read_member, reason
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate
-from afford.common.strict_json import parse, word_tables
+from afford.common.text import parse_json, word_tables
+from afford.common.video.probe import epic_rate
 from afford.extraction.sources import coco, visor
 from afford.extraction.sources.discover import CORRECTIONS, DENSE, EXTRAS, SPARSE
 from afford.extraction.sources.hand_names import check_names, side_of
@@ -105,7 +105,7 @@ def _settle(
 def read_corrections(files: FileTree) -> Corrections:
     """Image name -> hand name -> annotation id; SourceError when the file is of another form."""
     file = next((found for name in CORRECTIONS if (found := files.find(name))), None)
-    return word_tables(parse(file.path.read_bytes(), file.name), file.name) if file else {}
+    return word_tables(parse_json(file.path.read_bytes(), file.name), file.name) if file else {}
 
 
 def check_used(corrections: Corrections, sheets: Iterable[Sheet], video: str) -> None:
@@ -172,7 +172,7 @@ def _placed(sheets: list[Sheet], name: str, notes: list[Note]) -> list[Sheet]:
 
 
 def _sheets(file: FileRef, dense: bool, mapped: visor.Mapped) -> list[Sheet]:
-    document = parse(_bytes(file), file.name)
+    document = parse_json(_bytes(file), file.name)
     if isinstance(document, dict) and "video_annotations" in document:
         return visor.sheets(document, file.name, visor.DENSE_GRID_WH if dense else visor.SPARSE_GRID_WH, mapped)
     if isinstance(document, dict) and {"images", "annotations", "categories"} <= document.keys():

@@ -10,11 +10,10 @@ from typing import Literal
 
 import numpy as np
 
+from afford.common import folders
 from afford.common.errors import SourceError
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
-from afford.common.number import epic_rate
-from afford.common.video import pack
-from afford.common.video.probe import Probe, frames_at, probe
+from afford.common.video.probe import Probe, epic_rate, frames_at, probe
 from afford.extraction.sources.narrations import INFO
 from afford.extraction.sources.tables import read_table
 from afford.extraction.sources.visor import frame_number
@@ -36,7 +35,7 @@ class Media:
     resample: bool
     truncated: bool
     """the file ends before the container says so"""
-    spans: tuple[pack.Span, ...] = ()
+    spans: tuple[folders.Span, ...] = ()
     """(offset, size) of every image, bytes, where a tar holds them"""
     size_wh: tuple[int, int] | None = None
     """width and height of the video's frames as stored, px; None for images"""
@@ -80,7 +79,7 @@ def _probe(video: FileRef) -> Probe:
 
 def _of_pack(whole: FileRef, fps: float) -> Media:
     try:
-        inside = pack.index(whole.path)
+        inside = folders.index_pack(whole.path)
     except ValueError as error:
         raise SourceError(whole.name, "a whole archive", str(error), "get the file again") from error
     if not inside.names:
@@ -88,7 +87,7 @@ def _of_pack(whole: FileRef, fps: float) -> Media:
     return _of_images([f"{whole.name}/{name}" for name in inside.names], inside.sizes, fps, inside.spans)
 
 
-def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[pack.Span, ...] = ()) -> Media:
+def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[folders.Span, ...] = ()) -> Media:
     if not names:
         raise SourceError("media", "a video file or frame images", "neither", "see docs/extraction/own-video.md")
     empty = [name for name, size in zip(names, sizes, strict=True) if size == 0]

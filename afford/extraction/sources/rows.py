@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from afford.common.bounded import MAX_PIXELS
-from afford.common.effort import outline_px
+from afford.common.bounded import MAX_PIXELS, outline_px
 from afford.common.errors import SourceError
-from afford.common.strict_json import entry
+from afford.common.text import json_field
 from afford.extraction.sources.outlines import FAR_PX
 from schemas.video import Polygon
 
@@ -59,7 +58,7 @@ def once(sheets: Iterable[Sheet]) -> list[Sheet]:
 
 def grid_size(image: Any, where: str) -> tuple[int, int]:
     """(width, height) that an image entry states; SourceError when they are no sensible size."""
-    size = entry(image, "width", int, where), entry(image, "height", int, where)
+    size = json_field(image, "width", int, where), json_field(image, "height", int, where)
     if not 0 < min(size) <= max(size) <= FAR_PX or size[0] * size[1] > MAX_PIXELS:
         label = f"{where}, fields 'width' and 'height'"
         raise SourceError(label, f"1 to {FAR_PX} px each and {MAX_PIXELS / 1e6:g} megapixels at most", f"{size[0]} and {size[1]}",

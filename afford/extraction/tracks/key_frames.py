@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.extraction.sources.outlines import rasterise
 from schemas.masks import Entity, TrackFlag
 from schemas.video import SIDES, Annotation, Clip, Frames

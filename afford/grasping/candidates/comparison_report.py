@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest
 
-from afford.common.bootstrap import interval
+from afford.common.statistics import bootstrap_interval, wilson_interval
 from schemas.grasp import GraspComparison
 
 RESAMPLES = 2000
@@ -35,8 +34,7 @@ def shares(found: Sequence[GraspComparison]) -> Iterator[Row]:
     """Wilson's interval for each figure, method and engine."""
     for engine, method, name in _cells(found):
         values = np.concatenate(_trials(found, engine, method, name))
-        ends = binomtest(int(values.sum()), len(values)).proportion_ci(method="wilson")
-        yield Row(engine, method, name, float(values.mean()), float(ends.low), float(ends.high), len(values))
+        yield Row(engine, method, name, float(values.mean()), *wilson_interval(int(values.sum()), len(values)), len(values))
 
 
 def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:
@@ -46,7 +44,7 @@ def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:
             if {one, other} <= set(found[0].methods):
                 both = (_trials(found, engine, method, "success") for method in (one, other))
                 pairs = [float(a.mean() - b.mean()) for a, b in zip(*both, strict=True)]
-                low, high = interval(np.array(pairs)[:, None], RESAMPLES, seed)[:, 0]
+                low, high = bootstrap_interval(np.array(pairs)[:, None], RESAMPLES, seed)[:, 0]
                 yield Row(engine, f"{one} - {other}", "success", float(np.mean(pairs)), float(low), float(high), len(pairs))
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.bounded import load_npy, reason
-from afford.common.depth import matrix_of, numbers_of, read_depth, read_json, read_png
 from afford.common.errors import SourceError
-from afford.common.picture import read_image
-from afford.common.prediction_folder import RECORD
+from afford.common.files import RECORD
+from afford.common.image_files import finite_array, read_depth, read_image, read_intrinsics, read_json, read_png
 from schemas.affordance import TAKES, TAXONOMY
 from schemas.grasp import GraspScene
 from schemas.video import SIDES
@@ -20,7 +19,7 @@ FITS = "masks, depth and picture must show the same pixels"
 
 
 @dataclass(frozen=True)
-class Files:
+class SceneFiles:
     """Where the parts of a look lie."""
 
     depth: Path
@@ -41,7 +40,7 @@ class Files:
     """auto, left, right or both"""
 
 
-def read(files: Files) -> GraspScene:
+def read(files: SceneFiles) -> GraspScene:
     """The look. SourceError when a part is missing or does not fit the others."""
     depth_m = read_depth(files.depth)
     region = _regions(files, depth_m.shape)
@@ -50,7 +49,7 @@ def read(files: Files) -> GraspScene:
                       _hands(files, region), mask, points)
 
 
-def check_regions(files: Files, scene: GraspScene) -> None:
+def check_regions(files: SceneFiles, scene: GraspScene) -> None:
     """SourceError, which names the file, when no hand is taken, or one whose region holds no pixel with depth."""
     places = _places(files)
     if not scene.hands.any():
@@ -77,7 +76,7 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     return flat > 0
 
 
-def _places(files: Files) -> list[Path | None]:
+def _places(files: SceneFiles) -> list[Path | None]:
     """The mask of the left and of the right hand; a folder with that of one hand is about this hand."""
     inside: list[Path | None] = [files.masks / f"{side}.png" if files.masks else None for side in SIDES]
     if any(path and path.exists() for path in inside):
@@ -85,7 +84,7 @@ def _places(files: Files) -> list[Path | None]:
     return [given or path for given, path in zip((files.left, files.right), inside, strict=True)]
 
 
-def _regions(files: Files, shape: tuple[int, ...]) -> np.ndarray:
+def _regions(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
     paths = _places(files)
     if not any(paths):
         raise SourceError("masks", "a folder of `predict` or a mask of a hand", "none",
@@ -106,20 +105,20 @@ def _picture(path: Path | None, depth_m: np.ndarray) -> np.ndarray:
     return rgb
 
 
-def _camera(files: Files, shape: tuple[int, ...]) -> np.ndarray:
+def _camera(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
     """K (3, 3)."""
     if (files.intrinsics is None) == (files.focal_px is None):
         got = "neither" if files.intrinsics is None else "both"
         raise SourceError("camera", "--intrinsics FILE or --focal-px NUMBER", got, "give one of them")
     if files.intrinsics is not None:
-        return matrix_of(files.intrinsics)
+        return read_intrinsics(files.intrinsics)
     focal = float(files.focal_px or 0.0)
     if not (np.isfinite(focal) and focal > 0):
         raise SourceError("--focal-px", "a number above 0", f"{focal:g}", "give the focal length in pixels")
     return np.array([[focal, 0.0, (shape[1] - 1) / 2], [0.0, focal, (shape[0] - 1) / 2], [0.0, 0.0, 1.0]])
 
 
-def _hands(files: Files, region: np.ndarray) -> np.ndarray:
+def _hands(files: SceneFiles, region: np.ndarray) -> np.ndarray:
     """(2,) bool: forced, by the taxonomy, as the prediction chose, or those with a mask."""
     if files.hands != "auto":
         return np.array([files.hands in (side, "both") for side in SIDES])
@@ -134,7 +133,7 @@ def _hands(files: Files, region: np.ndarray) -> np.ndarray:
     return np.asarray(region.any((1, 2)))
 
 
-def _negative(files: Files, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _negative(files: SceneFiles, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """(h, w) bool mask and (k, 3) points in the camera's frame."""
     path, none = files.negative, np.zeros((0, 3))
     if path is None:
@@ -147,7 +146,7 @@ def _negative(files: Files, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndar
 
 
 def _points(path: Path) -> np.ndarray:
-    found = numbers_of(load_npy(path, str(path)), (-1, 3))
+    found = finite_array(load_npy(path, str(path)), (-1, 3))
     if found is None:
         raise SourceError(str(path), "finite points (k, 3) in metres, in the camera's frame", "another array", "check its shape")
     return found
@@ -157,8 +156,8 @@ def _of_object(path: Path, pose: Path | None) -> np.ndarray:
     """N_t of negative.json, from the object's frame to the camera's."""
     if pose is None:
         raise SourceError(str(path), "--object-pose FILE beside it, T_cam_obj", "none", "its points are in the object's frame")
-    content, T = read_json(path, "negative.json"), numbers_of(read_json(pose, "a pose (JSON)"), (4, 4))
-    points = numbers_of((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
+    content, T = read_json(path, "negative.json"), finite_array(read_json(pose, "a pose (JSON)"), (4, 4))
+    points = finite_array((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
     if T is None or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or not np.array_equal(T[3], [0, 0, 0, 1]):
         raise SourceError(str(pose), "T_cam_obj, four rows of four numbers, a rotation and metres", "something else", "check it")
     if points is None or not isinstance(content, dict) or "N_t" not in content:

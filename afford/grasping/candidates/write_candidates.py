@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from afford.common.encode import png
 from afford.common.files import write_json
+from afford.common.image_files import encode_png
 from afford.common.palette import HANDS
 from afford.grasping.candidates.point_cloud import unproject
 from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
@@ -26,10 +26,10 @@ HEAD = ("ply\nformat binary_little_endian 1.0\ncomment metres, camera frame: x r
         "end_header\n")  # fmt: skip
 
 
-def write(scene: GraspScene, found: GraspCandidates, out: Path) -> None:
+def write_candidates(scene: GraspScene, found: GraspCandidates, out: Path) -> None:
     """All three, in a folder that exists."""
     write_json(out / RECORD, record(scene, found))
-    (out / OVERLAY).write_bytes(png(overlay(scene, found)[..., ::-1]).tobytes())
+    (out / OVERLAY).write_bytes(encode_png(overlay(scene, found)[..., ::-1]).tobytes())
     (out / CLOUD).write_bytes(ply(scene, found))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest_point_sampling
 from schemas.grasp import GraspObject, GraspTask
 
 NEGATIVE_POINTS = 100
@@ -69,7 +69,7 @@ def spread_points(points: np.ndarray, count: int) -> np.ndarray:
     """(count, 3) of the points (k, 3), farthest apart first; again from the first when there are fewer; (0, 3) of none."""
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ValueError(f"points: expected finite (k, 3), got shape {points.shape}")
-    chosen = farthest(points, count)
+    chosen = farthest_point_sampling(points, count)
     return points[np.resize(chosen, count)] if len(chosen) else np.zeros((0, 3))
 
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from afford.common import strict_json
+from afford.common import text
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion
 
@@ -47,7 +47,7 @@ def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
     rate = _numbers(file, record, "fps")
     if rate.size != 1:
         raise SourceError(f"{file.name}, fps", "one number", f"{rate.size}", DOCS)
-    return build(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
+    return hand_motion(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
                  keypoints * UNITS[unit], where=file.name, phase=_phase(file, record) if "phase" in record else None,
                  object_name=_text(file, record, "object_name", ""), object_pose=pose, T_world_palm=palm)  # fmt: skip
 
@@ -83,7 +83,7 @@ def _npz(file: FileRef) -> dict[str, Any]:
 
 
 def _json(file: FileRef) -> dict[str, Any]:
-    record = strict_json.parse(file.path.read_bytes(), file.name)
+    record = text.parse_json(file.path.read_bytes(), file.name)
     if not isinstance(record, dict):
         raise SourceError(file.name, "an object with fields", type(record).__name__, DOCS)
     return record
@@ -92,7 +92,7 @@ def _json(file: FileRef) -> dict[str, Any]:
 def _csv(file: FileRef) -> dict[str, Any]:
     """One row a frame; columns <point>_<x, y or z>, and hand, fps, unit, phase, object_name on every row."""
     try:
-        rows = list(csv.DictReader(io.StringIO(read_text(file.path, file.name), newline=None)))
+        rows = list(csv.DictReader(io.StringIO(read_utf8(file.path, file.name), newline=None)))
     except csv.Error as error:
         raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
     missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]
@@ -117,8 +117,9 @@ RATE_HZ = (1.0, 1000.0)
 DOCS = "see docs/grasping/motion-format.md"
 
 
-def build(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str, phase: np.ndarray | None = None,
-          object_name: str = "", object_pose: np.ndarray | None = None, T_world_palm: np.ndarray | None = None) -> HandMotion:
+def hand_motion(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str,
+                phase: np.ndarray | None = None, object_name: str = "", object_pose: np.ndarray | None = None,
+                T_world_palm: np.ndarray | None = None) -> HandMotion:  # fmt: skip
     """The motion; SourceError names `where` when the numbers cannot be one of a hand in metres.
 
     keypoints (t, 21, 3) in the order of KEYPOINTS; phase (t,); object_pose (t, 7) with quaternions x y z w of any length but 0;
