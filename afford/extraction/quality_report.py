@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.drawing import draw_label
 from afford.common.figures import Figure
 from afford.common.files import tree
-from afford.common.lettering import label
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT, Palette, colours_of
 from afford.extraction.quality_score import Aligned
 from schemas.affordance import Affordances
@@ -162,7 +162,7 @@ def clip_row(
     ]
     name = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
-    label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
+    draw_label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
     return jpeg(row, JPEG_QUALITY)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.extraction.hands.refine import CERTAIN, EXCLUDED, PROBABLE, segment_grabcut
 
 HEIGHT, WIDTH = 120, 160

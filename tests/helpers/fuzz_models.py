@@ -18,7 +18,7 @@ from safetensors.torch import save_file
 from afford.common.errors import SourceError
 from afford.common.image_files import read_depth, read_image
 from afford.extraction.hands import network as hands_files
-from afford.extraction.hands.network import Hands, HandsConfig
+from afford.extraction.hands.network import HandFinder, HandFinderConfig
 from afford.grasping.candidates.read_scene import read_mask
 from afford.models.archive import read_tensors
 from afford.rgbd.model import vgg
@@ -102,7 +102,7 @@ def write_vgg(folder: Path, zipped: bool) -> Path:
 
 def write_config(folder: Path) -> Path:
     """A small trained finder of hands."""
-    model = Hands(HandsConfig(16, 16, (2, 3)))
+    model = HandFinder(HandFinderConfig(16, 16, (2, 3)))
     described = {"format": hands_files.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
     (folder / hands_files.CONFIG).write_text(json.dumps(described))
     save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hands_files.WEIGHTS)

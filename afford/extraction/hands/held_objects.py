@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.hands.motion import SampledFrames, comotion, propagate_odds
 from afford.extraction.hands.part_tracks import Segment, Track
 from afford.extraction.hands.refine import components, segment_grabcut

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.common.nearest import filled
+from afford.common.masks import dilate, fill_nearest
 from afford.common.optical_flow import flow_between, identity_map
 from afford.extraction.tracks.key_frames import runs as split_runs
 from schemas.video import Frames
@@ -123,7 +122,7 @@ def _nearest_hand_motion(own: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Blurred motion (h, w, 2) at the nearest pixel of a hand."""
     share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), NEAR_PX)
     mean = cv2.GaussianBlur(own * inside[..., None], (0, 0), NEAR_PX) / np.maximum(share, 1e-6)[..., None]
-    return filled(mean, inside)
+    return fill_nearest(mean, inside)
 
 
 def camera_flow(flow: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -22,8 +22,8 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-from afford.models.described import fill, read_config
-from afford.models.weights import stamp
+from afford.models.loading import fill_from_file, read_config
+from afford.models.weights import file_stamps
 from schemas.files import FileTree
 
 HAND, SIDE, TOUCHED, SLEEVE = range(4)
@@ -116,7 +116,7 @@ def read_network(where: Path | FileTree) -> HandFinder:
     sizes = read_config(config, HandFinderConfig, FORMAT, str(config), "train a finder with hands_train")
     with torch.device("meta"):
         model = HandFinder(sizes)
-    return fill(model, weights, str(weights))
+    return fill_from_file(model, weights, str(weights))
 
 
 def _file(where: Path | FileTree, name: str) -> Path:
@@ -146,7 +146,7 @@ def segment(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
     pictures: (n, H, W, 3) uint8. `model` are the files of a trained hand finder. Probabilities of both hands sum to at most 1.
     """
     found = np.zeros((*pictures.shape[:3], 4), np.float32)
-    network = _cached_network(model, stamp(model) if isinstance(model, Path) else None)
+    network = _cached_network(model, file_stamps(model) if isinstance(model, Path) else None)
     for zoom in ZOOMS:
         for at, small in _batches(pictures, input_size(pictures.shape[1], pictures.shape[2], network.config, zoom)):
             for n, answer in enumerate(predict(network, small).permute(0, 2, 3, 1).numpy(), at):

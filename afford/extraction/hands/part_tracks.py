@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from afford.common.mask_metrics import iou
+from afford.common.masks import iou
 from afford.extraction.hands.motion import SampledFrames
 
 MIN_SIZE_RATIO = 0.2

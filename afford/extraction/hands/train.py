@@ -13,11 +13,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import jpeg
 from afford.extraction.hands.augment import Augmentation, augment
 from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, HandFinder, HandFinderConfig
-from afford.training.state import State
+from afford.training.state import TrainingState
 from schemas import scene as truth_of
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 
@@ -80,7 +80,7 @@ Batch = tuple[np.ndarray, np.ndarray]
 
 
 class FinderTask:
-    """Training task of the hand finder, see `afford.training.task.Task`."""
+    """Training task of the hand finder, see `afford.training.job.Task`."""
 
     judged_by = "iou"
 
@@ -167,7 +167,7 @@ def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndar
     return drawn
 
 
-def card_text(lessons: Sequence[HandLessons], state: State) -> str:
+def card_text(lessons: Sequence[HandLessons], state: TrainingState) -> str:
     """Write the model card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     rooms = Counter(one.split for one in lessons)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.morphology import dilate
+from afford.common.masks import dilate
 from afford.extraction.tracks.key_frames import Bracket, EntityLinks, Key
 from schemas.masks import Entity
 from schemas.video import NOT_IN_CONTACT, SIDES, Annotation

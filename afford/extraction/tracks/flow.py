@@ -13,8 +13,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.common.optical_flow import flow_between, follow, identity_map
+from afford.common.masks import dilate
+from afford.common.optical_flow import compose_flow, flow_between, identity_map
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Flow, Propagated
 from afford.extraction.tracks.match import REACH_PX, UNMATCHED, best_flow, coarse_to_fine_flow, padded_lab, patch_match
 
@@ -171,7 +171,7 @@ def _flows_to(rgb: np.ndarray, key: Key, order: range) -> Iterator[tuple[int, np
     flow = np.zeros((*last.shape, 2), np.float32)
     for at in order:
         grey = _grey(rgb[at])
-        composed = follow(coarse_to_fine_flow(grey, last, _warp_labels(key[1], flow)), flow)
+        composed = compose_flow(coarse_to_fine_flow(grey, last, _warp_labels(key[1], flow)), flow)
         flow = best_flow(grey, grey_key, [composed, flow_between(grey, grey_key, start=composed)])
         last = grey
         yield at, flow
