@@ -17,7 +17,7 @@ def box(x: int, y: int, side: int = 16) -> np.ndarray:
 
 
 def sampled(moving: np.ndarray, by: tuple[float, float], camera: float) -> SampledFrames:
-    """Two sampled; what is masked moves by so many pixels (of the half size), all else as the camera does, which also turns away."""
+    """Two sampled frames: masked pixels move by `by` (px of the half size), all others with the camera, which also rotates."""
     x = np.linspace(0, 1, SIZE[1] // 2, dtype=np.float32)
     flow = np.stack([camera * (1 + x), 0 * x], -1)[None].repeat(SIZE[0] // 2, 0)
     flow[moving[::2, ::2]] += np.array(by, np.float32)
