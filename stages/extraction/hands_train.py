@@ -20,7 +20,7 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.training.job import Plan
+    from afford.training.params import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -65,11 +65,11 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Train
         task = finder.make_task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
         state = train(task, _plan(params), ctx.scratch, ctx.progress)
     root = network.write_network(ctx.scratch, model, finder.card_text(lessons, state))
-    return Trained(tree("hands-finder", root), curves.training_log("hands-finder", state))
+    return Trained(tree("hands-finder", root), curves.training_log("hands-finder", state.points, state.best_step, state.step))
 
 
 def _plan(p: Params) -> Plan:
-    from afford.training.job import Plan
+    from afford.training.params import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,
                 validate_every=min(p.validate_every, p.steps))  # fmt: skip

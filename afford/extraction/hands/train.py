@@ -82,7 +82,7 @@ Batch = tuple[np.ndarray, np.ndarray]
 class FinderTask:
     """Training task of the hand finder, see `afford.training.job.Task`."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(
         self, model: HandFinder, training: LabelledPictures, validation: LabelledPictures, seed: int, batch: int,
