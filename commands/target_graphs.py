@@ -59,7 +59,7 @@ def first_target_with(stage: str) -> str:
 
     UsageError with the nearest names when no target has it.
     """
-    graphs = list(_graphs())
+    graphs = [(name, graph) for name, graph, _ in _default_graphs() if name != ALL]
     word = stage.replace("-", "_")
     by_name = [name for name, graph in graphs if any(node.name == word for node in graph.stages())]
     found = by_name or [name for name, graph in graphs if names_in_graph(stage, graph)]
@@ -85,7 +85,7 @@ def resolve_stages(stages: Iterable[str], target: str, graph: Graph) -> list[str
 
 def _elsewhere(stage: str, target: str, graph: Graph) -> UsageError:
     word = stage.replace("-", "_")
-    homes = [_home(name, word, graph) for name, graph in _graphs()]
+    homes = [_home(name, word, other) for name, other, _ in _default_graphs() if name != ALL]
     if any(homes):
         return UsageError(f"{target} has no stage {word!r}; it belongs to {', '.join(one for one in homes if one)}")
     return unknown("stage", stage, [node.name for node in graph.stages()])
@@ -97,19 +97,6 @@ def _home(target: str, stage: str, graph: Graph) -> str:
     if not names or stage in names:
         return target if names else ""
     return f"{target} (as {', '.join(names[:MANY])}{' ...' if len(names) > MANY else ''})"
-
-
-def _graphs() -> Iterator[tuple[str, Graph]]:
-    """Yield every target with stages of its own, as built without a source."""
-    chosen = Settings()
-    for target in TARGETS:
-        if target != ALL:
-            yield target, build(target, origin(target, None, chosen, _unread)[0], chosen)
-
-
-def _unread(path: Path) -> str:
-    """Return an empty digest, since file contents do not affect the shape of a graph."""
-    return ""
 
 
 COPYING = (dataclasses.__name__, settings_of_systems.__name__)
@@ -153,21 +140,16 @@ def check_sets(sets: Iterable[str], target: str, read: set[str]) -> None:
     for word in sets:
         stage = word.partition(".")[0].replace("-", "_")
         if stage not in read:
-            homes = [name for name, _, used in _every_target() if stage in used]
+            homes = [name for name, _, used in _default_graphs() if stage in used]
             other = [name for name in homes if name not in (target, ALL)]
             hint = f"; it belongs to {', '.join(other)}" if other else ""
             with_source = " with this source" if target in homes else ""
             raise UsageError(f"--set {word}: {target} does not use {stage}{with_source}{hint}")
 
 
-def _every_target() -> Iterator[tuple[str, Graph, set[str]]]:
+def _default_graphs() -> Iterator[tuple[str, Graph, set[str]]]:
     """Yield name, graph and read stages of every target, as built without a source."""
     for target in TARGETS:
         chosen, read = track_reads(Settings())
-        place: Origin = origin(target, None, chosen, _no_digest)[0]
+        place = origin(target, None, chosen, lambda path: "")[0]  # file contents do not affect the shape of a graph
         yield target, build(target, place, chosen), read
-
-
-def _no_digest(path: Path) -> str:
-    """Return an empty digest, since file contents do not affect the shape of a graph."""
-    return ""
