@@ -11,7 +11,7 @@ import numpy as np
 from afford.grasping.candidates.find import Wish, candidates
 from afford.grasping.candidates.look import Eye, Look, look
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.task import placed
+from afford.grasping.env.task import placed_pose
 from afford.grasping.sim.by_candidate import execute
 from afford.grasping.sim.drops import laid
 from afford.grasping.sim.engine import World, world
@@ -86,7 +86,7 @@ def _tried(subject: Subject, scene: Scene, worlds: list[World], rest: np.ndarray
            trials: Trials, number: int) -> dict[str, np.ndarray]:  # fmt: skip
     """Method -> (e, k) figures, of one look."""
     rng = np.random.default_rng((trials.seed, crc32(f"{subject.mesh.name}/{one.task}".encode()), number))
-    pose = placed(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
+    pose = placed_pose(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
     seen = look(subject.mesh, pose, trials.eye, rng)
     said = ask(seen.rgb, one.task) if ask else None
     all_masks = list(masks(subject.parts, seen, one, said))

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import play
-from afford.grasping.env.task import of
-from afford.grasping.policies.acting import load
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import rollout
+from afford.grasping.env.task import from_grasp_task
+from afford.grasping.policies.load_policy import load_policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspTrace
 from schemas.files import FileTree
@@ -22,10 +22,11 @@ ITERATIONS = 100
 
 def rehearsed(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, seed: int) -> list[GraspTrace]:
     """One episode of each task, side by side; the policy's mean action. ValueError for files that are no policy."""
-    policy = load(files, {})
-    grasping = Grasping(hand, [of(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    policy = load_policy(files, {})
+    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks],
+                           policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
     try:
-        played = play(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
+        played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
     finally:
         grasping.close()
     return [played.trace(k, one.name, 0) for k, one in enumerate(tasks)]
