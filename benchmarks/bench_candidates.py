@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from afford.common.files import tree
-from afford.grasping.candidates.report import table
+from afford.grasping.candidates.comparison_report import table
 from afford.grasping.hand.assets import shadow_files
 from afford.surface.negative.files import slug
-from afford.synthetic.objects.split import specs
+from afford.synthetic.splits import object_specs
 from benchmarks.pages import ROOT, into
 from schemas.files import FileTree
 from schemas.grasp import GraspComparison
@@ -54,7 +54,7 @@ def main() -> None:
     options = asked.parse_args()
     model = tree("model", options.model) if options.model else FileTree("none", ())
     hand, found, began = hand_model.run(shadow_files(), hand_model.Params()), [], time.process_time()
-    for spec in specs("seen", CATEGORIES, options.objects, SEED, 0):
+    for spec in object_specs("seen", CATEGORIES, options.objects, SEED, 0):
         try:
             found.append(compared(hand, spec, model, options.looks))
         except ValueError as error:

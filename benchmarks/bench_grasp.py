@@ -20,9 +20,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from afford.grasping.evaluate.cells import MAIN, PCT
-from afford.grasping.evaluate.report_rows import Row
-from afford.training.ablation import done
+from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow
+from afford.training.ablation import seeds_cell
 from benchmarks import grasp_kept
 from benchmarks.pages import ROOT, head, into, make, took
 
@@ -90,14 +89,15 @@ def section(text: str, title: str) -> str:
     return after.partition("\n## ")[0].strip() + "\n"
 
 
-def short(rows: Sequence[Row]) -> str:
+def short(rows: Sequence[ResultRow]) -> str:
     """A line for each policy that is shown and level in PyBullet; those that are not finished marked so."""
     lines = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
              "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for row in (row for policy in SHOWN for row in rows if (row.policy, row.engine) == (policy, MAIN)):
         succ, safe, hls, touch = (row.figures.get(name, float("nan")) for name in FIGURES)
         label = f"{row.policy.replace('_', ' ')} | {row.level.replace('_', ' ')}"
-        lines.append(f"| {label} | {PCT * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {done(row.seeds, row.planned)} |")
+        seeds = seeds_cell(row.seeds, row.planned)
+        lines.append(f"| {label} | {PCT * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {seeds} |")
     return "\n".join([*lines, ""])
 
 

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.common.video.pack import index
+from afford.common.folders import index_pack
 from tests.helpers.made_epic import write_tables
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -115,7 +115,7 @@ def indexed() -> float:
         path = Path(name) / "P01_101.tar"
         tar(path, FULL_FRAMES, 24_000)
         before = resource.getrusage(resource.RUSAGE_SELF)
-        assert len(index(path).names) == FULL_FRAMES
+        assert len(index_pack(path).names) == FULL_FRAMES
         after = resource.getrusage(resource.RUSAGE_SELF)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 

@@ -24,11 +24,11 @@ import torch
 from torch import nn
 
 from afford.extraction.inpaint.lama import fill as fill_lama
-from afford.extraction.inpaint.networks.lama_generator import Generator, LamaConfig
-from afford.extraction.inpaint.networks.vidm_config import VidmConfig
-from afford.extraction.inpaint.networks.vidm_model import Vidm
-from afford.extraction.inpaint.networks.vidm_model import fill as fill_vidm
-from afford.models.pretrained import device_of, dtype_of
+from afford.extraction.inpaint.lama_network import Generator, LamaConfig
+from afford.extraction.inpaint.vidm_model import Vidm
+from afford.extraction.inpaint.vidm_model import fill as fill_vidm
+from afford.extraction.inpaint.vidm_unet import VidmConfig
+from afford.models.loading import device_of, dtype_of
 
 PAGE = Path(__file__).with_name("inpaint.md")
 ROOT = PAGE.parent.parent

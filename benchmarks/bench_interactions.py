@@ -18,7 +18,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from afford.common.lettering import label  # noqa: E402
+from afford.common.drawing import draw_label  # noqa: E402
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, InteractionSpec, InteractionTruth  # noqa: E402
 from stages.rgbd import interaction_read  # noqa: E402
 from stages.synthetic import interaction_plan, interaction_render  # noqa: E402
@@ -70,7 +70,7 @@ def _row(clip: InteractionClip) -> np.ndarray:
     far = np.where(clip.depth_m[-1] > 0, 255 * np.clip(1.2 - clip.depth_m[-1] / 0.9, 0.1, 1), 0).astype(np.uint8)
     row = np.concatenate([*(clip.rgb[k] for k in SHOWN), marked, np.repeat(far[..., None], 3, -1)], axis=1)[..., ::-1].copy()
     words = f"{clip.affordance} {clip.object_type}"
-    label(row, words, (3, 2), LETTERS_PX)
+    draw_label(row, words, (3, 2), LETTERS_PX)
     return row
 
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from afford.grasping.evaluate import report_published, report_rows
+from afford.grasping.evaluate import report, result_cells
 from afford.grasping.evaluate.recipes import ROWS, STUDENTS
 from afford.grasping.evaluate.report import ABOUT
-from afford.grasping.evaluate.report_rows import FIGURES, Row
+from afford.grasping.evaluate.result_cells import FIGURES, ResultRow
 from benchmarks.pages import ROOT
 from schemas.grasp import LEVELS
 from stages.grasping.grasp_report import Params
@@ -70,14 +70,14 @@ def read(known: Kept) -> list[Known]:
     return out
 
 
-def rows(known: Kept) -> list[Row]:
+def rows(known: Kept) -> list[ResultRow]:
     """A line for each policy, level and engine over all seeds that are known, in the order of the recipes and levels."""
     found = dict[tuple[str, str, str], list[Known]]()
     for one in read(known):
         found.setdefault(one.cell, []).append(one)
     order = tuple(dict.fromkeys((*Params().rows, *ROWS, *STUDENTS, *sorted(policy for policy, _, _ in found))))
     places = sorted(found, key=lambda cell: (order.index(cell[0]), LEVELS.index(cell[1]), cell[2]))
-    return [Row(*cell, merged(found[cell]), sum(len(one.seeds) for one in found[cell]), _planned(cell[0])) for cell in places]
+    return [ResultRow(*cell, merged(found[cell]), sum(len(one.seeds) for one in found[cell]), _planned(cell[0])) for cell in places]
 
 
 def merged(parts: Sequence[Known]) -> dict[str, float]:
@@ -99,10 +99,10 @@ def table(known: Kept) -> str:
     found = rows(known)
     commits = ", ".join(dict.fromkeys(_commits(read(known), found)))
     head = f"Trained at the commits {commits}."
-    return "\n".join([head, "", *ABOUT, "", *report_rows.lines(found), "", *report_published.beside(found)])
+    return "\n".join([head, "", *ABOUT, "", *result_cells.row_lines(found), "", *report.same_rows(found)])
 
 
-def _commits(known: Sequence[Known], found: Sequence[Row]) -> Iterable[str]:
+def _commits(known: Sequence[Known], found: Sequence[ResultRow]) -> Iterable[str]:
     for row in found:
         yield from (one.commit for one in known if one.cell == (row.policy, row.level, row.engine))
 

@@ -259,12 +259,13 @@ def predict(
     json: Json = False,
 ) -> None:
     """Where the hands go for a task, or (sor3d) what affords what: masks, an overlay and a JSON object for every picture."""
-    from commands.predict import predict as ask
-    from commands.predict_options import Options
+    from commands import predict as image_model
+    from commands import predict_sequence as sequence_model
 
-    options = Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json, depth, intrinsics,
-                      focal_px, rate_hz, frames)  # fmt: skip
-    raise typer.Exit(ask(image, task, options))
+    options = image_model.Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json, depth,
+                                  intrinsics, focal_px, rate_hz, frames)  # fmt: skip
+    verb = sequence_model if sequence_model.is_sequence_model(model) else image_model
+    raise typer.Exit(verb.predict(image, task, options))
 
 
 @app.command()
@@ -287,11 +288,11 @@ def grasp(
     json: Json = False,
 ) -> None:
     """From masks and depth to grasps: poses of one or two hands, best first."""
-    from afford.grasping.candidates.read import Files
+    from afford.grasping.candidates.read_scene import SceneFiles
     from commands.grasp import Options
     from commands.grasp import grasp as find
 
-    files = Files(depth, masks, left, right, image, intrinsics, focal_px, negative, object_pose, taxonomy, hands)
+    files = SceneFiles(depth, masks, left, right, image, intrinsics, focal_px, negative, object_pose, taxonomy, hands)
     raise typer.Exit(find(files, Options(out, count, span_m, force, json)))
 
 
@@ -351,9 +352,9 @@ def _command(targets: Iterable[str]) -> Any:
 
 def _exit_code(error: Exception) -> int:
     """Say what went wrong in one sentence; what nobody foresaw is raised again. Nobody waits for the runner's errors before."""
-    from runner import NothingToLeaveError, StoreError, UnknownNameError, UnknownShardError
+    from runner import NothingOptionalError, StoreError, UnknownNameError, UnknownShardError
 
-    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingToLeaveError, StoreError)):
+    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingOptionalError, StoreError)):
         sys.stderr.write(f"error: {error}\n")
         return 1 if isinstance(error, StoreError) else 2
     if not hasattr(error, "exit_code"):  # click's own usage errors carry one

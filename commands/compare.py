@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from commands.errors import UsageError
-from commands.part import Publisher
+from commands.outputs import Publisher
 from commands.publish import publish, publish_text
 from commands.targets import build
 from maps.extraction import compared
@@ -19,7 +19,7 @@ Names = Mapping[str, Mapping[str, str]]
 """column -> stage -> its name in the graph"""
 
 
-def built(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
+def build_columns(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
     """The graph of a target, or of the comparison where there are several columns, and the names of its stages then. UsageError for
     parameters of which no graph can be made.
     """
@@ -72,7 +72,7 @@ def _costs(report: RunReport, stages: Mapping[str, str], frames: float) -> Itera
 
 def page(metrics: Mapping[str, Mapping[str, float]], stages: list[str]) -> str:
     """A Markdown table: what is measured down, columns across; then what the stages cost in which the columns differ."""
-    from afford.extraction.report.summary import ROWS
+    from afford.extraction.quality_report import ROWS
 
     labels, first = list(metrics), next(iter(metrics.values()))
     rows = [(title, name) for title, name, _ in ROWS] + [(f"hard clips: {title}", f"hard.{name}") for title, name, _ in ROWS]

@@ -8,8 +8,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from afford.extraction.sources.downloads import states
-from afford.extraction.sources.published import KINDS, LICENCE, SPLITS, files
+from afford.extraction.sources.downloads import KINDS, LICENCE, SPLITS, files, states
 from commands.errors import UsageError, unknown
 
 HEAD = """# {missing} of {all} files are not in {root} yet ({partial} of them in part). Licence of all: {licence}.

@@ -13,10 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from afford.recording.summary import Summary, summarise
 from commands.errors import UsageError, unknown
-from commands.inspect_tables import SORTS, print_json, show_many, show_one
+from commands.inspect_tables import SORTS, print_json, show_many, show_one, size
+from commands.session import open_existing
+from runner import LostError, Runner
 
 SUFFIX = ".mcap"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
@@ -55,7 +59,7 @@ def inspect(paths: Sequence[str], options: Options) -> int:
     if options.diff:
         return _difference(paths, options)
     if len(paths) == 1 and DIGEST.fullmatch(paths[0]) and not Path(paths[0]).exists():
-        from commands.inspect_artifact import inspect_artifact
+        # fuse: import dropped
 
         return inspect_artifact(paths[0], options.store, options.json)
     files = _recordings(paths)
@@ -177,3 +181,69 @@ def _difference(paths: Sequence[str], options: Options) -> int:
     else:
         sys.stdout.write("\n".join(said or ["the same content"]) + "\n")
     return int(bool(said))
+
+
+VALUE = "value.json"
+MANY = 3
+"""elements of a list that are shown"""
+
+
+def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
+    """Describe the artifact of a digest (or its beginning); 1 when its files are damaged or lost, UsageError for none."""
+    runner = open_existing(store)
+    try:
+        found = runner.lineage(artifact)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    try:
+        about = _describe(runner, found.digest)
+    except LostError as error:
+        Console(stderr=True).print(f"[red]{escape(str(error))}[/]", highlight=False)
+        return 1
+    about |= {"stage": found.trace.stage, "shard": found.trace.shard} if found.trace else {}
+    print_json(about) if as_json else _show_artifact(about)
+    return 0
+
+
+def _describe(runner: Runner, digest: str) -> dict[str, Any]:
+    children = runner.children(digest)
+    if children is not None:
+        return {"digest": digest, "kind": runner.kind(digest), "children": dict(children)}
+    files = runner.files(digest)
+    tree = json.loads(files[VALUE].read_text(encoding="ascii"))
+    fields = {name: _told(part) for name, part in tree["fields"].items()}
+    sizes = {name: path.stat().st_size for name, path in sorted(files.items())}
+    return {"digest": digest, "kind": runner.kind(digest), "fields": fields, "files": sizes}
+
+
+def _told(part: Any) -> str:
+    """One field in words: a plain value as it is, an array by encoding, type and shape, a list by its length."""
+    if isinstance(part, list):
+        inside = ", ".join(_told(item) for item in part[:MANY])
+        return f"{len(part)}: {inside}{', ...' if len(part) > MANY else ''}"
+    if not isinstance(part, dict):
+        return str(part)
+    if "of" in part:
+        first = next((value for value in part["fields"].values() if isinstance(value, (str, int))), "")
+        return f"{part['of']} {first}".strip()
+    ((encoding, where),) = part.items()
+    return str(where) if encoding == "float" else _array(encoding, where)
+
+
+def _array(encoding: str, where: list[Any]) -> str:
+    """A reference of the codec (afford/codecs/pools.py): its shape comes last, its type stands before the shape or is fixed."""
+    *_, shape = where
+    dtype = {"raw": where[0], "zstd": where[-2], "rle": "bool", "video": "uint8"}[encoding]
+    return f"{dtype} ({' '.join(str(n) for n in shape)}), {encoding}"
+
+
+def _show_artifact(about: dict[str, Any]) -> None:
+    console = Console()
+    made = f", made by {about['stage']} {about['shard']}" if "stage" in about else ", from outside"
+    console.print(f"[bold]{about['kind']}[/] {about['digest'][:12]}{escape(made)}", highlight=False)
+    for title in ("fields", "children", "files"):
+        if title in about:
+            table = Table(title, "", box=None)
+            for name, value in about[title].items():
+                table.add_row(escape(name), size(value) if title == "files" else escape(str(value)))
+            console.print(table)

@@ -3,18 +3,108 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from commands.part import Publisher
-from commands.publish import FILES, owned, publish, publish_files, retire
+from commands.publish import FILES, publish, publish_file, publish_files, publish_lock, retire_recordings, shows_file, shows_folder
 from maps.settings import Origin
-from runner import Graph, RunReport
-from runner.labels import Cost, Measured, Published
+from runner import Graph, Runner, RunReport
+from runner.graph import Cost, Measured, Published
+
+PART = "-part"
+STATISTICS, METRICS = "statistics.json", "metrics.json"
+RECORDS = "record_"
+"""what the name of a stage begins with that records another one"""
+
+
+@dataclass
+class Publisher:
+    """Publishes the outputs of one run; `why` says of which stages they are parts, `notes` what became of these."""
+
+    runner: Runner
+    why: dict[str, str] = field(default_factory=dict)
+    replace: bool = False
+    unfinished: bool = False
+    notes: list[str] = field(default_factory=list)
+
+    def folder(self, stage: str, digest: str, folder: Path) -> str:
+        """Publish a folder, under the name of a part if it is one; its path. Errors as `publish`."""
+        if self.replace or shows_folder(self.runner, digest, folder):
+            return str(publish(self.runner, digest, folder))
+        why = self.why.get(stage) or self._smaller(digest, folder)
+        if why:
+            self.why[stage] = why
+            self._note(folder.with_name(folder.name + PART), folder, why)
+        return str(publish(self.runner, digest, folder.with_name(folder.name + PART) if why else folder))
+
+    def file(self, stage: str, digest: str, path: Path) -> str:
+        """The same of a recording, which is a part where what it shows is one."""
+        why = self.why.get(stage) or self.why.get(stage.removeprefix(RECORDS))
+        whole = self.replace or not why or shows_file(self.runner, digest, path)
+        return str(publish_file(self.runner, digest, path if whole else path.with_stem(path.stem + PART)))
+
+    def together(self, stages: Iterable[str], folder: Path) -> Path:
+        """The folder for outputs that stand side by side; that of a part where one of them is a part."""
+        why = "" if self.replace else next((self.why[stage] for stage in stages if stage in self.why), "")
+        if why:
+            self._note(folder.with_name(folder.name + PART), folder, why)
+        return folder.with_name(folder.name + PART) if why else folder
+
+    def _note(self, part: Path, whole: Path, why: str) -> None:
+        stays = f"{whole} is left as it is, --replace puts the part there" if whole.exists() else f"--replace names it {whole.name}"
+        self.notes.append(f"{part.name} is a part: {why}; {stays}")
+
+    def _smaller(self, digest: str, folder: Path) -> str:
+        """What the published folder has more of, in words; '' for nothing."""
+        files = self.runner.files(digest)
+        new, old = (_object(path) for path in (files.get(FILES + STATISTICS), folder / STATISTICS))
+        for what, count in (("video(s)", _videos), ("split(s)", _splits)):
+            if new and count(new) < count(old):
+                return f"it has {count(new)} {what}, {folder.name} has {count(old)}"
+        lacking = _object(folder / METRICS).keys() - _object(files.get(FILES + METRICS)).keys() if self.unfinished else ()
+        return f"it is not finished and has {len(lacking)} figure(s) less than {folder.name}" if lacking else ""
+
+
+def partial_outputs(graph: Graph, report: RunReport, clips: tuple[str, ...], refused: int) -> dict[str, str]:
+    """Stage of the target -> why what it made is a part, for those of which it is true. `refused`: videos that the source has and
+    that could not be read.
+    """
+    out: dict[str, str] = {}
+    for stage in report.outputs:
+        feeding = {node.name for node in graph.upstream(node for node in graph.nodes if node.name == stage)}
+        failed = sum(failure.stage in feeding for failure in report.failures) + refused
+        if clips:
+            out[stage] = f"made of {', '.join(clips[:3])}{' ...' if len(clips) > 3 else ''} alone"
+        elif failed:
+            out[stage] = f"{failed} task(s) that it is made from failed"
+    return out
+
+
+def _object(path: Path | None) -> Mapping[str, Any]:
+    """The object of a JSON file; an empty one where there is none that can be read: then nothing is known to be lost."""
+    try:
+        found = json.loads(path.read_bytes()) if path else {}
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _videos(statistics: Mapping[str, Any]) -> int:
+    found = statistics.get("videos")
+    return found if isinstance(found, int) else 0
+
+
+def _splits(statistics: Mapping[str, Any]) -> int:
+    found = statistics.get("splits")
+    return len(found) if isinstance(found, dict) else 0
+
 
 CLIP = "{clip}"
 
 
-def published(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
+def publish_outputs(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
     """Publish what was made and has a place; name -> path. Where `every` clip was asked for and none failed, recordings of clips
     that are no more go. Errors as `publish`.
     """
@@ -23,8 +113,8 @@ def published(to: Publisher, graph: Graph, report: RunReport, place: Origin, eve
         stage = graph.nodes[one.node].name
         made = report.outputs.get(stage)
         if made:
-            path = to.runner.place.store / one.place.format(source=place.of(one.part).name, clip=CLIP)
-            out[_named(one, one.name)] = _publish(to, stage, made, path, every and report.ok and not report.left)
+            path = to.runner.store.root / one.place.format(source=place.of(one.part).name, clip=CLIP)
+            out[_named(one, one.name)] = _publish(to, stage, made, path, every and report.ok and not report.deferred)
     return out
 
 
@@ -52,11 +142,11 @@ def _folders(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path)
 def _files(to: Publisher, clips: dict[str, str], folder: Path, whole: bool) -> None:
     """A recording of each clip."""
     publish_files(to.runner, clips, folder)
-    with owned(to.runner.place.store, folder):
-        retire(folder, set(clips), whole)
+    with publish_lock(to.runner.store.root, folder):
+        retire_recordings(folder, set(clips), whole)
 
 
-def measured(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]:
+def collect_metrics(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]:
     """The figures that the map names, and what stages cost that are counted in them."""
     out: dict[str, float] = {}
     found: dict[int, dict[str, float]] = {}
@@ -66,11 +156,11 @@ def measured(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]
             found[one.node] = json.loads(to.runner.file(made[-1][1], FILES + one.file).read_text())
             out |= {_named(one, one.under + name): value for name, value in found[one.node].items()}
     for cost in graph.costs:
-        out |= {_named(cost, name): value for name, value in costs(cost, report, found.get(cost.measured, {})).items()}
+        out |= {_named(cost, name): value for name, value in stage_costs(cost, report, found.get(cost.measured, {})).items()}
     return out
 
 
-def costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dict[str, float]:
+def stage_costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dict[str, float]:
     """What stages cost in these figures; nothing where the figure is not there, or nothing was spent."""
     shards = {shard for stage, shard in report.cpu_s if stage == cost.shards}
     spent = {(stage, shard): seconds for (stage, shard), seconds in report.cpu_s.items()

@@ -4,19 +4,164 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
 import itertools
 import json
+import math
+import re
+import sys
 import tomllib
 import typing
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from commands.blocks import blocks, not_one_value, refusal, types
-from commands.bounds import check
 from commands.errors import UsageError, unknown
 from maps.settings import PRESETS, SYSTEM_OF, Settings
+
+
+class Parameter(NamedTuple):
+    """One parameter of a stage."""
+
+    name: str
+    """FIELD, or BLOCK.FIELD"""
+    type: str
+    value: Any
+    doc: str
+    """the string literal under the field"""
+    selected: bool
+    """False for a parameter of a backend that is not selected"""
+
+
+def blocks(params: Any) -> dict[str, Any]:
+    """Name -> value of the fields that hold parameters of their own."""
+    values = {field.name: getattr(params, field.name) for field in dataclasses.fields(params)}
+    return {name: value for name, value in values.items() if dataclasses.is_dataclass(value)}
+
+
+def parameters_of(params: Any) -> Iterator[Parameter]:
+    """Every parameter of a stage: what the stage itself declares, what it shares with others, then block by block."""
+    docs, inside = _docs(type(params)), blocks(params)
+    own = inspect.get_annotations(type(params))
+    for field in sorted(dataclasses.fields(params), key=lambda field: field.name not in own):
+        if field.name not in inside:
+            yield Parameter(field.name, str(field.type), getattr(params, field.name), docs.get(field.name, ""), True)
+    for name, block in inside.items():
+        for one in parameters_of(block):
+            yield one._replace(name=f"{name}.{one.name}", selected=is_selected(params, name))
+
+
+def is_selected(params: Any, block: str) -> bool:
+    """Whether a block is that of the chosen backend; a block of no backend always counts."""
+    chosen = str(getattr(params, "backend", "")).replace("-", "_")
+    return not chosen or block == chosen
+
+
+def unknown_parameter(where: str, name: str, params: Any) -> UsageError:
+    """For a parameter that is not there: where it is now, or the names that there are."""
+    homes = {block: f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)}
+    if not homes:
+        return unknown(f"parameter of {where}", name, (field.name for field in dataclasses.fields(params)))
+    backends = f"backend{'s' if len(homes) > 1 else ''} {' and '.join(homes)}"
+    return UsageError(f"{where}.{name} is a parameter of the {backends}; write {' or '.join(homes.values())}")
+
+
+def block_without_field(where: str, name: str, params: Any) -> UsageError:
+    """For a block that is set as if it were one parameter, which may have had its name before."""
+    fields = [f"{where}.{name}.{field.name}" for field in dataclasses.fields(getattr(params, name))]
+    before = [f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)]
+    more = f"; what was {where}.{name} is {' or '.join(before)}" if before else ""
+    return UsageError(f"{where}.{name} holds the parameters of the backend {name}; write {' or '.join(fields)}{more}")
+
+
+def field_types(params: Any) -> dict[str, Any]:
+    """Field -> type."""
+    hints = typing.get_type_hints(type(params))
+    return {field.name: hints[field.name] for field in dataclasses.fields(params)}
+
+
+def _docs(of: type) -> dict[str, str]:
+    """Field -> doc line, also of the classes that it inherits from."""
+    found: dict[str, str] = {}
+    for cls in reversed([one for one in of.__mro__ if dataclasses.is_dataclass(one)]):
+        body = ast.parse(inspect.getsource(cls)).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, after in zip(body.body, [*body.body[1:], None], strict=True):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                literal = after.value if isinstance(after, ast.Expr) else None
+                doc = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
+                found[field.target.id] = doc or found.get(field.target.id, "")  # another default alone keeps the doc line
+    return found
+
+
+NOT_NEGATIVE = ("_px", "_px855", "_s", "_frames", "_hz", "_share", "_mm", "_fraction", "seed", "radius")
+"""ends of names of what is 0 at least"""
+POSITIVE = ("width_px", "height_px", "size_px", "side_px", "atlas_px", "texture_px", "focal_px", "rate_hz", "batch",
+            "stride_frames", "supersample")  # fmt: skip
+"""ends of names of what cannot be 0 either"""
+TRAINING = ("steps", "accumulate", "devices", "val_samples", "hypotheses")
+"""parameters of a training that are 1 at least"""
+SEQUENCES = ("sor3d_train", "sor3d_pretrain", "boxes_train")
+"""trainings on RGB-D sequences"""
+TRAININGS = ("model_train", *SEQUENCES)
+DEVICE = re.compile(r"cpu|cuda(:\d+)?")
+CHOICES: dict[tuple[str, str], tuple[str, ...]] = {
+    ("dataset_pack", "split_by"): ("video", "participant"),
+    ("dataset_pack", "made"): ("extracted", "rendered"),
+    ("model_train", "variant"): ("small", "clip", "vlm"),
+    ("model_train", "target"): ("affordance", "object"),
+    ("model_train", "split_by"): ("given", "video", "object"),
+    ("model_train", "loss_mode"): ("paper", "code"),
+    ("model_train", "mask_loss"): ("", "bce", "focal"),
+    **{(stage, "variant"): ("small", "paper") for stage in SEQUENCES},
+    **{(stage, "row"): ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d")
+       for stage in SEQUENCES},
+}
+"""file of a stage, parameter -> the words that it knows, where no registry of the stage lists them"""
+SHARED_CHOICES: dict[str, tuple[str, ...]] = {
+    "dtype": ("float32", "bfloat16", "float16"),
+    "engine": ("bullet", "mujoco"), "engines": ("bullet", "mujoco"), "proof_engines": ("bullet", "mujoco"),
+}  # fmt: skip
+"""parameters that know the same words in every stage"""
+
+
+def check_value(stage: str, name: str, value: Any, params: Any) -> None:
+    """UsageError when a parameter of `stage` cannot be `value`, of its type already; `params` are those that it becomes one of."""
+    module = type(params).__module__
+    file = module.rpartition(".")[2]
+    known = CHOICES.get((file, name)) or SHARED_CHOICES.get(name) or vars(sys.modules[module]).get(registry(name))
+    for one in value if isinstance(value, tuple) else (value,):
+        if isinstance(one, str):
+            _word(stage, name, one, known)
+        elif not isinstance(one, bool):
+            _number(f"{stage}.{name}", name, one, file in TRAININGS and name in TRAINING)
+
+
+def registry(name: str) -> str:
+    """The constant of a stage that lists what a parameter chooses from: backend -> BACKENDS, policy -> POLICIES."""
+    return (name.removesuffix("y") + "ies" if name.endswith("y") else name + "s").upper()
+
+
+def _word(stage: str, name: str, word: str, known: Iterable[str] | None) -> None:
+    if known and word not in known:
+        raise unknown(f"{name} of {stage}", word, known)
+    if name == "device" and not DEVICE.fullmatch(word):
+        raise UsageError(f"{stage}.{name}: expected cpu, cuda or cuda:N, got {word!r}")
+
+
+def _number(where: str, name: str, number: float, counted: bool) -> None:
+    if not math.isfinite(number):
+        raise UsageError(f"{where}: expected a finite number, got {number}")
+    if counted or name.endswith(POSITIVE):
+        if number <= 0:
+            raise UsageError(f"{where}: expected {'1 or more' if isinstance(number, int) else 'more than 0'}, got {number}")
+    elif name.endswith(NOT_NEGATIVE) and number < 0:
+        raise UsageError(f"{where}: expected 0 or more, got {number}")
+    if name.endswith("_fraction") and number >= 1:
+        raise UsageError(f"{where}: expected a share below 1, got {number}")
+
 
 TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
@@ -103,18 +248,18 @@ def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
 def _changed(params: Any, where: str, name: str, value: Any) -> Any:
     """`params` with one field changed, of a block where the name is BLOCK.FIELD."""
     name, _, inner = name.partition(".")
-    kinds = types(params)
+    kinds = field_types(params)
     if name not in kinds:
-        raise refusal(where, name, params)
+        raise unknown_parameter(where, name, params)
     if name in blocks(params):
         if not inner:
-            raise not_one_value(where, name, params)
+            raise block_without_field(where, name, params)
         fitted = _changed(getattr(params, name), f"{where}.{name}", inner, value)
     elif inner:
         raise UsageError(f"{where}.{name}.{inner}: {where}.{name} is one value and has no parameters; write {where}.{name}")
     else:
         fitted = _fit(f"{where}.{name}", value, kinds[name])
-        check(where, name, fitted, params)
+        check_value(where, name, fitted, params)
     try:
         return dataclasses.replace(params, **{name: fitted})
     except ValueError as error:

@@ -52,7 +52,7 @@ class GraspEpisodes(Schema):
     engine: str = value("mujoco or bullet")
     seed: int = value("of the training; of the script 0")
     task: tuple[str, ...] = value("n names of tasks")
-    figures: tuple[str, ...] = value("k names, afford/grasping/evaluate/examine.py FIGURES")
+    figures: tuple[str, ...] = value("k names, afford/grasping/evaluate/evaluate_policy.py FIGURES")
     values: np.ndarray = array("n k", "float64", "figures of each episode; NaN where one has no meaning")
     depth_m: np.ndarray = array("n t", "float64", "deepest contact of hand and object after each step; NaN where they do not touch",
                                 unit="m")  # fmt: skip

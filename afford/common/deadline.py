@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 
-def left_s(ends: float) -> float:
+def seconds_left(ends: float) -> float:
     """Seconds until `ends`, a value of `time.monotonic`. TimeoutError when there are none."""
     left = ends - time.monotonic()
     if left <= 0:
@@ -16,7 +16,7 @@ def left_s(ends: float) -> float:
     return left
 
 
-class Until(io.RawIOBase):
+class DeadlineStream(io.RawIOBase):
     """Raw stream of a socket: a read that has not ended at `ends`, a value of `time.monotonic`, raises TimeoutError."""
 
     def __init__(self, sock: socket.socket, raw: io.RawIOBase, ends: float) -> None:
@@ -29,7 +29,7 @@ class Until(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int | None:
         """Number of bytes received into the buffer, 0 at the end of the stream."""
-        self._sock.settimeout(left_s(self.ends))
+        self._sock.settimeout(seconds_left(self.ends))
         return self._raw.readinto(buffer)
 
     def close(self) -> None:

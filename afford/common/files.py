@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from blake3 import blake3
 
+from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 MANIFEST = "manifest.json"
@@ -87,3 +90,60 @@ def _chunks(path: Path) -> Iterator[bytes]:
     with path.open("rb") as file:
         while chunk := file.read(CHUNK_BYTES):
             yield chunk
+
+
+def copy_folder(files: FileTree, marker: str, folder: Path) -> Path:
+    """Copy the files beside the one whose name ends in `marker` ('config.json') into `folder`, with those
+    below them. SourceError when there is no such file, or several.
+    """
+    found = [ref.name for ref in files.files if ref.name.rpartition("/")[2] == marker]
+    heads = sorted({name.removesuffix(marker) for name in found}, key=len)
+    if not heads or (len(heads) > 1 and not all(head.startswith(heads[0]) for head in heads)):
+        raise SourceError(files.name, f"one folder with a {marker}", ", ".join(found) or "none", "give the output of its stage")
+    for ref in files.files:
+        if ref.name.startswith(heads[0]):
+            copy = folder / ref.name.removeprefix(heads[0])
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ref.path, copy)
+    return folder
+
+
+RECORD = "prediction.json"
+"""the file that makes a folder one of predictions"""
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Write a prediction's files, RECORD among them, into `folder` and return it, as `write` does."""
+    with replace_folder(folder) as partial:
+        for name, data in files.items():
+            write_verified(partial / name, data)
+    return folder
+
+
+@contextmanager
+def replace_folder(folder: Path) -> Iterator[Path]:
+    """A folder aside, which takes the place of an earlier prediction when all is in it."""
+    if folder.exists() and not (folder / RECORD).is_file():
+        raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = empty_folder(folder.with_name(f".{folder.name}.partial-{os.getpid()}"))
+    try:
+        yield partial
+        _replace(partial, folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def write_verified(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    if path.read_bytes() != data:
+        raise OSError(f"{path}: expected the bytes that were written, read others; check the disk")
+
+
+def _replace(partial: Path, folder: Path) -> None:
+    """Put a folder in the place of another, which is deleted only when the new one is there."""
+    old = folder.with_name(f".{folder.name}.old-{os.getpid()}")
+    if folder.exists():
+        folder.rename(old)
+    partial.rename(folder)
+    shutil.rmtree(old, ignore_errors=True)

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator
+import tarfile
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePosixPath
 
+from afford.common.bounded import ZIP_ERRORS, TooLargeError, read_member, reason
 from afford.common.errors import SourceError
-from schemas.files import FileTree
+from schemas.files import FileRef, FileTree
 
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".m4v", ".mpg", ".mpeg")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
@@ -123,3 +126,136 @@ def refuse_link(entry: Entry) -> None:
     if entry.leaves:
         raise SourceError(entry.name, "a file inside the source folder", f"a link to {entry.path.resolve()}",
                           "copy the file into the folder, or use the folder it lies in as the source")
+
+
+BLOCK_BYTES = 512
+MOST_BYTES = 1 << 28
+"""of one image: 16 bits and three channels of 44 megapixels without any compression"""
+PADDING_BYTES = 1 << 20
+"""zeros that may follow the end of a tar; tar itself pads to 10 KiB"""
+Span = tuple[int, int]
+"""(offset, size) in the tar, in bytes"""
+
+
+@dataclass(frozen=True)
+class Pack:
+    """The images of a pack, in the order of their names."""
+
+    names: tuple[str, ...]
+    """inside the pack, without a leading ./"""
+    sizes: tuple[int, ...]
+    """bytes, as stored"""
+    spans: tuple[Span, ...]
+    """where each lies, for a tar; empty otherwise"""
+
+
+def index_pack(path: Path) -> Pack:
+    """What a pack holds, from its headers, central directory or listing alone. ValueError when it was cut short or is none."""
+    find = _in_folder if path.is_dir() else _in_zip if path.suffix.lower() == ".zip" else _in_tar
+    found = sorted(find(path))
+    spans = tuple(span for _, span in found)
+    return Pack(tuple(name for name, _ in found), tuple(size for _, size in spans), spans if find is _in_tar else ())
+
+
+def pack_of(files: FileTree, frame: str) -> FileRef | None:
+    """The pack that holds a frame of this name, None for a file of its own."""
+    parents = {str(parent) for parent in PurePosixPath(frame).parents}
+    return next((file for file in files.files if file.name in parents), None)
+
+
+def read_pack(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
+    """The bytes of frames of a pack, by name, or by their place where it is a tar. SourceError names what cannot be read, or states
+    more than `MOST_BYTES`.
+    """
+    names = [frame.removeprefix(f"{pack.name}/") for frame in frames]
+    if pack.path.is_dir():
+        yield from (read_file(pack.path / name, name) for name in names)
+    elif pack.path.suffix.lower() == ".zip":
+        yield from _from_zip(pack, names)
+    else:
+        yield from _from_tar(pack, names, spans)
+
+
+def _is_frame(name: str) -> bool:
+    path = PurePosixPath(name)
+    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+
+
+def _in_folder(path: Path) -> Iterator[tuple[str, Span]]:
+    with os.scandir(path) as found:
+        for item in found:
+            if _is_frame(item.name):
+                yield item.name, (0, item.stat().st_size)
+
+
+def _in_zip(path: Path) -> Iterator[tuple[str, Span]]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for item in archive.infolist():
+                if _is_frame(item.filename):
+                    yield item.filename.removeprefix("./"), (item.header_offset, item.file_size)
+    except ZIP_ERRORS as error:
+        raise ValueError(f"a zip that was cut short ({reason(error)})") from error
+
+
+def _in_tar(path: Path) -> Iterator[tuple[str, Span]]:
+    last = "its start"
+    try:
+        with tarfile.open(path, "r:") as archive:
+            for item in archive:
+                last = item.name
+                if item.isreg() and _is_frame(item.name):
+                    yield item.name.removeprefix("./"), (item.offset_data, item.size)
+            end = archive.offset
+    except tarfile.TarError as error:
+        raise ValueError(f"a tar that was cut short after {last} ({error})") from error
+    _check_end(path, end, last)
+
+
+def _check_end(path: Path, end: int, last: str) -> None:
+    """A whole tar ends with blocks of zeros, and with few of them."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(end)
+        block = stream.read(BLOCK_BYTES)
+    if len(block) < BLOCK_BYTES or any(block):
+        raise ValueError(f"a tar that was cut short after {last}, at {size} bytes")
+    if size - end > PADDING_BYTES:
+        raise ValueError(f"a tar of {size} bytes with nothing but a gap after {last}")
+
+
+def _from_zip(pack: FileRef, names: Sequence[str]) -> Iterator[bytes]:
+    try:
+        with zipfile.ZipFile(pack.path) as archive:
+            places = {item.filename.removeprefix("./"): item for item in archive.infolist()}
+            for name in names:
+                yield read_member(archive, places[name], f"{pack.name}/{name}", MOST_BYTES)
+    except SourceError:
+        raise
+    except ZIP_ERRORS as error:
+        raise SourceError(pack.name, f"a zip with {names[0]}", reason(error), "get the file again") from error
+
+
+def _from_tar(pack: FileRef, names: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
+    with pack.path.open("rb") as stream:
+        for name, (offset, size) in zip(names, spans, strict=True):
+            _check_size(size, f"{pack.name}/{name}")
+            stream.seek(offset)
+            data = stream.read(size)
+            if len(data) < size:
+                raise SourceError(pack.name, f"{size} bytes of {name}", f"{len(data)}", "get the file again")
+            yield data
+
+
+def read_file(path: Path, name: str) -> bytes:
+    """The bytes of an image that is a file of its own; SourceError when it is larger than `MOST_BYTES` or cannot be read."""
+    try:
+        _check_size(path.stat().st_size, name)
+        return path.read_bytes()
+    except OSError as error:
+        raise SourceError(name, "an image that can be read", reason(error), "get the file again") from error
+
+
+def _check_size(size: int, name: str) -> None:
+    if size > MOST_BYTES:
+        raise TooLargeError(name, f"an image of at most {MOST_BYTES >> 20} MiB", f"{size >> 20} MiB", "make it smaller")

@@ -32,7 +32,7 @@ def identity_map(height_px: int, width_px: int) -> np.ndarray:
     return grid
 
 
-def follow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def compose_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Flow from a to c, out of `first` from a to b and `second` from b to c; beyond the border the border's motion holds."""
     where = identity_map(*first.shape[:2]) + first
     return first + cv2.remap(second, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

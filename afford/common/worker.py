@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import os
 import random
 import sys
+from collections.abc import Callable, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+
+from blake3 import blake3
 
 DYNAMIC = ()  # sys.modules is counted, and no module of ours is taken out of it
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-FONTS = "sealed-matplotlib"
+FONT_FOLDER = "sealed-matplotlib"
 SEALED = "verified-"
 """begins the names of folders of compiled code that is verified before it is used"""
 
@@ -28,8 +35,6 @@ def prepare(seed: int, threads: int) -> None:
     import cv2
     import numpy as np
 
-    from afford.common.loading import seal_fonts, seal_kernels, when_loaded
-
     _limit(threads)
     cv2.setNumThreads(threads)
     cv2.ipp.setUseIPP(False)
@@ -44,7 +49,7 @@ def prepare(seed: int, threads: int) -> None:
     when_loaded("torch", torch_too)
     if SEALED in os.environ.get("NUMBA_CACHE_DIR", ""):
         when_loaded("numba.core.caching", seal_kernels)
-    if FONTS in os.environ.get("MPLCONFIGDIR", ""):
+    if FONT_FOLDER in os.environ.get("MPLCONFIGDIR", ""):
         seal_fonts(Path(os.environ["MPLCONFIGDIR"]))
 
 
@@ -78,10 +83,6 @@ def kernel_sources(root: Path) -> list[Path]:
 
 def use_kernel_cache(root: Path, store: Path) -> Path:
     """Point numba's cache into the store, in a folder named after the digest of the sources it compiles. Its files are sealed."""
-    from blake3 import blake3
-
-    from afford.common.loading import seal_kernels, when_loaded
-
     digest = blake3()
     for path in kernel_sources(root):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
@@ -93,7 +94,113 @@ def use_kernel_cache(root: Path, store: Path) -> Path:
 
 def use_font_cache(store: Path) -> None:
     """Let matplotlib keep its list of fonts in the store, with a digest, and look for no settings in the home folder."""
-    from afford.common.loading import seal_fonts
+    os.environ["MPLCONFIGDIR"] = str(store / ".cache" / FONT_FOLDER)
+    seal_fonts(store / ".cache" / FONT_FOLDER)
 
-    os.environ["MPLCONFIGDIR"] = str(store / ".cache" / FONTS)
-    seal_fonts(store / ".cache" / FONTS)
+
+DIGEST_SUFFIX = ".blake3"
+COMPILED = (".nbi", ".nbc")
+"""numba's files: an index of a function's signatures, and the machine code of one"""
+
+FONT_LISTS = "fontlist-*.json"
+
+_actions: dict[str, Callable[[Any], None]] = {}
+
+
+class _Watcher(MetaPathFinder):
+    """Finds no module itself: it lets the others find one, and appends the action to what loading it does."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        if name not in _actions:
+            return None
+        others = (finder for finder in sys.meta_path if finder is not self)
+        spec = next((found for finder in others if (found := finder.find_spec(name, path, target))), None)
+        if spec is not None and spec.loader is not None:
+            _append(spec, name)
+        return spec
+
+
+def _append(spec: ModuleSpec, name: str) -> None:
+    loader: Any = spec.loader
+    load = loader.exec_module
+
+    def exec_module(module: ModuleType) -> None:
+        load(module)
+        _actions[name](module)
+
+    loader.exec_module = exec_module
+
+
+_watcher = _Watcher()
+
+
+def when_loaded(name: str, action: Callable[[Any], None]) -> None:
+    """Call `action` with module `name`: now when it is loaded, else as soon as it is. A later action replaces an earlier one."""
+    _actions[name] = action
+    if name in sys.modules:
+        action(sys.modules[name])
+    elif _watcher not in sys.meta_path:
+        sys.meta_path.insert(0, _watcher)
+
+
+def seal_kernels(caching: Any) -> None:
+    """Give `numba.core.caching` an `open` of its own, which writes a BLAKE3 digest beside every compiled file and verifies the file
+    before it is unpickled or run. One that does not fit, or has no digest, is deleted and compiled again. The files themselves stay
+    numba's, so that a process without this `open` can share them.
+    """
+    caching.open = open_sealed
+
+
+def open_sealed(path: Any, mode: str = "r", *more: Any) -> Any:
+    """As `open`; compiled files have a digest beside them. FileNotFoundError when one does not fit its digest."""
+    name = str(path)
+    if not any(suffix in os.path.basename(name) for suffix in COMPILED):
+        return open(path, mode, *more)
+    if mode == "wb":
+        return _Sealing(name)
+    data = Path(name).read_bytes()
+    digest = Path(name + DIGEST_SUFFIX)
+    if not digest.exists() or digest.read_bytes() != blake3(data).digest():
+        os.unlink(name)
+        raise FileNotFoundError(f"{name} was damaged and is deleted; it is compiled again")
+    return io.BytesIO(data)
+
+
+class _Sealing(io.BytesIO):
+    """A file that is written, with its digest, when it is closed."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        self._path = path
+
+    def close(self) -> None:
+        """Write the digest beside the final name, then the file under its temporary one, which numba renames."""
+        if not self.closed:
+            data = self.getvalue()
+            Path(self._path.partition(".tmp.")[0] + DIGEST_SUFFIX).write_bytes(blake3(data).digest())
+            Path(self._path).write_bytes(data)
+        super().close()
+
+
+def seal_fonts(folder: Path) -> None:
+    """Delete matplotlib's list of fonts in `folder` where it does not fit the digest beside it, and put a digest beside a list that
+    matplotlib makes.
+    """
+    for path in folder.glob(FONT_LISTS):
+        if not _digest_of(path).exists() or _digest_of(path).read_text() != blake3(path.read_bytes()).hexdigest():
+            path.unlink()
+            _digest_of(path).unlink(missing_ok=True)
+
+    def note(_: Any) -> None:
+        for path in folder.glob(FONT_LISTS):
+            if not _digest_of(path).exists():
+                partial = path.with_name(f".{path.name}.{os.getpid()}")
+                partial.write_text(blake3(path.read_bytes()).hexdigest())
+                partial.replace(_digest_of(path))
+
+    if "matplotlib.font_manager" not in _actions:
+        when_loaded("matplotlib.font_manager", note)
+
+
+def _digest_of(path: Path) -> Path:
+    return path.with_suffix(".blake3")

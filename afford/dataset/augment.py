@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from afford.common.boxes import BORDER, box
-from afford.common.sides import swap_sides
+from afford.common.masks import BORDER, box
+from afford.common.text import swap_sides
 from afford.dataset.load import Item
 from schemas.affordance import MIRRORED
 

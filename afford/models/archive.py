@@ -3,7 +3,7 @@
 Such a file is a zip: one pickle that says what there is, and the numbers of each storage as a file of their own. The pickle is
 read as data, one opcode after the other: no name in it is ever looked up, nothing is imported, and TorchScript's code is not
 opened. What is no tensor (an optimiser, a callback of a trainer) becomes an `Opaque`. Safetensors are read by their own library.
-Why: docs/decisions/018-weights-are-read-not-run.md.
+Why: docs/decisions/018-read-weights-without-running-them.md.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.common.tiles import framed, titles
+from afford.common.drawing import pad_tile, title_row
 from afford.recording.moments import Moment, moments, tile_of
 from afford.recording.of_grasp import IMAGE, SAID, STATE
 
@@ -28,8 +28,8 @@ def strips_of(path: Path) -> list[np.ndarray]:
     strips = []
     for episode in _episodes(path)[:EPISODES]:
         chosen = [episode[int(k)] for k in np.linspace(0, len(episode) - 1, SHOWN)]
-        strip = np.concatenate([framed(t) for moment in chosen if (t := tile_of(moment, IMAGE, "", SIDE)) is not None], axis=1)
-        strips += [titles([_words(episode)], strip.shape[1], SIDE), strip]
+        strip = np.concatenate([pad_tile(t) for moment in chosen if (t := tile_of(moment, IMAGE, "", SIDE)) is not None], axis=1)
+        strips += [title_row([_words(episode)], strip.shape[1], SIDE), strip]
     return strips
 
 

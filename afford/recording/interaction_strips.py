@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.common.tiles import framed, titles
+from afford.common.drawing import pad_tile, title_row
 from afford.recording.moments import moments, tile_of
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH_COLOUR, FLOW, IMAGE, SAID, SURE, TRUTH, WORDS
 
@@ -33,9 +33,9 @@ def strips_of(path: Path) -> list[np.ndarray]:
     strips = []
     for title, (picture, overlay) in ROWS.items():
         mine = chosen[-1:] if overlay == TRUTH else chosen
-        tiles = [framed(t) for moment in mine if (t := tile_of(moment, picture, overlay, SIDE, False)) is not None]
+        tiles = [pad_tile(t) for moment in mine if (t := tile_of(moment, picture, overlay, SIDE, False)) is not None]
         if tiles:
             strip = np.concatenate(tiles, axis=1)
-            strips += [titles([title], max(strip.shape[1], 4 * SIDE), SIDE), strip]
+            strips += [title_row([title], max(strip.shape[1], 4 * SIDE), SIDE), strip]
     said = " ".join(line.message for moment in every for line in moment.values.get(WORDS, []))
-    return [titles([f"{path.stem}   {said}"], 8 * SIDE, SIDE), *strips]
+    return [title_row([f"{path.stem}   {said}"], 8 * SIDE, SIDE), *strips]

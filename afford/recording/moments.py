@@ -13,7 +13,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from afford.common.tiles import TILE_W
+from afford.common.drawing import TILE_W
 from afford.recording.content import EPOCH_NS
 
 IMAGE = "foxglove.CompressedImage"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from afford.common.tiles import framed, titles
+from afford.common.drawing import pad_tile, title_row
 from afford.recording import of_object, of_positive
 from afford.recording.moments import moments, tile_of
 from afford.recording.of_object import CANDIDATES, VIEW
@@ -33,9 +33,9 @@ def strips_of(path: Path) -> list[np.ndarray]:
     strips = []
     for title, overlay in layers.items():
         shades = _room(overlay) in ROOMS
-        tiles = [framed(t) for moment in shown if (t := tile_of(moment, VIEW, overlay, SIDE, not shades)) is not None]
+        tiles = [pad_tile(t) for moment in shown if (t := tile_of(moment, VIEW, overlay, SIDE, not shades)) is not None]
         strip = np.concatenate(tiles, axis=1)
-        strips += [titles([title], strip.shape[1], SIDE), strip]
+        strips += [title_row([title], strip.shape[1], SIDE), strip]
     return strips
 
 

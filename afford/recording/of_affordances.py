@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from afford.common.image_files import mask_png, overlay_png
 from afford.common.palette import HANDS, LEFT, RIGHT
-from afford.common.pictures import mask_png, overlay_png
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import AffordanceState
 from afford.recording.topics import channel, image, image_channel, stamped, times_of

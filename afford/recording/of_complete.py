@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from afford.common.image_files import mask_png, overlay_png
 from afford.common.palette import Palette, colours_of
-from afford.common.pictures import mask_png, overlay_png
 from afford.recording.content import Channel, Message, Recording
 from afford.recording.own_types import CompleteState
 from afford.recording.topics import about, channel, image, image_channel, slugs, stamped, times_of

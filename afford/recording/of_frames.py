@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.recording.content import Message, Recording
 from afford.recording.own_types import FrameState
 from afford.recording.topics import channel, image, image_channel, stamped, times_of

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.common.encode import png
-from afford.common.pictures import PNG, jpeg, overlay_png
-from afford.dataset.sor3d.sequences import Sequence
+from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
+from afford.dataset.packed_sequences import PackedSequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
@@ -30,7 +29,7 @@ ACTION, WORDS = "/sor3d/action", "/sor3d/log"
 PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 
-def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
+def record(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
     """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
     fit.
     """
@@ -46,15 +45,15 @@ def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: flo
     return Recording(tuple(channels), _messages(shown, found, rate_hz, threshold))
 
 
-def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
+def _messages(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
     height, width = shown.label.shape
     still = np.broadcast_to(shown.still, (1, height, width, 3))
     span = _span(shown.depth_m)
     for n, (rgb, depth_m, moved, said) in enumerate(zip(shown.rgb, shown.depth_m, [*still, *shown.flow], found, strict=True)):
         time_ns = EPOCH_NS + round(n * SECOND_NS / rate_hz)
         yield image(IMAGE, time_ns, jpeg(rgb), "jpeg")
-        yield image(DEPTH, time_ns, png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
-        yield image(DEPTH_COLOUR, time_ns, png(_coloured(depth_m, span), PNG).tobytes())
+        yield image(DEPTH, time_ns, encode_png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
+        yield image(DEPTH_COLOUR, time_ns, encode_png(_coloured(depth_m, span), PNG).tobytes())
         yield image(FLOW, time_ns, _png(moved))
         yield image(SAID, time_ns, _overlay(said.label))
         yield image(SURE, time_ns, _overlay(said.confident(threshold)))
@@ -68,7 +67,7 @@ def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: 
 
 
 def _png(rgb: np.ndarray) -> bytes:
-    return png(np.ascontiguousarray(rgb[..., ::-1]), PNG).tobytes()
+    return encode_png(np.ascontiguousarray(rgb[..., ::-1]), PNG).tobytes()
 
 
 def _overlay(label: np.ndarray) -> bytes:

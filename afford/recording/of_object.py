@@ -15,9 +15,8 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from afford.common.encode import png
+from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
 from afford.common.palette import Palette
-from afford.common.pictures import PNG, jpeg, overlay_png
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud, entity, scene, triangles
@@ -100,4 +99,4 @@ def _overlay(face: np.ndarray, one: NegativeAffordance) -> bytes:
     """Transparent beside the object; on it from green to red."""
     paint = colours(np.append(one.probability, np.float32(0)))
     paint[:, 3], paint[-1] = OPACITY, 0
-    return png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()
+    return encode_png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()

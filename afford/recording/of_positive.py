@@ -12,9 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
-from afford.common.encode import png
+from afford.common.image_files import PNG, encode_png, jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.common.pictures import PNG, jpeg
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.of_object import FRAME, OPACITY, STEP_NS, VIEW
 from afford.recording.own_types import Document
@@ -61,4 +60,4 @@ def _overlay(face: np.ndarray, one: PositiveAffordance) -> bytes:
     paint = np.zeros((len(left) + 1, 4), np.uint8)
     paint[:-1, :3] = ((1 - share) * np.array(LEFT) + share * np.array(RIGHT)).round()
     paint[:-1, 3] = (OPACITY * np.maximum(left, right).clip(0, 1)).round()
-    return png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()
+    return encode_png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.common.pictures import mask_png
+from afford.common.image_files import mask_png
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import SampleState
 from afford.recording.topics import channel, image, image_channel, log, stamped

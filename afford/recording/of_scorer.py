@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.recording.content import Recording
 from afford.recording.of_training import Shown, at, record
 from afford.recording.topics import SECOND_NS

@@ -10,7 +10,7 @@ import numpy as np
 from mcap.reader import make_reader
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.common.tiles import BACK, INK, TILE_W, framed, titles
+from afford.common.drawing import TILE_BACKGROUND, TILE_INK, TILE_W, pad_tile, title_row
 from afford.recording.moments import IMAGE, Moment, moments, tile_of
 
 SHOWN, TOPICS = 4, 6
@@ -29,11 +29,11 @@ def strips_of(path: Path) -> list[np.ndarray]:
         chosen = [found[k] for k in dict.fromkeys(np.linspace(0, len(found) - 1, SHOWN).round().astype(int).tolist())]
         width = SHOWN * TILE_W // max(2, len(chosen))
         tiles = [tile for moment in chosen if (tile := tile_of(moment, topic, "", width, False)) is not None]
-        strips += [titles([f"{path.stem}   {topic}"], SHOWN * TILE_W), _row(tiles)]
+        strips += [title_row([f"{path.stem}   {topic}"], SHOWN * TILE_W), _row(tiles)]
     curves = sorted(topic for topic, kind in kinds.items() if kind == SCALAR)[:CURVES]
     plots = _plots(path, curves) if curves else []
     if plots and not strips:
-        strips = [titles([f"{path.stem}   curves"], SHOWN * TILE_W)]
+        strips = [title_row([f"{path.stem}   curves"], SHOWN * TILE_W)]
     return strips + [_row(plots[n : n + SHOWN]) for n in range(0, len(plots), SHOWN)]
 
 
@@ -42,9 +42,9 @@ def _row(tiles: list[np.ndarray]) -> np.ndarray:
     height = max(tile.shape[0] for tile in tiles)
     padded = []
     for tile in tiles:
-        ground = np.full((height, tile.shape[1], 3), BACK, np.uint8)
+        ground = np.full((height, tile.shape[1], 3), TILE_BACKGROUND, np.uint8)
         ground[: tile.shape[0]] = tile[..., :3] if tile.ndim == 3 else tile[..., None]
-        padded.append(framed(ground))
+        padded.append(pad_tile(ground))
     return np.concatenate(padded, axis=1)
 
 
@@ -62,10 +62,10 @@ def _point(moment: Moment, topic: str) -> tuple[float, float]:
 
 def _plot(topic: str, points: np.ndarray) -> np.ndarray:
     """(PLOT_H, TILE_W, 3) uint8: a curve over media time, between its smallest and its largest value."""
-    page = Image.new("RGB", (TILE_W, PLOT_H), BACK)
+    page = Image.new("RGB", (TILE_W, PLOT_H), TILE_BACKGROUND)
     draw, letters = ImageDraw.Draw(page), ImageFont.load_default(12)
     points = points[np.isfinite(points).all(1)]
-    draw.text((8, 4), topic, fill=INK, font=letters)
+    draw.text((8, 4), topic, fill=TILE_INK, font=letters)
     if len(points):
         low, high = points.min(0), points.max(0)
         share = (points - low) / np.maximum(high - low, 1e-12)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from afford.common.tiles import BACK, INK, TILE_W, framed, titles, write_page
+from afford.common.drawing import TILE_BACKGROUND, TILE_INK, TILE_W, pad_tile, title_row, write_page
 from afford.recording import (
     grasp_strips,
     interaction_strips,
@@ -63,7 +63,7 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
     if not found:
         raise ValueError(f"{paths[0]}: expected pictures on {of_frames.IMAGE}, got none")
     strips = [_row(path.stem, moment) for path, moment in found]
-    write_page(out, [titles([title for title, _, _ in COLUMNS] + ["task"], strips[0].shape[1]), *strips])
+    write_page(out, [title_row([title for title, _, _ in COLUMNS] + ["task"], strips[0].shape[1]), *strips])
 
 
 def _chosen(path: Path, rows: int) -> list[Moment]:
@@ -78,15 +78,15 @@ def _chosen(path: Path, rows: int) -> list[Moment]:
 def _row(name: str, moment: Moment) -> np.ndarray:
     tiles = [tile_of(moment, picture, overlay) for _, picture, overlay in COLUMNS]
     height = max(tile.shape[0] for tile in tiles if tile is not None)
-    blank = np.full((height, TILE_W, 3), BACK, np.uint8)
+    blank = np.full((height, TILE_W, 3), TILE_BACKGROUND, np.uint8)
     shown = [blank if tile is None else tile for tile in tiles] + [_words(name, moment, height)]
-    return np.concatenate([framed(tile) for tile in shown], axis=1)
+    return np.concatenate([pad_tile(tile) for tile in shown], axis=1)
 
 
 def _words(name: str, moment: Moment, height: int) -> np.ndarray:
     """What is said of the moment, as a picture (height, TEXT_W, 3)."""
     state = moment.one(STATE)
-    page = Image.new("RGB", (TEXT_W, height), BACK)
+    page = Image.new("RGB", (TEXT_W, height), TILE_BACKGROUND)
     draw, y = ImageDraw.Draw(page), 6
     for text, size, colour in _lines(name, moment, state):
         for line in wrap(text, round(WORDS_PER_LINE * 14 / size))[:3]:
@@ -99,10 +99,10 @@ def _lines(name: str, moment: Moment, state: Any) -> list[tuple[str, int, tuple[
     frame = getattr(moment.one(of_frames.STATE), "frame", "?")
     said = [(f"{name}  frame {frame}  {moment.time_ns / 1e9:.2f} s", 12, FAINT)]
     narrations = moment.values.get(of_labels.NARRATION, [])
-    said += [(n.text, 17, INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
+    said += [(n.text, 17, TILE_INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
     said += [(f"{n.verb} / {n.noun}", 12, FAINT) for n in narrations[:1]]
     if state is not None:
         hands = f"left: {state.left_object or 'none'}, right: {state.right_object or 'none'}"
         verdict = f"quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}".replace("_", " ")
-        said += [(state.taxonomy.replace("_", " "), 14, INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
+        said += [(state.taxonomy.replace("_", " "), 14, TILE_INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
     return said

@@ -31,6 +31,6 @@ class Params:
 
 def run(scores: tuple[ClipScores, ...], params: Params, ctx: Context) -> FileTree:
     """Merge the scores of all clips into one report."""
-    from afford.extraction.report import summary
+    from afford.extraction import quality_report
 
-    return summary.write(scores, ctx.scratch)
+    return quality_report.write(scores, ctx.scratch)

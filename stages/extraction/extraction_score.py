@@ -2,7 +2,7 @@
 
 Reads   the truth folder of a rendered clip, and what every extraction stage made of the clip (tracks at two key gaps)
 Writes  ClipScores: sums and counts by name, baselines beside them, and a row of pictures
-Method  definitions in afford/extraction/report/score.py; no stage reads the truth but this one
+Method  definitions in afford/extraction/quality_score.py; no stage reads the truth but this one
 Fails   when the truth does not cover the frames of the clip
 """
 
@@ -40,18 +40,17 @@ def run(
     params: Params,
 ) -> ClipScores:
     """Score one clip; `tracks` come from every key frame (gap 15), `tracks_sparse` from every second one (gap 30)."""
+    from afford.extraction import quality_report, quality_score
     from afford.extraction.intersection import intersect
-    from afford.extraction.report import score, sheet
-    from afford.extraction.report.tally import Tally
-    from afford.extraction.report.truth_files import load_truth
+    from afford.extraction.quality_score import Tally, load_truth
 
-    aligned = score.align(load_truth(truth), frames.frame)
+    aligned = quality_score.align(load_truth(truth), frames.frame)
     tally = Tally()
-    score.score_densify(tally, aligned, tracks, "gap15")
-    score.score_densify(tally, aligned, tracks_sparse, "gap30")
-    score.score_inpaint(tally, aligned, frames, inpainted)
-    score.score_completion(tally, aligned, tracks, complete)
+    quality_score.score_densify(tally, aligned, tracks, "gap15")
+    quality_score.score_densify(tally, aligned, tracks_sparse, "gap30")
+    quality_score.score_inpaint(tally, aligned, frames, inpainted)
+    quality_score.score_completion(tally, aligned, tracks, complete)
     cut = replace(affordances, masks=intersect(tracks, complete, affordances.object_index))  # before the data set's dilation
-    score.score_affordance(tally, aligned, cut)
-    picture = sheet.clip_row(aligned, frames, tracks, inpainted, complete, affordances, params.sheet_width_px)
+    quality_score.score_affordance(tally, aligned, cut)
+    picture = quality_report.clip_row(aligned, frames, tracks, inpainted, complete, affordances, params.sheet_width_px)
     return ClipScores(clip.clip_id, aligned.truth.hard, len(frames.frame), tally.scores(), picture)

@@ -44,7 +44,7 @@ def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = N
     from functools import partial
 
     from afford.common.registry import block, load
-    from afford.extraction.hands.clip import detect
+    from afford.extraction.hands.detect import detect
 
     find = partial(load(BACKENDS, params.backend), params=block(params, params.backend), weights=weights)
     return detect(clip, frames, find, params)

@@ -27,8 +27,8 @@ BACKEND_MEMORY_GIB = {"vidm": 4.0, "lama": 3.0}
 
 BACKENDS = {
     "layered": "afford.extraction.inpaint.layered:inpaint",
-    "median": "afford.extraction.inpaint.median:inpaint",
-    "telea": "afford.extraction.inpaint.telea:inpaint",
+    "median": "afford.extraction.inpaint.layered:median",
+    "telea": "afford.extraction.inpaint.layered:telea",
     "vidm": "afford.extraction.inpaint.vidm:inpaint",
     "lama": "afford.extraction.inpaint.lama:inpaint",
 }
@@ -50,14 +50,14 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     """Replace the hands. Outside `mask` no pixel changes."""
     import numpy as np
 
-    from afford.common.morphology import dilate
+    from afford.common.masks import dilate
     from afford.common.registry import block, load
-    from afford.extraction.layers import regions
-    from afford.models.weights import placed
+    from afford.extraction import layers
+    from afford.models.weights import with_weights
 
     _check(frames, tracks)
-    hole = dilate(regions.hands(tracks), params.dilate_px)
-    filled = load(BACKENDS, params.backend)(frames, tracks, hole, placed(block(params, params.backend), weights))
+    hole = dilate(layers.hands(tracks), params.dilate_px)
+    filled = load(BACKENDS, params.backend)(frames, tracks, hole, with_weights(block(params, params.backend), weights))
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)
     confidence = np.where(hole, filled.confidence, 255).astype(np.uint8)

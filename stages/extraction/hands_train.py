@@ -20,7 +20,7 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -54,24 +54,22 @@ class Params:
 def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.extraction.finder import card as finder_card
-    from afford.extraction.finder import files
-    from afford.extraction.finder import train as finder
-    from afford.extraction.finder.model import HandsConfig
+    from afford.extraction.hands import network
+    from afford.extraction.hands import train as finder
+    from afford.extraction.hands.network import HandsConfig
     from afford.training import curves
-    from afford.training.loop import seed_of, train
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import derive_seed, deterministic, train
 
-    with repeatable(THREADS, "cpu"):
-        model = finder.seeded(HandsConfig(), seed_of(params.seed))
+    with deterministic(THREADS, "cpu"):
+        model = finder.seeded(HandsConfig(), derive_seed(params.seed))
         task = finder.task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
         state = train(task, _plan(params), ctx.scratch, ctx.progress)
-    root = files.write(ctx.scratch, model, finder_card.text(lessons, state))
-    return Trained(tree("hands-finder", root), curves.log("hands-finder", state))
+    root = network.write_network(ctx.scratch, model, finder.card_text(lessons, state))
+    return Trained(tree("hands-finder", root), curves.training_log("hands-finder", state.points, state.best_step, state.step))
 
 
 def _plan(p: Params) -> Plan:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,
                 validate_every=min(p.validate_every, p.steps))  # fmt: skip

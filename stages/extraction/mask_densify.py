@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.extraction.tracks import Tracking
-from afford.extraction.tracks.propagate import Flow, Sam2
+from afford.extraction.tracks import Flow, Sam2, Tracking
 from schemas.files import FileTree
 from schemas.masks import Tracks
 from schemas.video import Clip, Frames
@@ -28,10 +27,10 @@ MEMORY_GIB = 2.0
 BACKEND_MEMORY_GIB = {"sam2": 6.0}
 
 BACKENDS = {
-    "flow": "afford.extraction.tracks.propagate.flow:propagate",
-    "nearest": "afford.extraction.tracks.propagate.nearest:propagate",
-    "dense": "afford.extraction.tracks.propagate.dense:propagate",
-    "sam2": "afford.extraction.tracks.propagate.sam2:propagate",
+    "flow": "afford.extraction.tracks.flow:propagate",
+    "nearest": "afford.extraction.tracks.densify:nearest",
+    "dense": "afford.extraction.tracks.densify:dense",
+    "sam2": "afford.extraction.tracks.sam2:propagate",
 }
 
 
@@ -51,7 +50,7 @@ def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = N
 
     from afford.common.registry import block, load
     from afford.extraction.tracks.densify import densify
-    from afford.models.weights import placed
+    from afford.models.weights import with_weights
 
-    propagate = partial(load(BACKENDS, params.backend), params=placed(block(params, params.backend), weights))
+    propagate = partial(load(BACKENDS, params.backend), params=with_weights(block(params, params.backend), weights))
     return densify(clip, frames, propagate, params, dense=params.backend == "dense")

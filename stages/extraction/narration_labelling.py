@@ -19,9 +19,9 @@ LIBRARIES = ("numpy",)
 THREADS = 1
 MEMORY_GIB = 0.5
 POLICIES = {
-    "last": "afford.extraction.labels.overlap:last",
-    "shortest": "afford.extraction.labels.overlap:shortest",
-    "all": "afford.extraction.labels.overlap:every",
+    "last": "afford.extraction.labels:last",
+    "shortest": "afford.extraction.labels:shortest",
+    "all": "afford.extraction.labels:every",
 }
 
 
@@ -36,6 +36,6 @@ class Params:
 def run(clip: Clip, frames: Frames, params: Params) -> FrameLabels:
     """Label the frames of a clip; frames without a narration get no row."""
     from afford.common.registry import load
-    from afford.extraction.labels.label import label_frames
+    from afford.extraction.labels import label_frames
 
     return label_frames(clip, frames.frame, params.excluded, load(POLICIES, params.policy))

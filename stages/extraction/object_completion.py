@@ -30,9 +30,9 @@ MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"sam2": 4.0}
 
 BACKENDS = {
-    "template": "afford.extraction.complete.template:complete",
-    "hull": "afford.extraction.complete.hull:complete",
-    "visible": "afford.extraction.complete.visible:complete",
+    "template": "afford.extraction.complete.geometric:template",
+    "hull": "afford.extraction.complete.geometric:hull",
+    "visible": "afford.extraction.complete.geometric:visible",
     "sam2": "afford.extraction.complete.sam2:complete",
 }
 
@@ -50,26 +50,26 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
     import numpy as np
 
     from afford.common.registry import block, load
-    from afford.extraction.layers import regions
-    from afford.models.weights import placed
+    from afford.extraction import layers
+    from afford.models.weights import with_weights
 
     _check(frames, tracks, inpainted)
-    complete, own = load(BACKENDS, params.backend), placed(block(params, params.backend), weights)
-    indices = regions.touched_indices(tracks)
+    complete, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
+    indices = layers.touched_indices(tracks)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)
     for row, index in enumerate(indices):
         found = complete(frames, tracks, inpainted, index, own)
         visible = tracks.masks[index]
-        masks[row] = visible | (found.masks & regions.others(tracks, index))
-        whole = (masks[row] == visible).all(axis=(1, 2)) & ~_hidden_nearby(visible, regions.others(tracks, index))
+        masks[row] = visible | (found.masks & layers.others(tracks, index))
+        whole = (masks[row] == visible).all(axis=(1, 2)) & ~_hidden_nearby(visible, layers.others(tracks, index))
         confidence[row] = np.where(whole, 1, found.confidence)
     return CompleteObjects(tracks.clip_id, tuple(tracks.entities[i] for i in indices), tracks.frame, masks, confidence)
 
 
 def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
-    from afford.common.morphology import dilate
+    from afford.common.masks import dilate
 
     touching = (dilate(visible, 3) & others).any(axis=(1, 2))
     return touching | ~visible.any(axis=(1, 2))

@@ -32,7 +32,7 @@ def run(comparisons: tuple[GraspComparison, ...], params: Params, ctx: Context) 
     from dataclasses import asdict
 
     from afford.common.files import empty_folder, tree, write_json
-    from afford.grasping.candidates.report import differences, shares, table
+    from afford.grasping.candidates.comparison_report import differences, shares, table
 
     kinds = {(one.methods, one.engines) for one in comparisons}
     if len(kinds) != 1:

@@ -46,8 +46,8 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
     """Let the policy act, draw it, and write the recording."""
-    from afford.grasping.env.rendering import GraspRenderer
-    from afford.grasping.evaluate.rehearsal import rehearsed, spread
+    from afford.grasping.env.studio import Studio
+    from afford.grasping.evaluate.evaluate_policy import example_episodes, spread
     from afford.recording.files import as_tree, write
     from afford.recording.of_policy import policy
     from afford.recording.provenance import of_files, with_parameters
@@ -57,8 +57,8 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: Training
         raise ValueError(f"policy_record, {log.name}: expected curves and tasks to record, got {len(log.curves)} curves and "
                          f"{len(known)} tasks")
     chosen = spread(known, params.episodes)
-    traces = rehearsed(hand, chosen, files, params.seed) if chosen else []
-    shown = [GraspRenderer(hand, task, params.width, params.height, params.supersample).episode(trace)
+    traces = example_episodes(hand, chosen, files, params.seed) if chosen else []
+    shown = [Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
              for task, trace in zip(chosen, traces, strict=True)]  # fmt: skip
     path = ctx.scratch / f"{log.name}.mcap"
     write(path, with_parameters(of_files(policy(log, params.stage, shown), params.stage, files), params.parameters))

@@ -51,8 +51,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     """Ask the model about every picture of the split."""
     import numpy as np
 
-    from afford.common import materialise
-    from afford.common.files import empty_folder, tree
+    from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import block, load
     from afford.rgbd.evaluate.static_sets import Scored, Tally, write
     from afford.rgbd.model.static import last_picture
@@ -62,7 +61,7 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
     if not pictures or params.shown < 1:
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
                          f"{len(pictures)} of {len(given.samples)} and {params.shown}")
-    folder = materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model"))
+    folder = copy_folder(model, "config.json", empty_folder(ctx.scratch / "model"))
     tell = load(BACKENDS, params.backend)(folder, params.device, block(params, params.backend))
     tally, shown = Tally.of(pictures), []
     chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())

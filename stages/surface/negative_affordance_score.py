@@ -36,7 +36,7 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         scores: PartScores, windows: PartCandidates, window_scores: PartScores, found: NegativeAffordances, params: Params,
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` is that of a procedural one."""
-    from afford.common.encode import jpeg
+    from afford.common.image_files import encode_jpeg
     from afford.surface.describe.lexicon import truth
     from afford.surface.describe.rules import known
     from afford.surface.negative.score import Known, Scored, score
@@ -49,5 +49,5 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
     six, every = float(views.seen_area[5]), float(views.seen_area[-1])
     said = f"{(kind or 'unknown').replace('_', ' ')}, {found.tasks[0].task or 'any use'}"
     measured = f"IoU {rows[0].iou:.2f}" if rows[0].iou == rows[0].iou else "no truth"
-    picture = jpeg(row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
+    picture = encode_jpeg(row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
     return NegativeScores(mesh.name, kind or "unknown", split, look, six, every, rows, picture)

@@ -52,8 +52,7 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, model: FileTree, params: Params,
         ctx: Context) -> PositiveAffordances:  # fmt: skip
     """Ask about every view, and put the answers on the surface."""
-    from afford.common import materialise
-    from afford.common.files import empty_folder
+    from afford.common.files import copy_folder, empty_folder
     from afford.surface.positive.project import Wish, project
     from afford.surface.positive.words import in_words
     from afford.twohands.model.predictor import Predictor
@@ -61,7 +60,7 @@ def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, mo
     if len(views.visible_area) != len(mesh.faces):
         raise ValueError(f"{mesh.name}: expected views of {len(mesh.faces)} faces, got {len(views.visible_area)}; all inputs must "
                          "be of one object")
-    kept = materialise.unfold(model, "config.json", empty_folder(ctx.scratch / "model"))
+    kept = copy_folder(model, "config.json", empty_folder(ctx.scratch / "model"))
     predictor, wish = Predictor(kept, params.device, params.mirror), Wish(params.threshold, params.points, params.seed)
     out = []
     for n, one in enumerate(descriptions.descriptions):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from commands import backends, registries
+from commands import backends
 from tests.helpers.command import call
 from tests.helpers.stage_files import MODULES
 
@@ -98,10 +98,10 @@ def test_the_page_shows_the_table_that_the_command_writes(tmp_path: Path) -> Non
 
 
 def test_sentences_end_where_they_end() -> None:
-    assert registries._sentence("One thing. Two\nthings.\n\nThree.") == "One thing."
-    assert registries._sentence("One\nthing") == "One thing."
-    assert registries._sentence("UMD (Myers et al. 2015), e.g. cups. More.") == "UMD (Myers et al. 2015), e.g. cups."
-    assert registries._sentence("Medical. More.") == "Medical."
+    assert backends._sentence("One thing. Two\nthings.\n\nThree.") == "One thing."
+    assert backends._sentence("One\nthing") == "One thing."
+    assert backends._sentence("UMD (Myers et al. 2015), e.g. cups. More.") == "UMD (Myers et al. 2015), e.g. cups."
+    assert backends._sentence("Medical. More.") == "Medical."
 
 
 def test_what_chooses_a_row_can_be_set() -> None:

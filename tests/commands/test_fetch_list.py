@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from afford.extraction.sources.discover import discover
-from afford.extraction.sources.published import SPLITS, files
+from afford.extraction.sources.downloads import SPLITS, files
 from runner.canonical import path_digest
 from tests.helpers.command import call
 from tests.helpers.made_epic import write_folder, write_tables, write_tar

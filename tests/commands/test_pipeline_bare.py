@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from afford.common.video.write import write_video
+from afford.common.video.frames import write_video
 from afford.extraction.hands import RIGHT, TOUCHED, network
 from afford.recording.summary import summarise
 from commands.origin import origin

@@ -18,7 +18,7 @@ from tests.helpers.command import Made
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("commands", "maps", "stages", "runner", "afford", "schemas")
-BACKEND, HELPER = "afford/extraction/tracks/propagate/flow.py", "afford/common/optical_flow.py"
+BACKEND, HELPER = "afford/extraction/tracks/flow.py", "afford/common/optical_flow.py"
 CONSTANT = r"(?m)^([A-Z_]+ = )(\d+\.\d+)$"
 BELOW_MASKS = {"hand_inpaint", "object_completion", "affordance_intersect", "sample_assemble", "dataset_pack", "clip_record",
                "record_mask_densify", "record_hand_inpaint", "record_object_completion", "record_affordance_intersect",
@@ -70,7 +70,7 @@ def test_comments_docs_and_other_backends_are_not_code(checkout: Checkout) -> No
     """In another folder, with a new comment, another docstring and a rewritten backend that nobody selects, nothing runs."""
     checkout.edit(BACKEND, r"\A", "# a comment\n")
     checkout.edit(HELPER, r'\A"""', '"""Another first line. ')
-    checkout.edit("afford/extraction/tracks/propagate/nearest.py", r"(?m)^def propagate\(", "UNUSED = 1\n\n\ndef propagate(")
+    checkout.edit("afford/extraction/tracks/densify.py", r"(?m)^def nearest\(", "UNUSED = 1\n\n\ndef nearest(")
     assert checkout.plan() == {}
 
 
@@ -79,7 +79,7 @@ def test_a_constant_of_a_backend_runs_the_stage_that_reaches_it(checkout: Checko
     before = checkout.edit(BACKEND, CONSTANT, r"\g<1>123.5")
     plan = checkout.plan()
     state, reason = plan.pop("mask_densify")
-    assert state == "run" and reason.startswith("code changed: ~afford.extraction.tracks.propagate.flow:")
+    assert state == "run" and reason.startswith("code changed: ~afford.extraction.tracks.flow:")
     assert plan == dict.fromkeys(BELOW_MASKS, ("pending", "upstream pending"))
     (checkout.root / BACKEND).write_text(before)
     assert checkout.plan() == {}
@@ -87,7 +87,7 @@ def test_a_constant_of_a_backend_runs_the_stage_that_reaches_it(checkout: Checko
 
 def test_an_edit_that_changes_no_bytes_runs_one_stage(checkout: Checkout) -> None:
     """Code that is new but does the same: its stage runs, what is below is cut off."""
-    checkout.edit("afford/extraction/labels/label.py", r"(?m)^def label_frames\(([\s\S]*?)\"\"\"\n", r'\g<0>    assert True\n')
+    checkout.edit("afford/extraction/labels.py", r"(?m)^def label_frames\(([\s\S]*?)\"\"\"\n", r'\g<0>    assert True\n')
     assert checkout.run() == {"narration_labelling": 2}
 
 

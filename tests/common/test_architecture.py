@@ -238,11 +238,11 @@ def test_a_planted_circle_and_a_planted_wrong_import_are_seen(tmp_path: Path) ->
         shutil.copytree(ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     assert linted(tmp_path).returncode == 0
-    low = tmp_path / "afford" / "common" / "boxes.py"
-    low.write_text(low.read_text() + "\n\ndef cheat():\n    import afford.grasping.env.grasp_worlds\n")
+    low = tmp_path / "afford" / "common" / "masks.py"
+    low.write_text(low.read_text() + "\n\ndef cheat():\n    import afford.grasping.env.core\n")
     assert circles(folders(arrows(tmp_path)))
     done = linted(tmp_path)
-    assert done.returncode == 1 and "afford.common.boxes" in done.stdout
+    assert done.returncode == 1 and "afford.common.masks" in done.stdout
 
 
 def linted(folder: Path) -> subprocess.CompletedProcess[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.boxes import box
+from afford.common.masks import box
 
 
 @pytest.mark.parametrize("seed", range(20))

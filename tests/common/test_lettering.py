@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.lettering import label
+from afford.common.drawing import draw_label
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -20,7 +20,7 @@ def test_every_letter_stands_on_its_own_edge(text: str, ground: int) -> None:
     """No white pixel touches the picture itself, and the letters are neither lost nor written over by their edge."""
     picture = np.full((24, 320, 3), (ground, ground, 90), np.uint8)
     before = picture.copy()
-    label(picture, text, (6, 4), 13)
+    draw_label(picture, text, (6, 4), 13)
     letters = (picture > 200).all(-1)
     beside = cv2.dilate(letters.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     assert letters.sum() > 10 * len(text) and (picture[beside] != before[beside]).any(-1).all()

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from afford.common.image_metrics import psnr_db
-from afford.common.mask_metrics import boundary, boundary_f, precision, recall, region_similarity
+from afford.common.masks import boundary, boundary_f, precision, psnr_db, recall, region_similarity
 
 MASKS = arrays(bool, (9, 11), elements=st.booleans())
 

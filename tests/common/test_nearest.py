@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.nearest import filled
+from afford.common.masks import fill_nearest
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
@@ -13,7 +13,7 @@ def test_what_is_not_known_is_like_what_is_near(dtype: type) -> None:
     image = np.random.default_rng(0).integers(1, 200, (12, 16, 2)).astype(dtype)
     known = np.zeros((12, 16), bool)
     known[3, 4] = known[8, 13] = True
-    found = filled(image, known)
+    found = fill_nearest(image, known)
     assert found.dtype == dtype and np.array_equal(found[known], image[known])
     assert (found[:6, :6] == image[3, 4]).all() and (found[7:, 11:] == image[8, 13]).all()
-    assert np.array_equal(filled(image, np.ones((12, 16), bool)), image)
+    assert np.array_equal(fill_nearest(image, np.ones((12, 16), bool)), image)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from afford.grasping.evaluate.report_rows import Row
+from afford.grasping.evaluate.result_cells import ResultRow
 from benchmarks import bench_grasp, pages
 
 FIGURES = {"succ": 0.5, "as_violation_pct": 4.0, "hls": 5.0, "negative_contact_end": 0.25}
@@ -43,7 +43,7 @@ def test_a_run_that_was_cached_keeps_how_long_it_took(tmp_path: Path, block: str
 @pytest.mark.parametrize(("seeds", "told"), [(3, "3"), (2, "2 of 3, not finished")])
 def test_the_short_table_of_grasps_marks_what_is_not_finished(seeds: int, told: str) -> None:
     """As the report does; only policies that are shown, in PyBullet."""
-    rows = [Row(policy, "unseen_size", engine, FIGURES, seeds, 3)
+    rows = [ResultRow(policy, "unseen_size", engine, FIGURES, seeds, 3)
             for policy in ("student", "lambda_half") for engine in ("bullet", "mujoco")]  # fmt: skip
     assert bench_grasp.short(rows).splitlines()[2:] == [f"| student | unseen size | 50.0 | 4.0 | 5.0 | 0.25 | {told} |"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.palette import HANDS, OBJECTS, colours_of, web
-from afford.extraction.report.sheet import paint
+from afford.extraction.quality_report import paint
 from schemas.masks import Entity
 from schemas.video import SIDES
 

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
-from afford.common.worker import FONTS, use_kernel_cache
+from afford.common.worker import FONT_FOLDER, use_kernel_cache
 from runner import RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -126,7 +126,7 @@ def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder:
     command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py"), str(folder / "job.json")]
     kernels = use_kernel_cache(ROOT, store)
     kernels.mkdir(parents=True, exist_ok=True)
-    fonts = store / ".cache" / FONTS
+    fonts = store / ".cache" / FONT_FOLDER
     kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
     environment = OTHER_ENVIRONMENT | kind | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
     done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)
@@ -155,5 +155,5 @@ def sources(traces: list[Trace]) -> list[str]:
     modules = Modules(ROOT)
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
     found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
-              fingerprint(modules, "afford.codecs:CODEC", {}, apart=modules.schemas).files]  # fmt: skip
+              fingerprint(modules, "afford.codecs:CODEC", {}, excluded=modules.schemas).files]  # fmt: skip
     return sorted({path for paths in found for path in paths})

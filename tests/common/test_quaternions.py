@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.common.quaternions import inverse, matrix, product
+from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
 
 
 def test_as_scipy_has_it() -> None:
@@ -14,6 +14,6 @@ def test_as_scipy_has_it() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         one, two = Rotation.random(rng=rng), Rotation.random(rng=rng)
-        assert matrix(one.as_quat()) == pytest.approx(one.as_matrix())
-        assert matrix(product(one.as_quat(), two.as_quat())) == pytest.approx((one * two).as_matrix())
-        assert matrix(inverse(one.as_quat())) == pytest.approx(one.inv().as_matrix())
+        assert quaternion_matrix(one.as_quat()) == pytest.approx(one.as_matrix())
+        assert quaternion_matrix(quaternion_product(one.as_quat(), two.as_quat())) == pytest.approx((one * two).as_matrix())
+        assert quaternion_matrix(quaternion_inverse(one.as_quat())) == pytest.approx(one.inv().as_matrix())

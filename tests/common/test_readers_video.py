@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.errors import SourceError
-from afford.common.number import epic_rate, number_in, shown
-from afford.common.video.decode import decode_video
-from afford.common.video.probe import probe
-from afford.common.video.size import fit
+from afford.common.video.frames import decode_video, fit
+from afford.common.video.probe import epic_rate, parse_frame_number, probe, resampled_frames
 from tests.helpers.tiny_root import HEIGHT, WIDTH, spelt, write_video
 
 BOX = (456, 256)
@@ -49,7 +47,7 @@ def test_resampling_shows_the_picture_nearest_in_time(tmp_path: Path) -> None:
 
 def test_resampling_ntsc_video_repeats_one_picture_in_a_thousand() -> None:
     """59.94 frames/s numbered at 60: one picture in about 1000 is shown twice, none is lost, order is kept."""
-    source = shown(np.arange(5000) * 1001 / 60000, 60.0)
+    source = resampled_frames(np.arange(5000) * 1001 / 60000, 60.0)
     assert (np.diff(source) >= 0).all() and set(source.tolist()) == set(range(5000))
     assert len(source) - 5000 == 5
 
@@ -108,8 +106,8 @@ def test_working_size_keeps_the_shape(size: tuple[int, int], expected: tuple[int
 
 def test_numbers_are_read_off_names() -> None:
     """The last run of digits counts."""
-    assert number_in("rgb_frames/P03_101/P03_101_frame_0000000157.jpg") == 157
-    assert number_in("x/no digits.png") is None
+    assert parse_frame_number("rgb_frames/P03_101/P03_101_frame_0000000157.jpg") == 157
+    assert parse_frame_number("x/no digits.png") is None
 
 
 @pytest.mark.parametrize("text", [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.models.sam_masks import Grid, everything, grid_points, load_model, stability
+from afford.models.sam import Grid, everything, grid_points, load_model, stability
 from afford.surface.candidates import Sam
 from stages.surface import mask_propose
 from tests.helpers.blocks import changed

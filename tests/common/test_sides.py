@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from afford.common.sides import swap_sides
+from afford.common.text import swap_sides
 
 
 @pytest.mark.parametrize(("text", "swapped"), [

@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from afford.extraction.layers.carry import CARRIED_FIT, carry, holding
 from afford.extraction.layers.follow import Path
+from afford.extraction.layers.shape import CARRIED_FIT, carry, holding
 from tests.helpers.toy_clip import texture, toy
 
 SHIFT_PX = 2.0

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from afford.extraction.finder import files
-from afford.extraction.finder.model import Hands, HandsConfig
-from afford.extraction.hands.finder import GRID, MEAN, exposed, find, size
+from afford.extraction.hands import network as hand_network
+from afford.extraction.hands.network import GRID, MEAN, Hands, HandsConfig, exposed, segment, size
 
 TINY = HandsConfig(height_px=48, width_px=80, widths=(4, 8, 12))
 
@@ -22,7 +21,7 @@ def model(tmp_path: Path) -> Path:
     torch.manual_seed(0)
     network = Hands(TINY)
     network(torch.rand(4, 3, 48, 80))
-    return files.write(tmp_path, network, "# card\n")
+    return hand_network.write_network(tmp_path, network, "# card\n")
 
 
 def pictures(count: int = 3, height: int = 60, width: int = 100) -> np.ndarray:
@@ -31,7 +30,7 @@ def pictures(count: int = 3, height: int = 60, width: int = 100) -> np.ndarray:
 
 def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
     """The two hands share a pixel's chance to be a hand."""
-    found = find(pictures(), model)
+    found = segment(pictures(), model)
     assert found.shape == (3, 60, 100, 4) and found.dtype == np.float32
     assert found.min() >= 0 and found.max() <= 1 and found[..., :2].sum(-1).max() <= 1 + 1e-6 and found.std() > 0
 
@@ -39,7 +38,7 @@ def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
 def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
     """Exactly where the network works at the picture's own size: it is asked both ways."""
     seen = pictures(2, TINY.height_px, TINY.width_px)
-    plain, mirrored = find(seen, model), find(np.ascontiguousarray(seen[:, :, ::-1]), model)
+    plain, mirrored = segment(seen, model), segment(np.ascontiguousarray(seen[:, :, ::-1]), model)
     assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2, 3]], atol=1e-5)
     assert not np.allclose(plain[..., 0], plain[..., 1], atol=1e-3)
 
@@ -47,9 +46,9 @@ def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
 def test_pictures_do_not_know_each_other(model: Path) -> None:
     """Alone or among others, and twice, a picture has the same answer."""
     seen = pictures(10)
-    together, alone = find(seen, model), np.concatenate([find(seen[n : n + 1], model) for n in range(10)])
-    assert np.allclose(together, alone, atol=1e-5) and np.array_equal(together, find(seen, model))
-    assert find(seen[:0], model).shape == (0, 60, 100, 4)
+    together, alone = segment(seen, model), np.concatenate([segment(seen[n : n + 1], model) for n in range(10)])
+    assert np.allclose(together, alone, atol=1e-5) and np.array_equal(together, segment(seen, model))
+    assert segment(seen[:0], model).shape == (0, 60, 100, 4)
 
 
 @pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])
@@ -77,21 +76,21 @@ def test_pictures_are_brought_to_one_exposure() -> None:
 def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:
     """Whatever is missing or does not fit is named."""
     with pytest.raises(ValueError, match=r"expected config\.json of a trained finder"):
-        find(pictures(), tmp_path / "nowhere")
+        segment(pictures(), tmp_path / "nowhere")
     (model / "model.safetensors").write_bytes(b"no weights")
     with pytest.raises(ValueError, match=r"expected the weights that config\.json describes"):
-        files.read(model)
+        hand_network.read_network(model)
     config = json.loads((model / "config.json").read_text())
     (model / "config.json").write_text(json.dumps(config | {"format": "other"}))
     with pytest.raises(ValueError, match="train a finder with hands_train"):
-        files.read(model)
+        hand_network.read_network(model)
 
 
 def test_a_changed_model_is_read_again(model: Path) -> None:
     """Nobody is answered by weights that are no longer there."""
-    before = find(pictures(), model)
-    network = files.read(model)
+    before = segment(pictures(), model)
+    network = hand_network.read_network(model)
     with torch.no_grad():
         network.head.bias += 3
-    files.write(model.parent, network, "# card\n")
-    assert not np.allclose(find(pictures(), model), before)
+    hand_network.write_network(model.parent, network, "# card\n")
+    assert not np.allclose(segment(pictures(), model), before)

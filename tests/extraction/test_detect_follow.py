@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.extraction.hands.follow import Piece, follow
-from afford.extraction.hands.looks import Looks
+from afford.extraction.hands.motion import Looks
+from afford.extraction.hands.part_tracks import Piece, follow
 
 SIZE = (60, 120)
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.extraction.hands.looks import Looks
-from afford.extraction.hands.moving import moves_along, own_motion
+from afford.extraction.hands.motion import Looks, moves_along, own_motion
 
 SIZE = (80, 160)
 

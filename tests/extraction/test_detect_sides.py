@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from afford.extraction.hands.follow import Piece, Track
+from afford.extraction.hands.part_tracks import Piece, Track
 from afford.extraction.hands.sides import Bearing, hands_of, sided
 
 SIZE = (60, 120)

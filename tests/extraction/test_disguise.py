@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.extraction.finder.disguise import Disguise, coloured, disguised, framed, mirrored, placed, recorded
+from afford.extraction.hands.augment import Disguise, coloured, disguised, framed, mirrored, placed, recorded
 from schemas.scene import LEFT_HAND, REST, RIGHT_HAND
 from tests.helpers.made_finder import made_up
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.patches import FancyArrowPatch
 
-from afford.extraction.report.drawing import drawn
+from afford.extraction.drawing import drawn
 
 STAGES = ["scene_render", "source_read", "mask_densify", "narration_labelling", "record_affordance_intersect", "clip_record"]
 EDGES = [*pairwise(STAGES), ("scene_render", "clip_record"), ("source_read", "narration_labelling")]

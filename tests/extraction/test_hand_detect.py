@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import iou
-from afford.common.morphology import dilate
+from afford.common.masks import dilate, iou
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED
-from afford.extraction.hands.clip import Finder, detect
-from afford.extraction.sources.polygons import fill
-from afford.extraction.sources.speech import untold
+from afford.extraction.hands.detect import Finder, detect
+from afford.extraction.sources.narrations import untold
+from afford.extraction.sources.outlines import fill
 from schemas.video import NOT_IN_CONTACT, Annotation, Clip, Frames, KeyFrame
 from stages.extraction.hand_detect import Params
 from tests.helpers.toy_clip import Toy, texture, toy

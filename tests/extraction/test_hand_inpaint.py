@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.image_metrics import psnr_db
-from afford.common.morphology import dilate
+from afford.common.masks import dilate, psnr_db
 from schemas.video import PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params

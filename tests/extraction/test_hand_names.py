@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.hand_names import is_vague, side_of
-from afford.extraction.sources.remarks import handless
+from afford.extraction.sources.hand_names import handless, is_vague, side_of
 from schemas.video import Clip
 from tests.extraction.test_readers_own import coco, compressed, read_own
 from tests.helpers.tiny_root import OTHER, clips, image, mask, write_root

@@ -11,9 +11,8 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from afford.extraction.inpaint.lama import fill
-from afford.extraction.inpaint.networks.lama_files import generator_tensors, load
-from afford.extraction.inpaint.networks.lama_generator import FourierUnit, Generator, LamaConfig
+from afford.extraction.inpaint.lama import fill, generator_tensors, load
+from afford.extraction.inpaint.lama_network import FourierUnit, Generator, LamaConfig
 from schemas.video import Inpainted, PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params

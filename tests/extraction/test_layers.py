@@ -6,14 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
+from afford.extraction.layers.align import signed_distance
+from afford.extraction.layers.appearance import GRIP_SHADE, gather_colour, gather_votes, grip_shade, membrane, relight
 from afford.extraction.layers.camera import far_homography, register
 from afford.extraction.layers.follow import follow
-from afford.extraction.layers.gather import gather_colour, gather_votes
-from afford.extraction.layers.outline import signed_distance
-from afford.extraction.layers.parallax import miss, reconstruct, unit_matrix
-from afford.extraction.layers.points import Sightings
-from afford.extraction.layers.relight import GRIP_SHADE, grip_shade, membrane, relight
+from afford.extraction.layers.parallax import Sightings, miss, reconstruct, unit_matrix
 from tests.helpers.toy_clip import texture, toy
 
 K = np.array([[300.0, 0, 160], [0, 300, 100], [0, 0, 1]])

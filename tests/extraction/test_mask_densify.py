@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
 from schemas.masks import TrackFlag
 from stages.extraction.mask_densify import Params, run
 from tests.helpers.moving_shapes import CUP, HAND, HEIGHT_PX, WIDTH_PX, annotate, clip_of, film, frames_of, key_frame

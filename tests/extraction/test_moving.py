@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.extraction.hands.looks import Looks
-from afford.extraction.hands.moving import background, moves_along, remembered
+from afford.extraction.hands.motion import Looks, background, moves_along, remembered
 
 HEIGHT, WIDTH = 96, 128
 SMALL = (HEIGHT // 2, WIDTH // 2)

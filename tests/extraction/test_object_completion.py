@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
+from afford.common.masks import region_similarity
 from schemas.masks import CompleteObjects
 from schemas.video import Inpainted
 from stages.extraction import hand_inpaint, object_completion

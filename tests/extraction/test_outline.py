@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.mask_metrics import iou
-from afford.extraction.hands.outline import IS, IS_NOT, MAY_BE, outlined
+from afford.common.masks import iou
+from afford.extraction.hands.refine import IS, IS_NOT, MAY_BE, outlined
 
 HEIGHT, WIDTH = 120, 160
 

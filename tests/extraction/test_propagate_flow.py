@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.mask_metrics import region_similarity
-from afford.common.optical_flow import flow_between, follow
-from afford.extraction.tracks.propagate import UNKNOWN, Flow, dense, flow, nearest
-from afford.extraction.tracks.propagate.leaps import step_between
-from afford.extraction.tracks.propagate.patches import UNMATCHED, colours, match
+from afford.common.masks import region_similarity
+from afford.common.optical_flow import compose_flow, flow_between
+from afford.extraction.tracks import UNKNOWN, Flow, flow
+from afford.extraction.tracks.densify import dense, nearest
+from afford.extraction.tracks.match import UNMATCHED, colours, match, step_between
 from tests.helpers.moving_shapes import CUP, HAND, film, texture
 
 PARAMS = Flow(search_px=1, band_px=4)
-BACKENDS = (flow.propagate, nearest.propagate, dense.propagate)
+BACKENDS = (flow.propagate, nearest, dense)
 
 
 def arm(t: int) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +67,7 @@ def test_an_arm_that_is_too_fast_for_flow_is_followed() -> None:
 def test_following_two_flows_adds_up() -> None:
     """A shift by a, then by b, is a shift by a + b."""
     a, b = np.full((6, 8, 2), (1.0, 0.5), np.float32), np.full((6, 8, 2), (-2.0, 1.0), np.float32)
-    assert np.allclose(follow(a, b), (-1.0, 1.5))
+    assert np.allclose(compose_flow(a, b), (-1.0, 1.5))
 
 
 def test_flow_between_shifted_images_is_the_shift() -> None:
@@ -100,6 +100,6 @@ def test_a_patch_is_found_in_its_own_entity() -> None:
 def test_nearest_copies_the_earlier_key_frame_on_a_tie() -> None:
     """Five frames between two keys: the middle one repeats the first."""
     rgb, truth = film(5)
-    found = nearest.propagate(rgb, np.array([0, 4]), truth[[0, 4]], 2, PARAMS)
+    found = nearest(rgb, np.array([0, 4]), truth[[0, 4]], 2, PARAMS)
     assert np.array_equal(found.labels[2], truth[0]) and np.array_equal(found.labels[3], truth[4])
     assert (np.diff(found.confidence[0, :3]) < 0).all()

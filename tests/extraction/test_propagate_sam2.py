@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.extraction.tracks.propagate import UNKNOWN, Sam2
-from afford.extraction.tracks.propagate.sam2 import propagate
+from afford.extraction.tracks import UNKNOWN, Sam2
+from afford.extraction.tracks.sam2 import propagate
 from tests.helpers.tiny_models import save_sam2_video
 
 

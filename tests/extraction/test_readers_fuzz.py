@@ -14,8 +14,8 @@ import pytest
 from pycocotools import mask as coco_mask
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.annotations import read_keys
-from afford.extraction.sources.run_lengths import decode
+from afford.extraction.sources.key_frames import read_keys
+from afford.extraction.sources.outlines import decode
 from schemas.files import FileRef, FileTree
 from tests.extraction.test_readers_own import coco, compressed
 from tests.helpers.tiny_root import OTHER, image, mask

@@ -11,10 +11,8 @@ import pytest
 from pycocotools import mask as coco_mask
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.own_narrations import seconds
-from afford.extraction.sources.polygons import rasterise, trace
-from afford.extraction.sources.run_lengths import boxed, run_lengths
-from afford.extraction.sources.words import verb_and_nouns
+from afford.extraction.sources.narrations import seconds, verb_and_nouns
+from afford.extraction.sources.outlines import boxed, rasterise, run_lengths, trace
 from schemas.video import Clip
 from stages.extraction import source_read
 from tests.helpers.tiny_root import HEIGHT, WIDTH, image, trees, write_video

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.extraction.sources.polygons import fill, rasterise, trace, union
+from afford.extraction.sources.outlines import fill, rasterise, trace, union
 from schemas.video import Annotation, Polygon
 
 

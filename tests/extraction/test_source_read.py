@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.extraction.sources.polygons import rasterise
+from afford.extraction.sources.outlines import rasterise
 from schemas.video import Annotation, Clip, KeyFrame
 from stages.extraction import source_read
 from tests.extraction.test_readers_discover import DATA

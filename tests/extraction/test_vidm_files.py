@@ -10,9 +10,8 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from afford.extraction.inpaint.networks.vidm_config import VidmConfig
-from afford.extraction.inpaint.networks.vidm_files import load, our_names, save
-from afford.extraction.inpaint.networks.vidm_model import Vidm
+from afford.extraction.inpaint.vidm_model import Vidm, load, our_names, save
+from afford.extraction.inpaint.vidm_unet import VidmConfig
 from tests.helpers.tiny_inpainters import VIDM, random_tensors, save_vidm, vidm_checkpoint
 
 CPU, FLOAT = torch.device("cpu"), torch.float32

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from afford.extraction.inpaint.networks.vidm_model import BETAS, STEPS, ddim
-from afford.extraction.inpaint.networks.vidm_unet import Attention, Unet
+from afford.extraction.inpaint.vidm_model import BETAS, STEPS, ddim
+from afford.extraction.inpaint.vidm_unet import Attention, Unet
 from tests.helpers.tiny_inpainters import VIDM
 
 

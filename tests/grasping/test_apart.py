@@ -10,15 +10,13 @@ import numpy as np
 import psutil
 import pytest
 
-from afford.grasping.sim.apart import Apart
-from afford.grasping.sim.batch import batch
 from afford.grasping.sim.engine import State
-from afford.grasping.sim.scene import randomised
-from afford.grasping.sim.worlds import Worlds
+from afford.grasping.sim.scene import randomize_physics
+from afford.grasping.sim.worlds import ProcessWorlds, ThreadWorlds, world_batch
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
 
 CONTROL_S = 0.05
-SCENES = [randomised(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
+SCENES = [randomize_physics(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
 Q, BODY = np.tile(away(), (3, 1)), np.stack([at(z=0.05 * k) for k in range(3)])
 U = np.tile(commands(away()), (3, 1)) + np.arange(3)[:, None] * 0.1
 
@@ -29,8 +27,8 @@ def same(one: State, two: State) -> bool:
 
 def test_two_processes_give_the_bits_of_one() -> None:
     """Resets of all and of some in any order, steps, pushes of some, what was saved, one world by itself."""
-    one, two = Worlds("bullet", SCENES), batch("bullet", SCENES, processes=2)
-    assert isinstance(two, Apart)
+    one, two = ThreadWorlds("bullet", SCENES), world_batch("bullet", SCENES, processes=2)
+    assert isinstance(two, ProcessWorlds)
     assert same(one.reset(Q, BODY), two.reset(Q, BODY))
     assert same(one.step(U, CONTROL_S), two.step(U, CONTROL_S))
     for both in (one, two):
@@ -53,20 +51,20 @@ def test_two_processes_give_the_bits_of_one() -> None:
 
 def test_errors_of_a_process_are_raised_here_and_it_goes_on() -> None:
     """Bad commands are refused with the sentence of the world that got them; afterwards questions and answers still match."""
-    made = Apart("mujoco", SCENES[:2], processes=2)
+    made = ProcessWorlds("mujoco", SCENES[:2], processes=2)
     made.reset(Q[:2], BODY[:2])
     with pytest.raises(ValueError, match="finite"):
         made.step(np.full((2, 24), np.nan), CONTROL_S)
     assert made.step(U[:2], CONTROL_S).q.shape == (2, 28)
     made.close()
     with pytest.raises(KeyError, match="bullet, mujoco"):
-        Apart("isaac", SCENES[:2], processes=2)
+        ProcessWorlds("isaac", SCENES[:2], processes=2)
 
 
 def test_a_process_that_died_is_told() -> None:
     """In one sentence that names its objects and its exit code; closing is still possible, and nothing stays behind."""
     before = set(psutil.Process().children())
-    made = Apart("mujoco", SCENES[:2], processes=2)
+    made = ProcessWorlds("mujoco", SCENES[:2], processes=2)
     mine = sorted(set(psutil.Process().children()) - before, key=lambda child: child.create_time())
     workers = [child for child in mine if "spawn_main" in " ".join(child.cmdline())]
     os.kill(workers[0].pid, signal.SIGKILL)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.candidates.cloud import unproject
-from afford.grasping.candidates.find import APART_M
-from afford.grasping.candidates.judge import SAFE_M
+from afford.grasping.candidates.find import APART_M, SAFE_M
+from afford.grasping.candidates.point_cloud import unproject
 from schemas.grasp import TERMS, GraspScene, HandCandidates
 from stages.grasping import grasp_candidates
 from tests.helpers.made_looks import RADIUS_M, nothing, rod

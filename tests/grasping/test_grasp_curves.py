@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.grasp_curves import COLOURS, smoothed, write_curves
+from afford.grasping.evaluate.training_curves import COLOURS, smoothed, write_curves
 from schemas.training import Curve, TrainingLog
 
 

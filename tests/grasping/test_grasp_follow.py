@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.grasping.env.obs_blocks import obs_blocks
-from afford.grasping.evaluate.report_clips import ablation, lines, tracking
-from afford.grasping.rl import policy_files
-from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
+from afford.grasping.env.observe import blocks
+from afford.grasping.evaluate.comparisons import clip_lines, prior_ablation, tracking_metrics
+from afford.grasping.rl import saved
+from afford.grasping.rl.policy import ActorCritic, PolicyConfig
 from schemas.episodes import ClipsFollowed, GraspEpisodes
 from schemas.files import FileTree
 from schemas.training import TrainingLog
@@ -28,12 +28,11 @@ FAST = imitation_evaluate.Params(engine="mujoco")
 
 def idle(folder: Path, role: str = "prior") -> FileTree:
     """A policy that does nothing."""
-    model = ActorCritic(PolicyConfig(sum(block.width for block in obs_blocks("small", "prior")), 24, (8,)))
+    model = ActorCritic(PolicyConfig(sum(block.width for block in blocks("small", "prior")), 24, (8,)))
     for parameter in list(model.actor.parameters())[-2:]:
         torch.nn.init.zeros_(parameter)
     posture = [0.0] * 24
-    facts = {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2}
-    policy_files.write_policy(folder, model, facts)
+    saved.write(folder, model, {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2})
     return tree("prior", folder)
 
 
@@ -82,13 +81,13 @@ def test_what_does_not_fit_is_said(tmp_path: Path) -> None:
 
 
 def test_figures_are_named_by_follower_and_level(found: ClipsFollowed) -> None:
-    said = tracking([found, replace(found, engine="bullet", level="unseen_object")])
+    said = tracking_metrics([found, replace(found, engine="bullet", level="unseen_object")])
     both = (of(found, "prior", "level_1_m") + of(found, "prior", "level_2_m")).mean() / 2
     assert said["mujoco.hti.tracking_mm"] == said["mujoco.hti.tracking_mm.train"] == pytest.approx(1000 * both)
     assert said["hti.clip.followed.unseen_object"] == 1 and said["hti.followed.unseen_object"] == 0
-    assert "hti.tracking_mm" not in said and tracking([]) == {}
-    text = "\n".join(lines([found], {}))
-    assert text.count("\n| ") == 4 and "With and without" not in text and lines([], {}) == []
+    assert "hti.tracking_mm" not in said and tracking_metrics([]) == {}
+    text = "\n".join(clip_lines([found], {}))
+    assert text.count("\n| ") == 4 and "With and without" not in text and clip_lines([], {}) == []
 
 
 def played(policy: str, seed: int, success: list[float], jerk: list[float]) -> GraspEpisodes:
@@ -101,11 +100,11 @@ def test_the_prior_is_compared_over_common_seeds_after_equal_training() -> None:
     """Seed 1 has no row without the prior and does not count; trainings of other lengths are refused."""
     runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16])]
     logs = [TrainingLog("teacher-0", (), 200, 200), TrainingLog("naa_only-0", (), 200, 200)]
-    said = ablation(runs, logs)
+    said = prior_ablation(runs, logs)
     assert (said["hti.succ_with"], said["hti.succ_without"], said["hti.jerk_with"], said["hti.jerk_without"]) == (1, 0.5, 11, 15)
-    assert ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(lines([], said))
+    assert prior_ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(clip_lines([], said))
     with pytest.raises(ValueError, match="as many updates as teacher-0, got 100 and 200"):
-        ablation(runs, [logs[0], TrainingLog("naa_only-0", (), 100, 100)])
+        prior_ablation(runs, [logs[0], TrainingLog("naa_only-0", (), 100, 100)])
 
 
 def test_a_script_instead_of_the_prior_stands_beside_both() -> None:
@@ -113,10 +112,11 @@ def test_a_script_instead_of_the_prior_stands_beside_both() -> None:
     runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16]),
             played("naa_only", 1, [1, 1], [70, 70]), played("on_script", 0, [0, 1], [20, 22])]  # fmt: skip
     logs = [TrainingLog(f"{row}-{seed}", (), 200, 200) for row in ("teacher", "naa_only", "on_script") for seed in (0, 1)]
-    said = ablation(runs, logs)
+    said = prior_ablation(runs, logs)
     assert (said["hti.jerk_with"], said["hti.jerk_without"], said["hti.jerk_by_script"]) == (11, 15, 21)
-    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(lines([], said))
-    alone = ablation([runs[0], runs[-1]], logs)
-    assert alone["hti.succ_by_script"] == 0.5 and "hti.succ_without" not in alone and "without |" not in "\n".join(lines([], alone))
+    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(clip_lines([], said))
+    alone = prior_ablation([runs[0], runs[-1]], logs)
+    assert alone["hti.succ_by_script"] == 0.5 and "hti.succ_without" not in alone
+    assert "without |" not in "\n".join(clip_lines([], alone))
     with pytest.raises(ValueError, match="on_script-0: expected as many updates"):
-        ablation(runs, [*logs[:-2], TrainingLog("on_script-0", (), 100, 100)])
+        prior_ablation(runs, [*logs[:-2], TrainingLog("on_script-0", (), 100, 100)])

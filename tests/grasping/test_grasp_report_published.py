@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.cells import cells
-from afford.grasping.evaluate.published import ROWS
 from afford.grasping.evaluate.recipes import ROWS as TRAININGS
 from afford.grasping.evaluate.recipes import STUDENTS
-from afford.grasping.evaluate.report_published import SAME, lines, pairs
-from afford.grasping.evaluate.report_rows import Row, rows
+from afford.grasping.evaluate.report import PUBLISHED, SAME, published_lines, same_pairs
+from afford.grasping.evaluate.result_cells import ResultRow, group_cells, result_rows
 from schemas.episodes import GraspEpisodes, GraspExam
 
 FIGURES = ("success", "hls", "as_violation_pct")
@@ -27,23 +25,23 @@ def episodes(policy: str, level: str, engine: str = "bullet", seed: int = 0, suc
     return GraspEpisodes(name, policy, level, engine, seed, tasks, FIGURES + OTHERS, values, np.zeros((len(success), 4)), ())
 
 
-def beside(found: list[Row]) -> Iterator[list[str]]:
+def beside(found: list[ResultRow]) -> Iterator[list[str]]:
     """The words of each line of the table."""
-    table = "\n".join(lines(found)).partition("## Beside the published")[2].partition("## Published")[0]
+    table = "\n".join(published_lines(found)).partition("## Beside the published")[2].partition("## Published")[0]
     shown = [line for line in table.splitlines() if line.startswith("| ") and "theirs" not in line]
     return ([word.strip() for word in line.split("|")[1:-1]] for line in shown)
 
 
 def test_both_know_the_rows() -> None:
     """A name that either lacks would never be met."""
-    published = {(one.table, one.row) for one in ROWS}
+    published = {(one.table, one.row) for one in PUBLISHED}
     assert all(ours in {*TRAININGS, *STUDENTS} and (table, row) in published for ours, table, row in SAME)
     assert len(set(SAME)) == len(SAME)
 
 
 def test_ours_and_theirs_stand_in_one_line() -> None:
     """Succ over seeds in percent, AS over successes, theirs as it is published."""
-    found = rows(cells([episodes("student", "train"), episodes("student", "train", seed=1, success=(1, 1))]))
+    found = result_rows(group_cells([episodes("student", "train"), episodes("student", "train", seed=1, success=(1, 1))]))
     assert list(beside(found)) == [
         ["vision", "AffordDex", "student", "train", "bullet", "87", "75.0", "8.3", "4.0", "10", "20.0", "2"]]
 
@@ -55,13 +53,13 @@ def test_ours_and_theirs_stand_in_one_line() -> None:
     ("student_no_negative", "train", ["two of HTI, distillation, NAA", "another two of them"])])  # fmt: skip
 def test_only_levels_that_both_have(policy: str, level: str, expected: list[str]) -> None:
     """In every engine."""
-    found = rows(cells([episodes(policy, level), episodes(policy, level, "mujoco")]))
-    assert [theirs.row for _, theirs in pairs(found)] == [one for one in expected for _ in range(2)]
-    assert all(theirs.level == row.level == level for row, theirs in pairs(found))
+    found = result_rows(group_cells([episodes(policy, level), episodes(policy, level, "mujoco")]))
+    assert [theirs.row for _, theirs in same_pairs(found)] == [one for one in expected for _ in range(2)]
+    assert all(theirs.level == row.level == level for row, theirs in same_pairs(found))
 
 
 def test_nothing_stands_beside_what_is_not_finished() -> None:
     """No table without a line; the published rows are there all the same."""
-    found = rows(cells([episodes("on_script", "train")], [GraspExam("teacher-0", "teacher", "train", "bullet")]))
-    text = "\n".join(lines(found))
-    assert "Beside" not in text and text.count("\n| ") == len(ROWS) + 1
+    found = result_rows(group_cells([episodes("on_script", "train")], [GraspExam("teacher-0", "teacher", "train", "bullet")]))
+    text = "\n".join(published_lines(found))
+    assert "Beside" not in text and text.count("\n| ") == len(PUBLISHED) + 1

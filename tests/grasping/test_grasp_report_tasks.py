@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.cells import cells
-from afford.grasping.evaluate.report_tasks import of_use, tasks, use_of, uses
+from afford.grasping.evaluate.result_cells import group_cells, of_use, task_lines, use_lines, use_of
 from schemas.episodes import GraspEpisodes
 
 NAMES = ("knife_00/cut", "knife_01/cut", "knife_00/hand_over")
@@ -33,7 +32,7 @@ def test_uses_part_the_episodes() -> None:
 
 def test_a_use_is_told_over_seeds_of_the_first_policy() -> None:
     """Four and two episodes of each of two seeds; the spread is over seeds; other policies and engines are left out."""
-    rows = [line for line in uses(cells(RUNS)) if line.startswith("| train")]
+    rows = [line for line in use_lines(group_cells(RUNS)) if line.startswith("| train")]
     spread = 100 * np.std([1.0, 0.5], ddof=1), 100 * np.std([0.0, 1.0], ddof=1)
     assert rows == [f"| train | cut | 2 | 8 | 75.0 | {spread[0]:.1f} | 50.0 |",
                     f"| train | hand_over | 1 | 4 | 50.0 | {spread[1]:.1f} | 50.0 |"]  # fmt: skip
@@ -41,10 +40,10 @@ def test_a_use_is_told_over_seeds_of_the_first_policy() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_every_task_of_every_training_has_a_line(seed: int) -> None:
-    rows = [line for line in tasks(RUNS[seed : seed + 1]) if line.startswith("| train")]
+    rows = [line for line in task_lines(RUNS[seed : seed + 1]) if line.startswith("| train")]
     assert [line.split(" | ")[1] for line in rows] == list(NAMES) and all(" | 2 | " in line for line in rows)
 
 
 def test_nobody_succeeds() -> None:
     """AS over successes has no value then."""
-    assert uses(cells(RUNS[2:3]))[-1] == "| train | hand_over | 1 | 2 | 0.0 |  |  |"
+    assert use_lines(group_cells(RUNS[2:3]))[-1] == "| train | hand_over | 1 | 2 | 0.0 |  |  |"

@@ -17,7 +17,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from afford.common.errors import SourceError
-from afford.grasping.motion import mano
+from afford.grasping.motion import oakink2
 from afford.grasping.motion.oakink2_import import PROJECT, convert, convert_all
 from afford.grasping.motion.plain_pickle import NotPlainError, load
 from stages.grasping import motion_read
@@ -100,23 +100,23 @@ def test_sequences_become_clips(tmp_path: Path) -> None:
     np.testing.assert_allclose(right.keypoints_m[:, 0], np.linspace([0, 0, 1], [1, 0, 1], 30)[:10])
     np.testing.assert_allclose(only.object_pose[0], [0.1, 0.2, 0.3, 0, 0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-12)
     wrist = Rotation.from_rotvec([0.3, 0.2, 0.1])
-    model = mano.read(tree(out / "mano_right.npz").files[0], "right")
-    flat = mano.keypoints(model, np.tile([0.0, 0, 0, 1], (1, 16, 1)), np.zeros((1, 10)))
+    model = oakink2.read_mano(tree(out / "mano_right.npz").files[0], "right")
+    flat = oakink2.keypoints(model, np.tile([0.0, 0, 0, 1], (1, 16, 1)), np.zeros((1, 10)))
     np.testing.assert_allclose(right.keypoints_m[0] - right.keypoints_m[0, 0], wrist.apply(flat[0]), atol=1e-9)
 
 
 def test_the_chain_of_joints(tmp_path: Path) -> None:
     """A bent index knuckle moves what hangs on it, by a turn about it, and nothing else; shape blends move joints."""
     np.savez(tmp_path / "mano_right.npz", **pretend_mano(seed=1))
-    model = mano.read(tree(tmp_path / "mano_right.npz").files[0], "right")
+    model = oakink2.read_mano(tree(tmp_path / "mano_right.npz").files[0], "right")
     flat, bent = (np.tile([0.0, 0, 0, 1], (1, 16, 1)) for _ in range(2))
     turn = Rotation.from_rotvec([0.5, 0, 0])
     bent[0, 1] = turn.as_quat()
-    before, after = (mano.keypoints(model, q, np.zeros((1, 10)))[0] for q in (flat, bent))
+    before, after = (oakink2.keypoints(model, q, np.zeros((1, 10)))[0] for q in (flat, bent))
     np.testing.assert_allclose(after[6:8] - after[5], turn.apply(before[6:8] - before[5]), atol=1e-12)
     others = [k for k in range(21) if k not in (6, 7, 8)]
     np.testing.assert_allclose(after[others], before[others], atol=1e-12)
-    assert np.abs(mano.keypoints(model, flat, np.ones((1, 10)))[0] - before).max() > 1e-3
+    assert np.abs(oakink2.keypoints(model, flat, np.ones((1, 10)))[0] - before).max() > 1e-3
 
 
 def test_bad_files_are_said_in_one_sentence(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from afford.grasping.sim.hulls import corners, decomposed
+from afford.grasping.sim.grasp_object import convex_decomposition, simplified_corners
 from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec
@@ -57,12 +57,12 @@ def test_a_convex_body_is_one_hull_with_its_own_mass() -> None:
 def test_a_ring_is_cut_until_its_hole_is_free() -> None:
     """One hull would fill the hole; the pieces leave a rod of 80 % of its radius alone."""
     ring = trimesh.creation.annulus(0.04, 0.05, 0.02, sections=64)
-    pieces = decomposed(ring, np.zeros(len(ring.faces), int), 0.002, 24)
+    pieces = convex_decomposition(ring, np.zeros(len(ring.faces), int), 0.002, 24)
     assert 6 <= len(pieces) <= 24
     angle = np.linspace(0, 2 * np.pi, 40)
     rod = 0.032 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     for piece in pieces:
-        planes = ConvexHull(corners(piece, 64)).equations
+        planes = ConvexHull(simplified_corners(piece, 64)).equations
         assert (rod @ planes[:, :3].T + planes[:, 3]).max(axis=1).min() > 0
 
 

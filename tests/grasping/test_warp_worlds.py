@@ -10,11 +10,10 @@ import pytest
 
 from afford.common.registry import extra
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.task import make_task
-from afford.grasping.sim.batch import batch
+from afford.grasping.env.task import task
 from afford.grasping.sim.engine import State
-from afford.grasping.sim.scene import Scene, randomised
-from afford.grasping.sim.worlds import Worlds
+from afford.grasping.sim.scene import Scene, randomize_physics
+from afford.grasping.sim.worlds import ThreadWorlds, world_batch
 from tests.grasping.test_engines import above_block
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
@@ -26,7 +25,7 @@ there = pytest.mark.skipif(not (importlib.util.find_spec("mujoco_warp") and impo
 
 def scenes() -> list[Scene]:
     """Two objects in turn, other physics in each: every batched field differs."""
-    return [randomised(scene(block()), 1), scene(tool()), randomised(scene(block()), 2)]
+    return [randomize_physics(scene(block()), 1), scene(tool()), randomize_physics(scene(block()), 2)]
 
 
 def closing(k: int) -> np.ndarray:
@@ -46,9 +45,9 @@ def test_what_is_missing_or_impossible_is_told() -> None:
     with pytest.raises(ValueError, match="no_such: expected this package of the extra `gpu`, got none; make setup EXTRA=gpu"):
         extra("no_such", "gpu")
     with pytest.raises(ValueError, match="device: expected cpu with the engine mujoco"):
-        batch("mujoco", scenes(), device="cuda")
+        world_batch("mujoco", scenes(), device="cuda")
     with pytest.raises(ValueError, match="warp: expected one thread and one process"):
-        batch("warp", scenes(), processes=2)
+        world_batch("warp", scenes(), processes=2)
 
 
 @there
@@ -57,7 +56,7 @@ def test_closing_fingers_are_those_of_mujoco() -> None:
     """Two objects and three sets of physics in a batch: before and while they touch (12 control steps) joints agree to 0.1 mrad,
     objects to 2 mm, and what is pressed on is the same; the same commands give the same bits, also after `restore`.
     """
-    one, two = Worlds("mujoco", scenes()), batch("warp", scenes())
+    one, two = ThreadWorlds("mujoco", scenes()), world_batch("warp", scenes())
     q, body = np.tile(above_block(), (3, 1)), np.stack([at(), at(), at()])
     one.reset(q, body)
     two.reset(q, body)
@@ -88,7 +87,7 @@ def test_closing_fingers_are_those_of_mujoco() -> None:
 @pytest.mark.slow
 def test_pushes_resets_and_bad_commands() -> None:
     """A push gives its impulse to the worlds it is meant for; a reset leaves others where they are; what is wrong is refused."""
-    made = batch("warp", [scene(gravity_m_s2=0.0)] * 3)
+    made = world_batch("warp", [scene(gravity_m_s2=0.0)] * 3)
     made.reset(np.tile(away(), (3, 1)), np.tile(at(z=0.5), (3, 1)))
     made.push(np.array([[0.5, 0.0, 0.0]]), 0.075, [1])
     u = np.tile(commands(away()), (3, 1))
@@ -102,7 +101,7 @@ def test_pushes_resets_and_bad_commands() -> None:
     with pytest.raises(ValueError, match="step, u: expected finite"):
         made.step(np.full((3, 24), np.nan), CONTROL_S)
     with pytest.raises(ValueError, match="device: expected cpu or cuda"):
-        batch("warp", [scene()], device="tpu")
+        world_batch("warp", [scene()], device="tpu")
 
 
 @there
@@ -111,7 +110,7 @@ def test_a_scripted_grasp_is_held_in_both() -> None:
     """In the environment, no actions over the script: the same fall of events, and the tool at its goal at the end."""
     ends = {}
     for engine in ("mujoco", "warp"):
-        made = AffordanceGraspVector(2, shadow(), [make_task(tool(), ["shaft"])], engine=engine, base="script")
+        made = AffordanceGraspVector(2, shadow(), [task(tool(), ["shaft"])], engine=engine, base="script")
         made.reset(seed=0)
         rows = [made._core.state().body]
         for _ in range(39):

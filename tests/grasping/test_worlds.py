@@ -7,9 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from afford.grasping.sim.engine import BACKENDS, State, world
-from afford.grasping.sim.scene import randomised
-from afford.grasping.sim.worlds import Worlds
+from afford.grasping.sim.engine import BACKENDS, State, make_world
+from afford.grasping.sim.scene import randomize_physics
+from afford.grasping.sim.worlds import ThreadWorlds
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
 
 CONTROL_S = 0.05
@@ -19,15 +19,15 @@ CONTROL_S = 0.05
 @pytest.mark.parametrize("engine", sorted(BACKENDS))
 def test_worlds_together_are_worlds_apart(engine: str, threads: int) -> None:
     """Other objects and physics in each; on one thread and on two: the same bits as alone."""
-    scenes = [randomised(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
-    together = Worlds(engine, scenes, threads)
+    scenes = [randomize_physics(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
+    together = ThreadWorlds(engine, scenes, threads)
     q, body = np.tile(away(), (3, 1)), np.stack([at(z=0.05 * k) for k in range(3)])
     together.reset(q, body)
     u = np.tile(commands(away()), (3, 1)) + np.arange(3)[:, None] * 0.1
     for _ in range(4):
         found = together.step(u, CONTROL_S)
     for k, one in enumerate(scenes):
-        alone = world(engine, one)
+        alone = make_world(engine, one)
         alone.reset(q[k], body[k])
         for _ in range(4):
             state = alone.step(u[k], CONTROL_S)
@@ -41,7 +41,7 @@ def test_worlds_together_are_worlds_apart(engine: str, threads: int) -> None:
 
 def test_some_worlds_can_begin_again() -> None:
     """Reset of one leaves the others where they are."""
-    together = Worlds("mujoco", [scene()] * 3)
+    together = ThreadWorlds("mujoco", [scene()] * 3)
     together.reset(np.tile(away(), (3, 1)), np.tile(at(z=0.3), (3, 1)))
     before = together.step(np.tile(commands(away()), (3, 1)), CONTROL_S)
     assert together.reset(away()[None], at(z=1.0)[None], which=[1]).body[0, 2] == 1.0
@@ -54,6 +54,6 @@ def test_some_worlds_can_begin_again() -> None:
 def test_no_worlds_are_refused() -> None:
     """And so are no threads."""
     with pytest.raises(ValueError, match="one scene or more"):
-        Worlds("mujoco", [])
+        ThreadWorlds("mujoco", [])
     with pytest.raises(ValueError, match="one thread or more"):
-        Worlds("mujoco", [scene()], threads=0)
+        ThreadWorlds("mujoco", [scene()], threads=0)

@@ -15,12 +15,11 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-from afford.common.depth import read_depth
 from afford.common.errors import SourceError
-from afford.common.picture import read_image
-from afford.extraction.finder import files as hands_files
-from afford.extraction.finder.model import Hands, HandsConfig
-from afford.grasping.candidates.read import read_mask
+from afford.common.image_files import read_depth, read_image
+from afford.extraction.hands import network as hands_files
+from afford.extraction.hands.network import Hands, HandsConfig
+from afford.grasping.candidates.read_scene import read_mask
 from afford.models.archive import read_tensors
 from afford.rgbd.model import vgg
 from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.grasping.motion import dexycb, keypoints, mano, oakink2, oakink2_import, unidexgrasp
-from afford.grasping.motion.skeleton import posed
+from afford.grasping.motion import dexycb, keypoints, oakink2, oakink2_import, unidexgrasp
+from afford.grasping.motion.skeleton import pose_hand
 from schemas.files import FileRef, FileTree
 from schemas.grasp import SPLITS
 from schemas.hand import HandMotion
@@ -39,7 +39,7 @@ def ref(path: Path) -> FileRef:
 
 def hand() -> np.ndarray:
     """(FRAMES, 21, 3) of a hand that closes, metres."""
-    return posed(np.linspace(0.2, 0.8, FRAMES), np.zeros(FRAMES)) + [0.1, 0.2, 0.9]
+    return pose_hand(np.linspace(0.2, 0.8, FRAMES), np.zeros(FRAMES)) + [0.1, 0.2, 0.9]
 
 
 def record() -> dict[str, object]:
@@ -79,10 +79,10 @@ def mano_arrays() -> dict[str, np.ndarray]:
     """Arrays of MANO's shapes whose joints are those of a hand: a joint is a vertex, a fingertip another."""
     points = hand()[0] - hand()[0, 0]
     joints = np.zeros((21, 3))
-    joints[mano.OURS] = points
+    joints[oakink2.OURS] = points
     vertices = np.zeros((778, 3))
     vertices[:16] = joints[:16]
-    for tips in mano.TIPS.values():
+    for tips in oakink2.TIPS.values():
         vertices[list(tips)] = joints[16:]
     weights = np.zeros((778, 16), np.float32)
     weights[:, 0] = 1
@@ -99,7 +99,7 @@ def write_mano(folder: Path, stored: bool) -> Path:
 
 def read_mano(path: Path) -> np.ndarray:
     """The model, and a hand of it."""
-    return mano.keypoints(mano.read(ref(path), "right"), np.tile([0.0, 0, 0, 1], (1, 16, 1)), np.zeros((1, 10)))
+    return oakink2.keypoints(oakink2.read_mano(ref(path), "right"), np.tile([0.0, 0, 0, 1], (1, 16, 1)), np.zeros((1, 10)))
 
 
 def sequence() -> dict[str, np.ndarray]:
@@ -154,8 +154,8 @@ READERS: list[FuzzedReader] = [
     fuzzed("DexYCB npz", write_dexycb, dexycb.read),
     FuzzedReader("MANO npz", partial(write_mano, stored=False), read_mano, (SourceError,)),
     FuzzedReader("MANO npz, stored", partial(write_mano, stored=True), read_mano, (SourceError,)),
-    fuzzed("OakInk2 sequence", partial(write_oakink2, ending="npz"), oakink2.read),
-    fuzzed("OakInk2 program", partial(write_oakink2, ending="json"), oakink2.read),
+    fuzzed("OakInk2 sequence", partial(write_oakink2, ending="npz"), oakink2.read_mano),
+    fuzzed("OakInk2 program", partial(write_oakink2, ending="json"), oakink2.read_mano),
     FuzzedReader("OakInk2 pickle", write_annotation, read_annotation, (SourceError,)),
     fuzzed("UniDexGrasp list", write_splits, unidexgrasp.read),
 ]
@@ -195,5 +195,5 @@ def read_clips(path: Path) -> tuple[HandMotion, ...]:
 BOMBS: list[Bomb] = [
     Bomb("npz of 2.5 GB in 2 MiB", large_npz, read_clips, (SourceError,)),
     Bomb("list of 60,000 objects, the last twice", repeated_list, lambda path: unidexgrasp.read(folder_of(path)), (SourceError,)),
-    Bomb("program of 2,000 long primitives", repeated_primitives, lambda path: oakink2.read(folder_of(path)), (SourceError,)),
+    Bomb("program of 2,000 long primitives", repeated_primitives, lambda path: oakink2.read_mano(folder_of(path)), (SourceError,)),
 ]

@@ -18,8 +18,8 @@ from pycocotools import mask as coco_mask
 
 from afford.common.errors import SourceError
 from afford.common.folders import media_of
-from afford.common.strict_json import parse
-from afford.common.video.decode import decode_video
+from afford.common.text import parse_json
+from afford.common.video.frames import decode_video
 from afford.common.video.probe import probe
 from afford.dataset.load import Dataset, rows
 from afford.extraction.sources.discover import discover
@@ -160,7 +160,7 @@ def _read_dataset(path: Path) -> object:
 
 
 def _json(path: Path) -> object:
-    return parse(path.read_bytes(), path.name)
+    return parse_json(path.read_bytes(), path.name)
 
 
 def _write_json(root: Path) -> Path:

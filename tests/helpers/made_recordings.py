@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from schemas.affordance import Affordances, FrameLabels, Sample, Samples
 from schemas.masks import CompleteObjects, Entity, Tracks
 from schemas.video import Annotation, Clip, Frames, Inpainted, KeyFrame, Narration, Polygon
@@ -53,7 +53,7 @@ def outputs(seed: int = 0) -> dict[str, object]:
     inpainted = Inpainted("c1", frame, rgb, replaced, replaced.astype(np.uint8), np.full((T, H, W), 200, np.uint8))
     index = np.where(contact >= 0, 0, -1).astype(np.int16)
     samples = tuple(
-        Sample(f"c1_{n}", n, n * 40_000_000, jpeg(rgb[n - 1], 90), masks[:4, n - 1], "mug", "", NARRATION, 0, 0.5, 1.0, 2, 1,
+        Sample(f"c1_{n}", n, n * 40_000_000, encode_jpeg(rgb[n - 1], 90), masks[:4, n - 1], "mug", "", NARRATION, 0, 0.5, 1.0, 2, 1,
                np.zeros((4, 3, 2), np.float32), np.zeros(3, np.int64)) for n in (2, 4))  # fmt: skip
     return {
         "source_read": CLIP,

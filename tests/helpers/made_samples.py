@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
+from afford.common.image_files import encode_jpeg
 from schemas.affordance import Sample, Samples
 from schemas.video import Narration
 
@@ -66,7 +66,7 @@ def sample(rng: np.random.Generator, video: str, n: int, taxonomy: int, height: 
     """One sample with frame number n + 1."""
     motion = np.cumsum(rng.normal(0, 2, (4, 11, 2)), axis=1).astype(np.float32) + np.float32([width / 2, height / 2])
     motion[1 if taxonomy == 0 else 0, 5:] = np.nan
-    return Sample(f"{video}_{n + 1:010d}", n + 1, n * 20_000_000, jpeg(image(rng, height, width), 95),
+    return Sample(f"{video}_{n + 1:010d}", n + 1, n * 20_000_000, encode_jpeg(image(rng, height, width), 95),
                   masks(rng, taxonomy, height, width), "" if taxonomy == 1 else "mug", "" if taxonomy == 0 else "jar",
                   narration(n), taxonomy, 0.5 + 0.01 * (n % 50), 0.75, n + 1 - n % 15, n % 15, motion,
                   np.arange(11, dtype=np.int64) * 100_000_000)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from afford.extraction.sources.polygons import trace
+from afford.extraction.sources.outlines import trace
 from schemas.video import Annotation, Clip, Frames, KeyFrame
 
 WIDTH_PX, HEIGHT_PX = 160, 112

@@ -12,10 +12,9 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from afford.extraction.inpaint.networks.lama_generator import Generator, LamaConfig
-from afford.extraction.inpaint.networks.vidm_config import VidmConfig
-from afford.extraction.inpaint.networks.vidm_files import save
-from afford.extraction.inpaint.networks.vidm_model import Vidm
+from afford.extraction.inpaint.lama_network import Generator, LamaConfig
+from afford.extraction.inpaint.vidm_model import Vidm, save
+from afford.extraction.inpaint.vidm_unet import VidmConfig
 
 Shapes = dict[str, tuple[int, ...]]
 VIDM = VidmConfig(size_px=64, channels=32, multiples=(1, 2), blocks=1, attention_at=(2,), heads=4, codes=16,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from afford.codecs import save
-from afford.common.video.write import write_video
-from afford.extraction.sources.polygons import trace
+from afford.common.video.frames import write_video
+from afford.extraction.sources.outlines import trace
 from schemas.scene import ClipTruth
 from tests.helpers import tiny_root
 from tests.helpers.toy_clip import ENTITIES, HEIGHT, WIDTH, Toy, toy

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from afford.common.tiles import GAP, HEAD
+from afford.common.drawing import GAP, TITLE_H
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.moments import moments
@@ -86,7 +86,7 @@ def test_the_sheet_shows_views_candidates_and_tasks(recorded: Path, tmp_path: Pa
     write_sheet([recorded], tmp_path / "sheet.png")
     sheet = cv2.imread(str(tmp_path / "sheet.png"))[..., ::-1].astype(int)
     tasks = len(looked().told.descriptions)
-    assert sheet.shape == ((2 + tasks) * (HEAD + SIDE + GAP), SIX * (SIDE + GAP), 3)
-    strips = sheet.reshape(2 + tasks, HEAD + SIDE + GAP, -1, 3)
+    assert sheet.shape == ((2 + tasks) * (TITLE_H + SIDE + GAP), SIX * (SIDE + GAP), 3)
+    strips = sheet.reshape(2 + tasks, TITLE_H + SIDE + GAP, -1, 3)
     red = (strips[..., 0] - strips[..., 1] > 60).sum((1, 2))
     assert (red[2:] > 300).all()

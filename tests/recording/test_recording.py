@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.common.pictures import jpeg, mask_png
+from afford.common.image_files import jpeg, mask_png
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording, content_digest

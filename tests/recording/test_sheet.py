@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.common.tiles import BACK
+from afford.common.drawing import TILE_BACKGROUND
 from afford.recording import sheet
 
 
@@ -26,6 +26,6 @@ def test_what_stands_first_in_the_table_has_the_sheet_for_itself(monkeypatch: py
     sheet.write_sheet(given, tmp_path / "objects.png")
     page = cv2.imread(str(tmp_path / "objects.png"))
     assert page.shape == (4, 3, 3) and (page[:2] == 50).all() and (page[2:, :2] == 50).all()
-    assert (page[2:, 2] == BACK[::-1]).all()
+    assert (page[2:, 2] == TILE_BACKGROUND[::-1]).all()
     sheet.write_sheet([path for path in given if path.suffix != ".object"], tmp_path / "grasps.png")
     assert (cv2.imread(str(tmp_path / "grasps.png")) == np.full((2, 4, 3), 90)).all()

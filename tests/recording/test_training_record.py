@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from afford.common.files import tree
-from afford.common.pictures import jpeg
+from afford.common.image_files import jpeg
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS

@@ -10,7 +10,7 @@ from afford.surface.describe.looks import PARTS, phrase
 from afford.surface.describe.rules import look_up
 from afford.surface.describe.task import Task, parse
 from afford.surface.parts.model import PartsConfig
-from afford.synthetic.objects.build import BUILDERS
+from afford.synthetic.objects.library import BUILDERS
 from schemas.surface import PartDescription
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.common.points import farthest, sample
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from tests.helpers.made_meshes import ball
 
 
 def test_points_lie_on_their_faces_in_proportion() -> None:
     """No face has one more or less than its share."""
     made = ball(0.1, 2)
-    points, face = sample(made.vertices, made.faces, made.area_faces, 5000, np.random.default_rng(0))
+    points, face = sample_surface(made.vertices, made.faces, made.area_faces, 5000, np.random.default_rng(0))
     assert np.abs(((points - made.triangles[face, 0]) * made.face_normals[face]).sum(1)).max() < 1e-6
     share = np.bincount(face, minlength=len(made.faces)) - 5000 * made.area_faces / made.area
     assert np.abs(share).max() < 2
@@ -22,30 +22,30 @@ def test_no_weight_no_point() -> None:
     """Faces without weight get none; when none has weight there are none."""
     made = ball(0.1, 1)
     weight = np.zeros(len(made.faces))
-    assert not len(sample(made.vertices, made.faces, weight, 10, np.random.default_rng(0))[0])
+    assert not len(sample_surface(made.vertices, made.faces, weight, 10, np.random.default_rng(0))[0])
     weight[[3, 7]] = 1, 3
-    face = sample(made.vertices, made.faces, weight, 100, np.random.default_rng(0))[1]
+    face = sample_surface(made.vertices, made.faces, weight, 100, np.random.default_rng(0))[1]
     assert set(face) == {3, 7} and (face == 7).sum() == pytest.approx(75, abs=1)
 
 
 def test_the_same_seed_the_same_points() -> None:
     """And another seed, others."""
     made = ball(0.1, 2)
-    a, b, c = (sample(made.vertices, made.faces, made.area_faces, 50, np.random.default_rng(s))[0] for s in (1, 1, 2))
+    a, b, c = (sample_surface(made.vertices, made.faces, made.area_faces, 50, np.random.default_rng(s))[0] for s in (1, 1, 2))
     assert np.array_equal(a, b) and not np.array_equal(a, c)
 
 
 def test_farthest_points_cover_the_rest() -> None:
     """Each is taken once; every point is nearer to one of them than they are to each other; of a line, its ends come first."""
     points = np.random.default_rng(0).normal(size=(800, 3)).astype(np.float32)
-    taken = farthest(points, 60)
+    taken = farthest_point_sampling(points, 60)
     apart = np.linalg.norm(points[taken][:, None] - points[taken][None], axis=-1) + 9 * np.eye(60)
     cover = np.linalg.norm(points[:, None] - points[taken][None], axis=-1).min(1).max()
     assert len(set(taken)) == 60 and cover <= apart.min() + 1e-6
     line = np.stack([np.linspace(0, 1, 11)] + [np.zeros(11)] * 2, -1)
-    assert set(farthest(line, 2)) == {0, 10} and set(farthest(line, 3)) == {0, 5, 10}
+    assert set(farthest_point_sampling(line, 2)) == {0, 10} and set(farthest_point_sampling(line, 3)) == {0, 5, 10}
 
 
 def test_fewer_points_than_asked_for_are_all_taken() -> None:
     """And of none, none."""
-    assert sorted(farthest(np.eye(3), 100)) == [0, 1, 2] and not len(farthest(np.zeros((0, 3)), 100))
+    assert sorted(farthest_point_sampling(np.eye(3), 100)) == [0, 1, 2] and not len(farthest_point_sampling(np.zeros((0, 3)), 100))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.common.boxes import box
-from afford.render.views.six import SIX
+from afford.common.masks import box
+from afford.render.views.plan import SIX
 from afford.surface.candidates.grid import windows
 from afford.surface.negative import baselines
 from afford.surface.negative.coarse import coarse_box, overlap, segmented

@@ -11,10 +11,9 @@ import torch
 from afford.surface.parts import card as parts_card
 from afford.surface.parts import train as parts
 from afford.surface.parts.model import PartsConfig
-from afford.training.loop import train
-from afford.training.repeatable import repeatable
-from afford.training.state import State
-from afford.training.task import Plan
+from afford.training.loop import deterministic, train
+from afford.training.params import Plan
+from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 from tests.helpers.made_objects import looked
 
@@ -65,8 +64,8 @@ def test_it_learns(tmp_path) -> None:  # type: ignore[no-untyped-def]
     mine.model.eval()
     with torch.no_grad():
         before = mine.validate()["error"]
-    with repeatable(1, "cpu"):
-        state: State = train(mine, Plan(steps=60, lr=4e-3, warmup=5, validate_every=60), tmp_path, lambda done, total: None)
+    with deterministic(1, "cpu"):
+        state: TrainingState = train(mine, Plan(steps=60, lr=4e-3, warmup=5, validate_every=60), tmp_path, lambda done, total: None)
     after = {point.name: point.value for point in state.points}
     assert after["val.error"] < 0.75 * before
     card = parts_card.text(lessons(), state)

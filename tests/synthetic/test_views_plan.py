@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.render.views.cameras import CARDINAL, Sphere
+from afford.render.camera import CARDINAL, Sphere
 from afford.render.views.plan import Plan, Wish, plan, well_seen
-from afford.render.views.rays import Rays
-from afford.render.views.surface import Surface, sphere
+from afford.render.views.surface import Rays, Surface, sphere
 from tests.helpers.made_meshes import as_object, ball, cup, ring, shell, slotted
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup, "shell": shell}

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.render.views.rays import Rays
-from afford.render.views.surface import Surface, sphere
+from afford.render.views.surface import Rays, Surface, sphere
 from tests.helpers.made_meshes import as_object, ball, cup, ring, shell, slotted
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup}

@@ -2,17 +2,148 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
 
+import av
+import cv2
 import numpy as np
 
+from afford.common.bounded import TooLargeError, check_image
 from afford.common.errors import SourceError
-from afford.common.number import number_in
-from afford.common.video import pack
-from afford.common.video.decode import Decoded, decode_video
-from afford.common.video.stills import read_stills
+from afford.common.folders import pack_of, read_file, read_pack
+from afford.common.video.probe import Probe, frames_at, opened, packets, parse_frame_number, probe
 from schemas.files import FileRef, FileTree
 from schemas.video import Clip, Footage, Frames
+
+
+def fit(width_px: int, height_px: int, box_wh: tuple[int, int]) -> tuple[int, int]:
+    """(width, height) of an image scaled down into a box, its shape kept, both even; upright images turn the box upright.
+
+    Small images stay as they are (cut to even numbers by scaling).
+    """
+    long_px, short_px = max(box_wh), min(box_wh)
+    box_w, box_h = (long_px, short_px) if width_px >= height_px else (short_px, long_px)
+    scale = min(1.0, box_w / width_px, box_h / height_px)
+    return _even(width_px * scale), _even(height_px * scale)
+
+
+def _even(length: float) -> int:
+    return max(2, 2 * round(length / 2))
+
+
+def shrink(image: np.ndarray, box_wh: tuple[int, int]) -> np.ndarray:
+    """An (h, w, 3) uint8 image at its working size; each pixel is the mean of the area it covers."""
+    size = fit(image.shape[1], image.shape[0], box_wh)
+    if size == (image.shape[1], image.shape[0]):
+        return image
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""frame numbers (t,) int64, media time (t,) int64 ns, images (t, h, w, 3) uint8 RGB"""
+
+
+def decode_video(path: Path, first: int, last: int, resample_fps: float | None, box_wh: tuple[int, int]) -> Decoded:
+    """Frames `first` to `last` (data-set numbers) as far as they can be decoded; damaged and missing ones are left out.
+
+    Times are those of the file, or those of the constant rate when it is resampled. SourceError when the file cannot be read.
+    """
+    info = probe(path)
+    source = frames_at(info, resample_fps, path.name)
+    numbers = np.arange(first, min(last, len(source)) + 1, dtype=np.int64)
+    indices = source[numbers - 1]
+    images = _images(path, info, info.pts[indices], box_wh)
+    kept = np.array([int(info.pts[i]) in images for i in indices], bool)
+    numbers, indices = numbers[kept], indices[kept]
+    times_s = (numbers - 1) / resample_fps if resample_fps else info.times_s[indices]
+    return numbers, np.rint(times_s * 1e9).astype(np.int64), np.array([images[int(info.pts[i])] for i in indices], np.uint8)
+
+
+def every_nth(path: Path, every: int) -> Iterator[tuple[int, float, np.ndarray]]:
+    """(number from 1, media time in s, (h, w, 3) uint8 RGB at the file's own size) of frames 1, 1 + every, ..., one at a time.
+
+    Damaged frames are left out. SourceError when the file cannot be read.
+    """
+    info = probe(path)
+    wanted = {int(info.pts[n]): n for n in range(0, len(info.pts), every)}
+    with opened(path) as (container, stream):
+        for frame in _frames(container, stream, None):
+            time = frame.pts if frame.pts is not None else frame.dts
+            n = wanted.get(time) if time is not None else None
+            if n is not None and not frame.is_corrupt:
+                yield n + 1, float(info.times_s[n]), _upright(frame)
+
+
+def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
+    """Presentation time -> image, for those of the wanted `pts` that decode.
+
+    Decoding starts at the key frame before them, and again from the start when that does not give them all: some containers
+    seek to the wrong place, or lose their clock.
+    """
+    wanted = set(pts.tolist())
+    before = info.pts[info.is_key & (info.pts <= pts[:1])] if wanted else pts
+    images = _decode(path, int(before[-1]), wanted, box_wh) if len(before) else {}
+    return images if len(images) == len(wanted) else images | _decode(path, None, wanted, box_wh)
+
+
+def _decode(path: Path, start: int | None, wanted: set[int], box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
+    last, images = max(wanted), {}
+    with opened(path) as (container, stream):
+        for frame in _frames(container, stream, start):
+            time = frame.pts if frame.pts is not None else frame.dts
+            if time is not None and time in wanted and not frame.is_corrupt:
+                images[time] = shrink(_upright(frame), box_wh)
+            if time is not None and time >= last:
+                break
+    return images
+
+
+def _frames(container: av.container.InputContainer, stream: av.VideoStream, start: int | None) -> Iterator[av.VideoFrame]:
+    """Frames in the order in which they are shown, from the key frame at `start` on; broken packets are passed over."""
+    if start is not None:
+        container.seek(start, stream=stream)
+    for packet in packets(container, stream):
+        try:
+            yield from packet.decode()
+        except av.error.InvalidDataError:
+            continue
+
+
+def _upright(frame: av.VideoFrame) -> np.ndarray:
+    """RGB (h, w, 3) uint8, turned as the file's display matrix asks."""
+    return np.ascontiguousarray(np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90) % 4))
+
+
+def read_stills(pictures: Iterable[tuple[str, bytes]], box_wh: tuple[int, int]) -> np.ndarray:
+    """Images (t, h, w, 3) uint8 RGB of (name, bytes). SourceError names the one that is no image, or not of the first's size."""
+    images: list[np.ndarray] = []
+    first = ""
+    for name, data in pictures:
+        image, first = _decode_still(name, data, box_wh), first or name
+        if images and image.shape != images[0].shape:
+            raise SourceError(name, f"the shape of {first}, {_size(images[0])}", _size(image),
+                              "frames of a video must have one shape")
+        images.append(image)
+    return np.stack(images)
+
+
+def _decode_still(name: str, data: bytes, box_wh: tuple[int, int]) -> np.ndarray:
+    try:
+        check_image(data, name)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except TooLargeError:
+        raise
+    except (SourceError, cv2.error):
+        image = None
+    if image is None:
+        raise SourceError(name, "an image", f"{len(data)} bytes that cannot be decoded", "get the file again")
+    return shrink(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), box_wh)
+
+
+def _size(image: np.ndarray) -> str:
+    return f"{image.shape[1]}x{image.shape[0]}"
 
 
 def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:
@@ -43,14 +174,35 @@ def _from_video(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Deco
 
 
 def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
-    number = np.array([number_in(name) for name in clip.media], np.int64)
+    number = np.array([parse_frame_number(name) for name in clip.media], np.int64)
     time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
     return number, time_ns, read_stills(zip(clip.media, pictures(files, clip), strict=True), box_wh)
 
 
 def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:
     """The bytes of every image, out of the pack that holds them or files of their own."""
-    whole = pack.pack_of(files, clip.media[0])
+    whole = pack_of(files, clip.media[0])
     if whole is not None:
-        return pack.read(whole, clip.media, clip.spans)
-    return (pack.plain(_find(files, name).path, name) for name in clip.media)
+        return read_pack(whole, clip.media, clip.spans)
+    return (read_file(_find(files, name).path, name) for name in clip.media)
+
+
+X264 = {"preset": "medium", "x264-params": "threads=1:mbtree=0"}
+"""Macroblock-tree rate control is off: with it the same frames gave different bytes (measured, x264 core 165 on AVX-512)."""
+
+
+def write_video(path: Path, images: Iterable[np.ndarray], crf: int, rate_hz: int = 30) -> None:
+    """(h, w, 3) uint8 RGB images of one size, both even; one thread, so that the same images give the same bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with av.open(str(path), "w", format="mp4", container_options={"fflags": "+bitexact"}) as container:
+        stream = container.add_stream("libx264", rate=rate_hz, options={"crf": str(crf), **X264})
+        stream.pix_fmt = "yuv420p"
+        stream.thread_count = 1
+        stream.codec_context.time_base = Fraction(1, rate_hz)
+        for number, image in enumerate(images):
+            if not number:
+                stream.height, stream.width = image.shape[:2]
+            picture = av.VideoFrame.from_ndarray(image, format="rgb24")
+            picture.pts = number
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))

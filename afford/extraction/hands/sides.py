@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.extraction.hands.follow import Piece, Track
+from afford.extraction.hands.part_tracks import Piece, Track
 from afford.extraction.hands.refine import pieces
 from schemas.video import SIDES, Hand
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.extraction.layers.parallax import miss, reconstruct, unit_matrix
-from afford.extraction.layers.points import Sightings, track_points
-from afford.extraction.layers.relight import membrane
+from afford.extraction.layers.appearance import membrane
+from afford.extraction.layers.parallax import Sightings, miss, reconstruct, track_points, unit_matrix
 
 NEAR_FRAMES = 4
 """frames further apart than this are matched by descriptors instead of being followed"""

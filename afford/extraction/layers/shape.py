@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.extraction.layers.follow import Path
-from afford.extraction.layers.gather import gather_votes
+from afford.common.masks import dilate
+from afford.extraction.layers.appearance import gather_votes
+from afford.extraction.layers.follow import MIN_PIXELS, Path, carried
+from schemas.masks import Tracks
+from schemas.video import SIDES
 
 RECALL_FRAMES = 48.0
 MIN_FIT = 0.6
@@ -75,7 +80,7 @@ def recall(path: Path, frame: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarra
 
 
 def as_cameras(poses: np.ndarray) -> np.ndarray:
-    """(t, 3, 4) cameras for `afford.extraction.layers.gather` from (t, 2, 3) poses."""
+    """(t, 3, 4) cameras for `afford.extraction.layers.appearance` from (t, 2, 3) poses."""
     cameras = np.zeros((len(poses), 3, 4))
     cameras[:, :2, :3] = poses
     cameras[:, 2, 2] = 1
@@ -104,3 +109,52 @@ def _candidates(pose: np.ndarray, visible: np.ndarray, hidden_by: np.ndarray, fo
 def _mark(mask: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     mask[pixels[:, 1], pixels[:, 0]] = True
     return mask
+
+
+GLIMPSE = 0.25
+"""less than this share of the largest visible areas (their 0.9 quantile) is too little to place an object by"""
+CARRIED_FIT = 0.6
+"""fit of a carried pose: just enough to complete the object with it"""
+
+
+def holding(tracks: Tracks, index: int) -> np.ndarray:
+    """(t, h, w) bool: visible pixels of the hands that touch object `index` in each frame."""
+    out = np.zeros(tracks.masks.shape[1:], bool)
+    for entity, mask in zip(tracks.entities, tracks.masks, strict=True):
+        if entity.role == "hand":
+            out |= mask & (tracks.contact[SIDES.index(entity.side)] == index)[:, None, None]
+    return out
+
+
+def carry(path: Path, grey: np.ndarray, visible: np.ndarray, hand: np.ndarray) -> Path:
+    """The path with new poses for frames that only glimpse the object, held and between two that show it.
+
+    grey: (t, h, w) uint8. visible, hand: (t, h, w) bool, the object and what holds it. The pose of the last frame before is
+    carried forwards by the motion of both, that of the first after backwards, and the two are blended by their distance.
+    """
+    area = np.count_nonzero(visible, axis=(1, 2))
+    if not area.any():
+        return path
+    shown = np.flatnonzero((path.fit > 0) & (area >= max(MIN_PIXELS, GLIMPSE * np.quantile(area[area > 0], 0.9))))
+    held = np.asarray(hand.any(axis=(1, 2)))
+    both = hand | visible
+    poses, fit = path.poses.copy(), path.fit.copy()
+    for start, stop in pairwise(shown.tolist()):
+        if not held[start + 1 : stop].any():
+            continue
+        forwards = _chain(path.poses[start], range(start, stop), grey, both)
+        backwards = _chain(path.poses[stop], range(stop, start, -1), grey, both)[::-1]
+        for step in np.flatnonzero(held[start + 1 : stop]).tolist():
+            share = (step + 1) / (stop - start)
+            poses[start + 1 + step] = (1 - share) * forwards[step] + share * backwards[step]
+            fit[start + 1 + step] = CARRIED_FIT
+    return replace(path, poses=poses, fit=fit)
+
+
+def _chain(pose: np.ndarray, order: range, grey: np.ndarray, mask: np.ndarray) -> list[np.ndarray]:
+    """Poses in the frames of `order` after the first, where the pose is given."""
+    out = []
+    for before, after in pairwise(order):
+        pose = carried(pose, grey[before], grey[after], mask[before], mask[after])
+        out.append(pose)
+    return out

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from pycocotools import mask as coco_mask
 
-from afford.common.effort import box_px, check_drawn, outline_px
+from afford.common.bounded import box_px, check_drawn, outline_px
 from afford.common.errors import SourceError
-from afford.common.number import LAST_FRAME
-from afford.common.strict_json import entry
-from afford.extraction.sources.grid import refuse_normalised
-from afford.extraction.sources.polygons import FAR_PX, trace
-from afford.extraction.sources.rows import Row, Sheet, grid_size, once, worn_on
-from afford.extraction.sources.run_lengths import boxed, run_lengths
+from afford.common.text import json_field
+from afford.common.video.probe import LAST_FRAME
+from afford.extraction.sources.outlines import FAR_PX, boxed, run_lengths, trace
+from afford.extraction.sources.rows import Row, Sheet, grid_size, once, refuse_normalised, worn_on
 from afford.extraction.sources.visor import frame_number
 from schemas.video import Polygon
 
@@ -26,15 +24,15 @@ def sheets(document: Any, name: str) -> list[Sheet]:
     An image is tied to its frame by its field `frame`, or else by the number at the end of `file_name`; numbers start at 1,
     unless `info.first_frame` says 0. SourceError when a field is missing, of another kind, or names something unknown.
     """
-    names = {entry(c, "id", int, f"{name}, categories"): entry(c, "name", str, f"{name}, categories")
-             for c in entry(document, "categories", list, name)}
-    images = entry(document, "images", list, name)
-    raws: dict[Any, list[Any]] = {entry(image, "id", int, f"{name}, images"): [] for image in images}
+    names = {json_field(c, "id", int, f"{name}, categories"): json_field(c, "name", str, f"{name}, categories")
+             for c in json_field(document, "categories", list, name)}
+    images = json_field(document, "images", list, name)
+    raws: dict[Any, list[Any]] = {json_field(image, "id", int, f"{name}, images"): [] for image in images}
     if len(raws) < len(images):
         raise SourceError(f"{name}, images", "ids that differ", f"{len(images)} images of {len(raws)} ids", "give each its own id")
-    for raw in entry(document, "annotations", list, name):
-        where = f"{name}, annotation {entry(raw, 'id', int, f'{name}, annotations')}"
-        if entry(raw, "image_id", int, where) not in raws:
+    for raw in json_field(document, "annotations", list, name):
+        where = f"{name}, annotation {json_field(raw, 'id', int, f'{name}, annotations')}"
+        if json_field(raw, "image_id", int, where) not in raws:
             raise SourceError(f"{where}, field 'image_id'", "the id of an image", str(raw["image_id"]), "correct it")
         raws[raw["image_id"]].append(raw)
     _check_pixels(document, name)
@@ -51,7 +49,7 @@ def _first_frame(info: Any) -> int:
 def _sheet(image: Any, raws: list[Any], names: Mapping[int, str], name: str, offset: int) -> Sheet:
     where = f"{name}, image {image['id']}"
     file_name = str(image.get("file_name", ""))
-    number = entry(image, "frame", int, where) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
+    number = json_field(image, "frame", int, where) if "frame" in image else frame_number(file_name, f"{where}, field 'file_name'")
     if not 1 <= number + offset <= LAST_FRAME:
         raise SourceError(where, "frame numbers from 1 on", str(number), 'if they start at 0, add "info": {"first_frame": 0}')
     width_px, height_px = grid_size(image, where)
@@ -60,13 +58,13 @@ def _sheet(image: Any, raws: list[Any], names: Mapping[int, str], name: str, off
 
 
 def _row(raw: Any, names: Mapping[int, str], where: str, size_hw: tuple[int, int]) -> Row:
-    category = entry(raw, "category_id", int, where)
+    category = json_field(raw, "category_id", int, where)
     if category not in names:
         raise SourceError(f"{where}, field 'category_id'", "the id of a category", str(category), "correct it")
     more = raw["attributes"] if isinstance(raw.get("attributes"), dict) else {}
     contact = raw.get("in_contact_object", more.get("in_contact_object"))
     return Row(
-        annotation_id=str(entry(raw, "id", int, where)), name=names[category], class_id=-1,
+        annotation_id=str(json_field(raw, "id", int, where)), name=names[category], class_id=-1,
         contact="" if contact is None else str(contact), exhaustive="inconclusive",
         worn=worn_on(raw.get("on_which_hand", more.get("on_which_hand")), where),
         polygons=_outlines(raw.get("segmentation"), where, size_hw))
@@ -115,7 +113,7 @@ def _outlines(segmentation: Any, where: str, size_hw: tuple[int, int]) -> tuple[
 
 def _runs(segmentation: Any, label: str, size_hw: tuple[int, int]) -> np.ndarray:
     """(n,) int64 run lengths; SourceError when they do not fill the image."""
-    size = entry(segmentation, "size", list, label)
+    size = json_field(segmentation, "size", list, label)
     if tuple(size) != size_hw:
         raise SourceError(f"{label}, 'size'", f"the image's (h, w) {size_hw}", f"{size}", "correct it or the image's size")
     try:

@@ -5,12 +5,96 @@ from __future__ import annotations
 import os
 import zipfile
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from afford.common.folders import Entry, entries
 from afford.extraction.sources.discover import NO_PICTURES
-from afford.extraction.sources.published import Published
+
+BRIS = "https://data.bris.ac.uk/datasets"
+VISOR, EPIC_100, EPIC_55 = (f"{BRIS}/{key}" for key in (
+    "2v6cgv1x04ol22qp9rm9x2j6a7", "2g1n6qdydwa9u22shpxqzp0t8m", "3h91syskeag572hl6tvuovwv4d"))  # fmt: skip
+TABLES = "https://raw.githubusercontent.com/epic-kitchens/epic-kitchens-100-annotations/master"
+TABLE_NAMES = ("EPIC_100_train.csv", "EPIC_100_validation.csv", "EPIC_100_verb_classes.csv", "EPIC_100_noun_classes_v2.csv",
+               "EPIC_100_video_info.csv")  # fmt: skip
+LICENCE = "CC BY-NC 4.0"
+ERRATA = {"P01/rgb_frames/P01_109.tar": "https://www.dropbox.com/s/mh7y0goc5x945nu/P01_109.tar?dl=1",
+          "P27/rgb_frames/P27_103.tar": "https://www.dropbox.com/s/c1eo70v6dokr6cf/P27_103.tar?dl=1"}  # fmt: skip
+KINDS = ("tables", "sparse", "dense", "key-frames", "frames", "videos")
+"""narrations, classes and frame mapping; VISOR's masks of key frames; its interpolated masks; its key frames as images; all frames
+of EPIC-KITCHENS as images, 456 x 256; its videos"""
+TRAIN = (
+    "P01 01 03 05 07 09 103 104 14, P02 01 03 07 101 102 107 109 121 122 124 128 130 132 135, "
+    "P03 03 04 05 101 11 112 113 123 13 17 23 24, P04 02 03 04 05 101 109 11 110 114 12 121 21 25 26 33, P05 01 08, "
+    "P06 01 07 09 101 102 103 107 11 110 12 13 14, P07 08, P08 09 16 21, P10 04, P11 101 102 103 104 105 107 16, "
+    "P12 02 03 101, P13 10, P14 05, P15 02, P17 01, P18 03 06 07, P20 03, P22 01 07 117, P23 02 05, P24 05 08, P25 107, "
+    "P26 110, P27 101, P28 06 101 103 109 110 112 113 13 14, P30 05 101 107 111 112, P32 01, P35 105 109, P37 101 103")
+VAL = (
+    "P01 107, P02 02 09 12, P03 10 120 14 22, P04 06 13 24, P06 03 05 10 106 108, P07 101 103 110, P08 17, "
+    "P09 02 07 103 104 106, P12 04, P18 01 02, P21 01, P22 107, P24 09, P25 09 101, P26 01 02 108, P27 105, P28 05, "
+    "P29 04, P30 07 110, P32 07, P37 102")
+IN_55_TEST = (
+    "P01 14, P02 12, P03 22 23 24, P04 24 25 26 33, P06 10 11 12 13 14, P08 09 16 17, P09 02 07, P11 16, P12 03, "
+    "P18 01 02 03 06 07, P22 01, P23 05, P24 09, P30 07, P32 01 07")
+"""those of them that lie in the test folders of EPIC-KITCHENS-55"""
+
+
+def _ids(people: str) -> tuple[str, ...]:
+    """'P01 01 03, P02 01' -> P01_01, P01_03, P02_01."""
+    rows = [row.split() for row in people.split(", ")]
+    return tuple(f"{person}_{number}" for person, *numbers in rows for number in numbers)
+
+
+SPLITS = {"train": _ids(TRAIN), "val": _ids(VAL)}
+"""the videos that VISOR annotates"""
+TEST_55 = frozenset(_ids(IN_55_TEST))
+
+
+@dataclass(frozen=True)
+class Published:
+    """One file."""
+
+    name: str
+    """where it belongs, below the source folder"""
+    url: str
+    kind: str
+    video: str
+    """'' for a file that all videos share"""
+
+
+def files(videos: Iterable[str], kinds: Iterable[str]) -> Iterator[Published]:
+    """Files of these kinds for these videos of `SPLITS`, shared ones first."""
+    wanted = [kind for kind in KINDS if kind in set(kinds)]
+    if "tables" in wanted:
+        yield from (Published(name, f"{TABLES}/{name}", "tables", "") for name in TABLE_NAMES)
+        yield Published("frame_mapping.json", f"{VISOR}/frame_mapping.json", "tables", "")
+    for video in videos:
+        for kind in wanted:
+            if kind != "tables":
+                name, url = _place(video, kind)
+                yield Published(name, url, kind, video)
+
+
+def _place(video: str, kind: str) -> tuple[str, str]:
+    """(name below the source folder, address) of a file of one video."""
+    split, person = next(split for split, videos in SPLITS.items() if video in videos), video[:3]
+    if kind in ("frames", "videos"):
+        return _of_epic(video, kind)
+    name = {"sparse": f"GroundTruth-SparseAnnotations/annotations/{split}/{video}.json",
+            "key-frames": f"GroundTruth-SparseAnnotations/rgb_frames/{split}/{person}/{video}.zip",
+            "dense": f"Interpolations-DenseAnnotations/{split}/{video}_interpolations.zip"}[kind]
+    return name, f"{VISOR}/{name}"
+
+
+def _of_epic(video: str, kind: str) -> tuple[str, str]:
+    person, folder = video[:3], "test" if video in TEST_55 else "train"
+    name = f"{person}/rgb_frames/{video}.tar" if kind == "frames" else f"{person}/videos/{video}.MP4"
+    if len(video) == len("PXX_1YY"):
+        return name, ERRATA.get(name, f"{EPIC_100}/{name}")
+    above = "frames_rgb_flow/rgb" if kind == "frames" else "videos"
+    return name, f"{EPIC_55}/{above}/{folder}/{person}/{name.rpartition('/')[2]}"
+
 
 State = Literal["there", "partial", "missing"]
 UNFINISHED = (".aria2", ".part", ".partial", ".crdownload")

@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from afford.common.bounded import image_size
 from afford.common.errors import SourceError
 from afford.common.video.frames import pictures
-from afford.extraction.sources.annotations import has_masks, read_sheets
 from afford.extraction.sources.cut import Cutting
-from afford.extraction.sources.hand_names import side_of
+from afford.extraction.sources.hand_names import Size, handless, other_shape, side_of
+from afford.extraction.sources.key_frames import has_masks, read_sheets
 from afford.extraction.sources.media import Media
 from afford.extraction.sources.read import clips_of, media_of_video
-from afford.extraction.sources.remarks import Size, handless, other_shape
 from schemas.files import FileTree
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, KeyFrame, Narration
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -9,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from afford.common import folders
 from afford.common.errors import SourceError
 from afford.common.folders import IMAGE_SUFFIXES, VIDEO_SUFFIXES, is_pack
-from afford.common.number import epic_rate
-from afford.common.video import pack
-from afford.common.video.probe import Probe, frames_at, probe
+from afford.common.video.probe import Probe, epic_rate, frames_at, probe
+from afford.extraction.sources.narrations import INFO
+from afford.extraction.sources.tables import read_table
 from afford.extraction.sources.visor import frame_number
 from schemas.files import FileRef, FileTree
 
@@ -33,7 +35,7 @@ class Media:
     resample: bool
     truncated: bool
     """the file ends before the container says so"""
-    spans: tuple[pack.Span, ...] = ()
+    spans: tuple[folders.Span, ...] = ()
     """(offset, size) of every image, bytes, where a tar holds them"""
     size_wh: tuple[int, int] | None = None
     """width and height of the video's frames as stored, px; None for images"""
@@ -77,7 +79,7 @@ def _probe(video: FileRef) -> Probe:
 
 def _of_pack(whole: FileRef, fps: float) -> Media:
     try:
-        inside = pack.index(whole.path)
+        inside = folders.index_pack(whole.path)
     except ValueError as error:
         raise SourceError(whole.name, "a whole archive", str(error), "get the file again") from error
     if not inside.names:
@@ -85,7 +87,7 @@ def _of_pack(whole: FileRef, fps: float) -> Media:
     return _of_images([f"{whole.name}/{name}" for name in inside.names], inside.sizes, fps, inside.spans)
 
 
-def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[pack.Span, ...] = ()) -> Media:
+def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[folders.Span, ...] = ()) -> Media:
     if not names:
         raise SourceError("media", "a video file or frame images", "neither", "see docs/extraction/own-video.md")
     empty = [name for name, size in zip(names, sizes, strict=True) if size == 0]
@@ -99,3 +101,41 @@ def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[
         raise SourceError(names[order[at + 1]], "one image per frame number", f"also {names[order[at]]}", "remove one of the two")
     return Media("frames", tuple(names[i] for i in order), numbers, (numbers - 1) / fps, fps, resample=False, truncated=False,
                  spans=tuple(spans[i] for i in order) if spans else ())
+
+
+END_SLACK_S = 2.0
+"""frames may end this much earlier than the video: the tools that extract them disagree at the end of a file"""
+DENSE_SHARE = 0.5
+"""images that cover at least this share of the numbers up to the last are all frames of a video, not its key frames alone"""
+
+
+def check_end(files: FileTree, media: Media) -> None:
+    """SourceError when EPIC_100_video_info.csv says that the video goes on after the last image. Key frames alone pass, and video
+    files, which tell themselves where they should end.
+    """
+    last = int(media.numbers[-1])
+    if media.kind == "video" or len(media.numbers) < DENSE_SHARE * (last - int(media.numbers[0]) + 1):
+        return
+    length_s = _length_s(files)
+    if length_s is not None and media.times_s[-1] < length_s - END_SLACK_S:
+        wanted = f"frames to about {int(length_s * media.fps)} ({INFO}: {length_s:.1f} s at {media.fps:g} frames/s)"
+        raise SourceError(media.names[0].rpartition("/")[0] or media.names[0], wanted, f"{len(media.numbers)} up to {last}",
+                          "the download or the unpacking is not complete; finish it")
+
+
+def _length_s(files: FileTree) -> float | None:
+    info = files.find(INFO)
+    for where, row in read_table(info.path.read_bytes(), INFO, ("video_id", "fps")) if info else ():
+        if row["video_id"] == files.name and row.get("duration"):
+            return _seconds(row["duration"], where)
+    return None
+
+
+def _seconds(text: str, where: str) -> float:
+    try:
+        length_s = float(text)
+    except ValueError:
+        length_s = math.nan
+    if not math.isfinite(length_s):
+        raise SourceError(f"{where}, column 'duration'", "seconds", repr(text), "correct the row")
+    return length_s

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Callable
+
 from afford.common.errors import SourceError
-from afford.extraction.sources.classes import Classes
-from afford.extraction.sources.tables import read_table, whole, words
+from afford.extraction.sources.rows import Note
+from afford.extraction.sources.tables import UNKNOWN, Classes, header, read_classes, read_table, whole, words
+from schemas.files import FileRef, FileTree
 from schemas.video import Narration
 
 COLUMNS = (
@@ -46,3 +51,165 @@ def _number(row: dict[str, str], column: str, where: str) -> int:
     except ValueError as error:
         label = f"{where}, column {column!r}"
         raise SourceError(label, "a whole number", repr(row[column]), "correct or remove the row") from error
+
+
+STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
+"""must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""
+INFO = "EPIC_100_video_info.csv"
+FASTEST = 1e6
+"""frames per second of the fastest cameras"""
+SILENT = "without narrations it gives no samples"
+UNTOLD = ("hold", "object")
+"""verb and noun where nothing was ever said"""
+
+
+def frame_rates(files: FileTree) -> dict[str, float]:
+    """Video id -> frames per second, from the video info table. SourceError when a rate is not a number."""
+    info = files.find(INFO)
+    rates: dict[str, float] = {}
+    for where, row in read_table(info.path.read_bytes(), INFO, ("video_id", "fps")) if info else ():
+        if row["video_id"] == files.name:
+            rates[files.name] = _rate(row["fps"], where)
+    return rates
+
+
+def _rate(text: str, where: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0 < rate <= FASTEST:
+        raise SourceError(f"{where}, column 'fps'", f"a rate above 0 and up to {FASTEST:g}", repr(text), "correct the row")
+    return rate
+
+
+def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = SILENT) -> list[Narration]:
+    """The narrations of the video, in file order, each id once; `silent` says what it means when there is none. SourceError when a
+    table is malformed.
+    """
+    verbs, nouns = _classes(files, "verb_classes"), _classes(files, "noun_classes")
+    found: dict[str, Narration] = {}
+    for file in _tables(files):
+        data = file.path.read_bytes()
+        if file.name in STANDARD or set(COLUMNS) <= set(header(data, file.name)):
+            rows = read_narrations(data, file.name, files.name, verbs, nouns)
+        elif file.name.startswith("EPIC_100_"):
+            continue
+        else:
+            rows = read_own_narrations(data, file.name, frame_at, verbs, nouns)
+        for row in rows:
+            found.setdefault(row.narration_id, row)
+    if not found:
+        names = ", ".join(file.name for file in _tables(files)) or "any table"
+        notes.append((0, f"no narration of {files.name} in {names}; {silent}"))
+    return list(found.values())
+
+
+def untold(first: int, last: int) -> Narration:
+    """What is said of frames of which nobody says anything: whatever a hand touches there, it holds."""
+    verb, noun = UNTOLD
+    return Narration(
+        narration_id="untold", start_frame=first, stop_frame=last, text=f"{verb} {noun}", verb=verb, verb_class=UNKNOWN,
+        verb_key=verb, noun=noun, noun_class=UNKNOWN, noun_key=noun, all_nouns=(noun,))
+
+
+def _classes(files: FileTree, kind: str) -> Classes:
+    """The newest class map of a kind (v2 sorts last); an empty one when the source has none."""
+    maps = [file for file in files.files if kind in file.name and file.name.endswith(".csv")]
+    return read_classes(maps[-1].path.read_bytes(), maps[-1].name) if maps else Classes()
+
+
+def _tables(files: FileTree) -> list[FileRef]:
+    return [file for file in files.files if file.name.endswith(".csv") and "_classes" not in file.name and file.name != INFO]
+
+
+TIME_COLUMNS = {"start": ("start", "start_s", "start_timestamp"), "stop": ("stop", "stop_s", "stop_timestamp", "end", "end_s")}
+FRAME_COLUMNS = {"start": ("start_frame",), "stop": ("stop_frame", "end_frame")}
+FrameAt = Callable[[float], int]
+"""seconds from the start of the video -> frame number"""
+
+
+def read_own_narrations(data: bytes, name: str, frame_at: FrameAt, verbs: Classes, nouns: Classes) -> list[Narration]:
+    """Every row, in file order. SourceError names the line and column that is wrong.
+
+    Without columns `verb` and `noun` they are read off the sentence.
+    """
+    start, stop = _column(data, name, "start"), _column(data, name, "stop")
+    found = []
+    for number, (where, row) in enumerate(read_table(data, name, ("narration",))):
+        interval = _frame(row, start, where, frame_at), _frame(row, stop, where, frame_at)
+        found.append(_own_narration(number, row, where, interval, verbs, nouns))
+    return found
+
+
+def _column(data: bytes, name: str, end: str) -> str:
+    choices = (*FRAME_COLUMNS[end], *TIME_COLUMNS[end])
+    there = header(data, name)
+    found = next((column for column in choices if column in there), None)
+    if found is None:
+        raise SourceError(name, f"a column {' or '.join(choices)}", f"columns {', '.join(there)}", "add it")
+    return found
+
+
+def _frame(row: dict[str, str], column: str, where: str, frame_at: FrameAt) -> int:
+    text = row[column].strip()
+    try:
+        return whole(text) if column.endswith("_frame") else frame_at(seconds(text))
+    except ValueError as error:
+        expected = "a whole number" if column.endswith("_frame") else "seconds, mm:ss or hh:mm:ss"
+        raise SourceError(f"{where}, column {column!r}", expected, repr(text), "correct or remove the row") from error
+
+
+def seconds(text: str) -> float:
+    """12.5, 1:02.5 and 00:01:02.50 as seconds; ValueError otherwise, also for a time that is not finite."""
+    parts = [float(part) for part in text.split(":")]
+    total = sum(part * 60**power for power, part in enumerate(reversed(parts)))
+    if len(parts) > 3 or min(parts) < 0 or not math.isfinite(total):
+        raise ValueError(text)
+    return total
+
+
+def _own_narration(
+    number: int, row: dict[str, str], where: str, interval: tuple[int, int], verbs: Classes, nouns: Classes
+) -> Narration:
+    refuse_reversed(*interval, where)
+    said_verb, said_nouns = verb_and_nouns(row["narration"])
+    verb = row.get("verb", "").strip() or said_verb
+    all_nouns = (row["noun"].strip(),) if row.get("noun", "").strip() else said_nouns
+    noun = all_nouns[0] if all_nouns else ""
+    verb_class, verb_key = verbs.look_up(verb, None)
+    noun_class, noun_key = nouns.look_up(noun, None)
+    return Narration(
+        narration_id=row.get("narration_id") or str(number), start_frame=interval[0], stop_frame=interval[1],
+        text=row["narration"], verb=verb, verb_class=verb_class, verb_key=verb_key, noun=noun, noun_class=noun_class,
+        noun_key=noun_key, all_nouns=all_nouns)
+
+
+PARTICLES = {"up", "down", "on", "off", "in", "out", "away", "over", "back", "together", "apart"}
+PREPOSITIONS = {"into", "onto", "in", "on", "from", "to", "with", "of", "under", "over", "for", "at", "by", "inside", "and",
+                "through", "around", "off", "out", "using", "against", "towards", "near"}
+SKIPPED = {"the", "a", "an", "some", "my", "his", "her", "their", "this", "that", "both", "then"}
+
+
+def verb_and_nouns(text: str) -> tuple[str, tuple[str, ...]]:
+    """(verb, nouns) of a sentence, in EPIC's spelling: verb-particle, head:modifiers. ('', ()) for an empty one."""
+    found = [word for word in re.findall(r"[^\W_]+(?:'[^\W_]+)?", text.lower()) if word not in SKIPPED]
+    if not found:
+        return "", ()
+    particle = len(found) > 1 and found[1] in PARTICLES
+    verb = "-".join(found[: 1 + particle])
+    return verb, tuple(_noun(group) for group in _groups(found[1 + particle :]))
+
+
+def _groups(found: list[str]) -> list[list[str]]:
+    groups: list[list[str]] = [[]]
+    for word in found:
+        if word in PREPOSITIONS:
+            groups.append([])
+        else:
+            groups[-1].append(word)
+    return [group for group in groups if group]
+
+
+def _noun(group: list[str]) -> str:
+    return ":".join([group[-1], *group[:-1]])

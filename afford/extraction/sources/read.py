@@ -9,13 +9,12 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.annotations import has_masks, read_keys
 from afford.extraction.sources.cut import Cutting, Part, cut
 from afford.extraction.sources.discover import DENSE, SPARSE
-from afford.extraction.sources.media import Media, find_media
+from afford.extraction.sources.key_frames import has_masks, read_keys
+from afford.extraction.sources.media import Media, check_end, find_media
+from afford.extraction.sources.narrations import STANDARD, UNTOLD, frame_rates, read_speech, untold
 from afford.extraction.sources.rows import Note
-from afford.extraction.sources.speech import STANDARD, UNTOLD, frame_rates, read_speech, untold
-from afford.extraction.sources.whole import check_end
 from schemas.files import FileTree
 from schemas.video import Clip, KeyFrame, Narration
 

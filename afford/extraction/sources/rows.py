@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from afford.common.bounded import MAX_PIXELS
-from afford.common.effort import outline_px
+from afford.common.bounded import MAX_PIXELS, outline_px
 from afford.common.errors import SourceError
-from afford.common.strict_json import entry
-from afford.extraction.sources.polygons import FAR_PX
+from afford.common.text import json_field
+from afford.extraction.sources.outlines import FAR_PX
 from schemas.video import Polygon
 
 SLACK_PX = 1.0
@@ -59,7 +58,7 @@ def once(sheets: Iterable[Sheet]) -> list[Sheet]:
 
 def grid_size(image: Any, where: str) -> tuple[int, int]:
     """(width, height) that an image entry states; SourceError when they are no sensible size."""
-    size = entry(image, "width", int, where), entry(image, "height", int, where)
+    size = json_field(image, "width", int, where), json_field(image, "height", int, where)
     if not 0 < min(size) <= max(size) <= FAR_PX or size[0] * size[1] > MAX_PIXELS:
         label = f"{where}, fields 'width' and 'height'"
         raise SourceError(label, f"1 to {FAR_PX} px each and {MAX_PIXELS / 1e6:g} megapixels at most", f"{size[0]} and {size[1]}",
@@ -121,3 +120,34 @@ def _touches(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool
 def _sticks_out(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
     far = np.array([width_px, height_px]) + SLACK_PX
     return any(bool((p.points < -SLACK_PX).any() or (p.points > far).any()) for p in polygons)
+
+
+BEYOND = 1.1
+"""an outline that reaches beyond this many grids is not just drawn over the border"""
+SMALL = 0.5
+"""outlines that all stay within this part of the grid were probably drawn on a smaller one"""
+
+
+def check_grid(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
+    """SourceError when most outlines of a file leave the grid; a remark when all of them lie in one corner of it."""
+    reach = np.array([
+        np.max([p.points.max(axis=0) for p in row.polygons], axis=0) / (sheet.width_px, sheet.height_px)
+        for sheet in sheets for row in sheet.rows if row.polygons]).reshape(-1, 2)
+    if not len(reach):
+        return
+    grid = f"{sheets[0].width_px}x{sheets[0].height_px}"
+    outside = int((reach > BEYOND).any(axis=1).sum())
+    if outside > len(reach) / 2:
+        raise SourceError(f"{name}, field 'segments'", f"outlines on a grid of {grid}", f"{outside} of {len(reach)} outside it",
+                          "if they refer to another resolution, give each image its 'width' and 'height'")
+    if (reach < SMALL).all():
+        notes.append((0, f"{name}: all outlines lie in the upper left quarter of the {grid} grid; if they refer to another "
+                         "resolution, give each image its 'width' and 'height'"))
+
+
+def refuse_normalised(outlines: Sequence[np.ndarray], where: str) -> None:
+    """SourceError when all corners of a file lie between 0 and 1: they are shares of the picture, not pixels."""
+    largest = max((float(np.abs(corners).max()) for corners in outlines if corners.size), default=np.inf)
+    if largest <= 1:
+        raise SourceError(where, "corners in pixels", f"none above {largest:g}: normalised coordinates",
+                          "multiply x by the width and y by the height of the image")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.morphology import dilate
-from afford.extraction.tracks.keys import Key
-from afford.extraction.tracks.link import Links
-from afford.extraction.tracks.provenance import Bracket
+from afford.common.masks import dilate
+from afford.extraction.tracks.key_frames import Bracket, Key, Links
 from schemas.masks import Entity
 from schemas.video import NOT_IN_CONTACT, SIDES, Annotation
 

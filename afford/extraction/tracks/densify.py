@@ -6,12 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from afford.extraction.tracks import Tracking
+from afford.extraction.tracks import BACKGROUND, UNKNOWN, Propagated, Tracking
 from afford.extraction.tracks.contact import contact_at_keys, spread_contact
-from afford.extraction.tracks.keys import Key, read_keys, runs
-from afford.extraction.tracks.link import Carry, Links, link
-from afford.extraction.tracks.propagate import UNKNOWN, Propagated
-from afford.extraction.tracks.provenance import Bracket, bracket, flags_of, source_of
+from afford.extraction.tracks.key_frames import Bracket, Carry, Key, Links, bracket, flags_of, link, read_keys, runs, source_of
 from schemas.masks import Tracks
 from schemas.video import Clip, Frames
 
@@ -103,3 +100,23 @@ def _carrier(frames: Frames, parts: list[slice], propagate: Spread) -> Carry:
         return found.labels[-1][None] == np.arange(1, len(masks) + 1)[:, None, None]
 
     return carry
+
+
+def nearest(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: None) -> Propagated:
+    """The earlier key frame wins a tie; confidence halves with every second of a 30 fps video."""
+    distance = np.abs(np.arange(len(rgb))[:, None] - key_index[None])
+    source = distance.argmin(axis=1)
+    labels = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels).astype(np.int16)[source]
+    trust = (0.5 ** (distance.min(axis=1) / 30)).astype(np.float32)
+    seen = np.stack([(labels == i + 1).any(axis=(1, 2)) for i in range(count)]) if count else np.zeros((0, len(rgb)), bool)
+    return Propagated(labels, seen * trust)
+
+
+def dense(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: None) -> Propagated:
+    """Copies, propagates nothing. Confidence is 1 where a label was given."""
+    labels = np.zeros(rgb.shape[:3], np.int16)
+    labels[key_index] = np.where(key_labels == UNKNOWN, BACKGROUND, key_labels)
+    confidence = np.zeros((count, len(rgb)), np.float32)
+    for i in range(count):
+        confidence[i] = (labels == i + 1).any(axis=(1, 2))
+    return Propagated(labels, confidence)

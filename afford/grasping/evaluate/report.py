@@ -4,20 +4,107 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from afford.common.files import empty_folder, tree, write_json
-from afford.grasping.evaluate import agreement, report_clips, report_pairs, report_published, report_rows, report_tasks
-from afford.grasping.evaluate.cells import MAIN, cells
-from afford.grasping.evaluate.grasp_curves import write_curves
+from afford.grasping.evaluate import comparisons, result_cells
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, STUDENT, TEACHER
+from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow, group_cells, number
+from afford.grasping.evaluate.training_curves import write_curves
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.training import TrainingLog
+
+SAME: tuple[tuple[str, str, str], ...] = (
+    (TEACHER, "state", "AffordDex"),
+    ("paper_reward", "state", "AffordDex"),
+    (STUDENT, "vision", "AffordDex"),
+    ("neither", "ablation, state", "none"),
+    (NO_NEGATIVE, "ablation, state", "HTI"),
+    ("student_no_negative", "ablation, vision", "two of HTI, distillation, NAA"),
+    ("student_no_negative", "ablation, vision", "another two of them"),
+    ("lambda_half", "lambda_n", "-5"),
+    (TEACHER, "lambda_n", "-10"),
+    ("lambda_double", "lambda_n", "-20"),
+)
+"""row of ours, published table and row. Which two parts each row of the vision ablation has could not be told: the student without
+negative terms stands beside both"""
+
+
+def published_lines(found: Sequence[ResultRow]) -> list[str]:
+    """Markdown: the published rows; before them, where there are such, ours and theirs in one line."""
+    return [*same_rows(found), *_published_table()]
+
+
+def same_rows(found: Sequence[ResultRow]) -> list[str]:
+    """Those that mean the same; nothing where there is none."""
+    rows = [_published_line(row, theirs) for row, theirs in same_pairs(found)]
+    head = ["## Beside the published", "", "Rows that mean the same, not the same test: objects and physics are others; HLS there",
+            "is by a vision-language model, so that the two do not compare. AS of ours over successes.", "",
+            "| table | theirs | ours | level | engine | Succ, theirs | ours | HLS, theirs | ours | AS, theirs | ours | seeds |",
+            "|---|---|---|---|---|--:|--:|--:|--:|--:|--:|--:|"]  # fmt: skip
+    return [*head, *rows, ""] if rows else []
+
+
+def same_pairs(found: Sequence[ResultRow]) -> Iterator[tuple[ResultRow, Published]]:
+    """What both have, in the order of SAME: a row with figures and the published row of its level."""
+    for ours, table, row in SAME:
+        for theirs in PUBLISHED:
+            if (theirs.table, theirs.row) == (table, row):
+                yield from ((one, theirs) for one in found if (one.policy, one.level) == (ours, theirs.level) and one.figures)
+
+
+def _published_line(row: ResultRow, theirs: Published) -> str:
+    ours = PCT * row.figures["succ"], *(row.figures.get(name, float("nan")) for name in ("hls", "as_violation_pct"))
+    both = zip((theirs.succ, theirs.hls, theirs.as_pct), ours, strict=True)
+    values = " | ".join(f"{given:g} | {number(own, 1)}" for given, own in both)
+    return f"| {theirs.table} | {theirs.row} | {row.policy} | {row.level} | {row.engine} | {values} | {row.seeds} |"
+
+
+def _published_table() -> list[str]:
+    out = ["## Published", "", "AffordDex, on its objects in Isaac Gym; HLS there by a vision-language model.", "",
+           "| table | row | level | Succ | HLS | AS |", "|---|---|---|--:|--:|--:|"]  # fmt: skip
+    return out + [f"| {r.table} | {r.row} | {r.level} | {r.succ:g} | {r.hls:g} | {r.as_pct:g} |" for r in PUBLISHED]
+
+
+class Published(NamedTuple):
+    """A row of a published table."""
+
+    table: str
+    row: str
+    level: str
+    succ: float
+    hls: float
+    as_pct: float
+
+
+def _levels(table: str, row: str, *cells: tuple[float, float, float]) -> tuple[Published, ...]:
+    return tuple(Published(table, row, level, *cell)
+                 for level, cell in zip(("train", "unseen_object", "unseen_category"), cells, strict=True))  # fmt: skip
+
+
+PUBLISHED: tuple[Published, ...] = (
+    *_levels("state", "AffordDex", (89.2, 8.6, 4), (87.7, 8.5, 7), (85.2, 8.1, 9)),
+    *_levels("state", "UniDexGrasp++", (87.9, 5.4, 28), (84.3, 5.2, 26), (83.1, 5.0, 27)),
+    *_levels("state", "UniDexGrasp", (79.4, 6.9, 12), (74.3, 6.4, 15), (70.8, 6.3, 18)),
+    *_levels("vision", "AffordDex", (87.0, 8.3, 10), (82.8, 7.8, 14), (79.2, 8.0, 15)),
+    *_levels("vision", "UniDexGrasp++", (85.4, 5.4, 29), (79.6, 5.1, 25), (76.7, 4.8, 28)),
+    Published("ablation, state", "none", "train", 85.4, 5.2, 27),
+    Published("ablation, state", "HTI", "train", 87.9, 8.2, 22),
+    Published("ablation, state", "HTI + NAA", "train", 89.2, 8.6, 4),
+    Published("ablation, vision", "two of HTI, distillation, NAA", "train", 85.8, 7.2, 13),
+    Published("ablation, vision", "another two of them", "train", 86.9, 8.1, 20),
+    Published("lambda_n", "-5", "train", 89.1, 8.5, 16),
+    Published("lambda_n", "-10", "train", 89.2, 8.6, 4),
+    Published("lambda_n", "-20", "train", 87.1, 8.0, 0),
+)
+"""which two ticks the two vision rows have is lost in the copy that we have"""
+
 
 PRIOR = "prior"
 """name of the training whose last figures are called hti"""
@@ -33,10 +120,10 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
     their first word (lambda.half).
     """
     out = dict[str, float]()
-    for cell in cells(episodes, planned):
+    for cell in group_cells(episodes, planned):
         row = GROUP.sub(r"\1.", cell.policy)
         prefix = f"{row}." if cell.engine == MAIN else f"{cell.engine}.{row}."
-        named = {**report_rows.rows([cell])[0].figures, "seeds": float(len(cell.runs)), "unfinished": float(cell.missing)}
+        named = {**result_cells.result_rows([cell])[0].figures, "seeds": float(len(cell.runs)), "unfinished": float(cell.missing)}
         out |= {f"{prefix}{name}.{cell.level}": value for name, value in named.items()}
         if cell.level == "train":
             out |= {f"{prefix}{name}": value for name, value in named.items()}
@@ -50,13 +137,13 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
 
 def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planned: Sequence[GraspExam] = ()) -> str:
     """All cells, those that are not finished marked so, `more` lines, published rows, and the first policy task by task."""
-    found, table = cells(episodes), report_rows.rows(cells(episodes, planned))
-    parts = [["# Grasps", "", *ABOUT, ""], report_rows.lines(table), [""], report_tasks.uses(found), [""], more,
-             report_published.lines(table), [""], report_tasks.tasks(episodes), [""]]  # fmt: skip
+    found, table = group_cells(episodes), result_cells.result_rows(group_cells(episodes, planned))
+    parts = [["# Grasps", "", *ABOUT, ""], result_cells.row_lines(table), [""], result_cells.use_lines(found), [""], more,
+             published_lines(table), [""], result_cells.task_lines(episodes), [""]]  # fmt: skip
     return "\n".join(line for part in parts for line in part)
 
 
-def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
+def logs_by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     """Trainings named <row>-<seed> that have curves of episodes -> row: its seeds."""
     out = dict[str, list[TrainingLog]]()
     for log in logs:
@@ -66,7 +153,7 @@ def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     return out
 
 
-class Beside(NamedTuple):
+class ReportInputs(NamedTuple):
     """What was measured beside episodes."""
 
     logs: Sequence[TrainingLog] = ()
@@ -83,26 +170,26 @@ class Beside(NamedTuple):
     """of what was to be played"""
 
 
-def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch: Path) -> FileTree:
+def write_report(name: str, episodes: Sequence[GraspEpisodes], beside: ReportInputs, scratch: Path) -> FileTree:
     """metrics.json, scores.json, report.md, curves.png and the first of the sheets; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
     folder, logs = empty_folder(scratch / name), beside.logs
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
-    compared = report_clips.ablation(episodes, logs)
+    compared = comparisons.prior_ablation(episodes, logs)
     marks = {f"{'' if one.engine == MAIN else one.engine + '.'}{one.policy}.hls_vlm": float(one.score.mean())
              for one in beside.judged if len(one.score)}  # fmt: skip
-    worth = agreement.metrics(beside.predicted, episodes) | agreement.positive_metrics(beside.positives)
-    told = report_clips.tracking(beside.followed) | report_pairs.metrics(beside.pairs)
+    worth = comparisons.negative_metrics(beside.predicted, episodes) | comparisons.positive_metrics(beside.positives)
+    told = comparisons.tracking_metrics(beside.followed) | comparisons.pair_metrics(beside.pairs)
     more = last | marks | told | compared | worth
     finite = {key: value for key, value in more.items() if np.isfinite(value)}
     write_json(folder / "metrics.json", metrics(episodes, beside.planned) | finite)
-    write_json(folder / "scores.json", report_rows.scores(episodes))
-    lines = [*report_clips.lines(beside.followed, compared), *report_pairs.lines(beside.pairs),
-             *agreement.lines(beside.predicted, episodes), *agreement.positive_lines(beside.positives)]  # fmt: skip
+    write_json(folder / "scores.json", result_cells.scores(episodes))
+    lines = [*comparisons.clip_lines(beside.followed, compared), *comparisons.pair_lines(beside.pairs),
+             *comparisons.negative_lines(beside.predicted, episodes), *comparisons.positive_lines(beside.positives)]  # fmt: skip
     (folder / "report.md").write_text(markdown(episodes, lines, beside.planned), encoding="utf-8")
-    if runs := by_row(logs):
+    if runs := logs_by_row(logs):
         write_curves(folder / "curves.png", runs)
     for sheet in beside.sheets[:1]:
         for file in sheet.files:

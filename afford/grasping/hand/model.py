@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.grasping.hand import urdf
-from afford.grasping.hand.fingers import Finger, beyond, common_link, fingers
-from afford.grasping.hand.gantry import Gantry, mounted
-from afford.grasping.hand.grip import grip_axes, side
-from afford.grasping.hand.tree import Joint, Tree, cut
+from afford.grasping.hand import export
+from afford.grasping.hand.fingers import Finger, below_link, common_link, find_fingers, grip_axes, hand_side
+from afford.grasping.hand.tree import Coupling, Joint, Link, Tree, ordered, subtree
 from schemas.hand import HandFingers, HandJoints, HandMesh, HandModel
 
 
 @dataclass(frozen=True)
-class Wishes:
+class HandOptions:
     """What a hand is wanted like."""
 
     root: str = ""
@@ -30,19 +28,19 @@ class Wishes:
     """finger=last link, where names do not tell"""
 
 
-def model(tree: Tree, wishes: Wishes) -> HandModel:
+def build_hand(tree: Tree, wishes: HandOptions) -> HandModel:
     """The hand; SourceError when it lacks something."""
-    found = fingers(tree, wishes.fingers)
+    found = find_fingers(tree, wishes.fingers)
     palm = common_link(tree, [finger.tip_link for finger in found])
     hand = _cut(tree, wishes.root or palm, palm)
-    hand = hand if wishes.gantry is None else mounted(hand, wishes.gantry)
+    hand = hand if wishes.gantry is None else mount_on_gantry(hand, wishes.gantry)
     hand = hand if wishes.capsules else _split(hand)
     at = {link.name: number for number, link in enumerate(hand.links)}
     joints = _joints(hand, at, palm)
     table = _fingers(found, at)
     R = grip_axes(joints, table, at[palm])
     return HandModel(
-        name=hand.name, side=side(joints, table, at[palm], R), urdf=urdf.write(hand), links=tuple(at),
+        name=hand.name, side=hand_side(joints, table, at[palm], R), urdf=export.urdf_text(hand), links=tuple(at),
         mass_kg=np.array([link.mass_kg for link in hand.links]),
         rgb=np.round(np.array([link.rgb for link in hand.links]) * 255).astype(np.uint8),
         joints=joints, fingers=table, palm=at[palm], R_palm_grip=R, contacts=_contacts(hand, at, found),
@@ -55,7 +53,7 @@ def _cut(tree: Tree, root: str, palm: str) -> Tree:
     if root not in above:
         raise SourceError(f"{tree.name}, root", f"a link that carries the palm: {', '.join(above)}", repr(root),
                           "choose one of them")
-    out = cut(tree, root)
+    out = subtree(tree, root)
     kept = {joint.name for joint in out.joints}
     lost = [joint for joint in out.joints if joint.coupling is not None and joint.coupling.driver not in kept]
     if lost:
@@ -66,7 +64,8 @@ def _cut(tree: Tree, root: str, palm: str) -> Tree:
 
 def _split(tree: Tree) -> Tree:
     return replace(tree, links=tuple(
-        replace(link, collisions=tuple(part for shape in link.collisions for part in urdf.split(shape))) for link in tree.links))
+        replace(link, collisions=tuple(part for shape in link.collisions for part in export.split_capsule(shape)))
+        for link in tree.links))
 
 
 def _joints(tree: Tree, at: dict[str, int], palm: str) -> HandJoints:
@@ -108,7 +107,68 @@ def _contacts(tree: Tree, at: dict[str, int], found: tuple[Finger, ...]) -> np.n
     if pairs is None:
         bodies = {link.name for link in tree.links if link.collisions}
         palm = common_link(tree, [finger.tip_link for finger in found])
-        below = [[j.child for j in beyond(tree.path(f.tip_link), palm) if j.child in bodies] for f in found]
+        below = [[j.child for j in below_link(tree.path(f.tip_link), palm) if j.child in bodies] for f in found]
         crossing = [(a, b) for k, one in enumerate(below) for other in below[k + 1 :] for a in one for b in other]
         pairs = (*crossing, *((palm, link) for link in below[0][-1:] if palm in bodies))
     return np.array(sorted(sorted((at[a], at[b])) for a, b in pairs), np.int32).reshape(-1, 2)
+
+
+BASE = "gantry"
+STEPS = ("x", "y", "z", "yaw", "pitch", "roll")
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
+        "yaw": (0.0, 0.0, 1.0), "pitch": (0.0, 1.0, 0.0), "roll": (1.0, 0.0, 0.0)}  # fmt: skip
+TURN_RAD = {"yaw": np.pi, "pitch": np.pi / 2, "roll": np.pi}
+"""pitch in the middle: it is the one that must stay clear of a right angle, where yaw and roll become the same"""
+INERTIA_KGM2 = 1e-4
+SPEED_M_S, SPEED_RAD_S = 2.0, 6.0
+
+
+@dataclass(frozen=True)
+class Gantry:
+    """How far and how hard."""
+
+    reach_m: float
+    """the slides go this far both ways"""
+    force_n: float
+    torque_nm: float
+    mass_kg: float
+    """of each of its six parts"""
+
+
+def mount_on_gantry(tree: Tree, gantry: Gantry) -> Tree:
+    """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll). SourceError when the hand has links or
+    joints of the gantry's names.
+    """
+    names = [BASE, *(f"{BASE}_{step}" for step in STEPS[:-1])]
+    inertia = np.eye(3) * INERTIA_KGM2
+    links = tuple(Link(name, gantry.mass_kg, inertia_kgm2=inertia) for name in names)
+    children = [*names[1:], tree.links[0].name]
+    joints = tuple(_gantry_joint(step, parent, child, gantry) for step, parent, child in zip(STEPS, names, children, strict=True))
+    return ordered(replace(tree, links=(*links, *tree.links), joints=(*joints, *tree.joints)))
+
+
+def _gantry_joint(step: str, parent: str, child: str, gantry: Gantry) -> Joint:
+    turns = step in TURN_RAD
+    far = TURN_RAD.get(step, gantry.reach_m)
+    return Joint(f"wrist_{step}", "revolute" if turns else "prismatic", parent, child, np.eye(4), AXES[step], -far, far,
+                 gantry.torque_nm if turns else gantry.force_n, SPEED_RAD_S if turns else SPEED_M_S)
+
+
+def couple_joints(tree: Tree, pairs: Sequence[str]) -> Tree:
+    """The tree with more couplings, each written follower=driver; SourceError when they are not joints that can be coupled."""
+    wanted = {follower: driver for follower, _, driver in (pair.partition("=") for pair in pairs)}
+    moves = {joint.name for joint in tree.joints if joint.kind != "fixed"}
+    for follower, driver in wanted.items():
+        if not moves.issuperset((follower, driver)):
+            raise SourceError(f"{tree.name}, coupled", "follower=driver, two joints that move", f"{follower}={driver}",
+                              f"choose among {', '.join(sorted(moves))}")
+    joints = tuple(replace(j, coupling=Coupling(wanted[j.name])) if j.name in wanted else j for j in tree.joints)
+    _check_drivers(tree.name, {j.name: j.coupling.driver for j in joints if j.coupling is not None}, moves)
+    return replace(tree, joints=joints)
+
+
+def _check_drivers(name: str, drivers: dict[str, str], moves: set[str]) -> None:
+    for follower, driver in drivers.items():
+        if driver not in moves or driver in drivers:
+            raise SourceError(f"{name}, joint {follower!r}", "to follow a joint with a motor", repr(driver),
+                              "name that joint as its driver")

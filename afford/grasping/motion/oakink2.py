@@ -8,19 +8,83 @@ description; tested on files in its format; never run on the real set.
 from __future__ import annotations
 
 import ast
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common import strict_json
+from afford.common import text
 from afford.common.bounded import TooLargeError, load_npz, reason
 from afford.common.errors import SourceError
-from afford.grasping.motion import mano
-from afford.grasping.motion.build import build
+from afford.grasping.motion.keypoints import hand_motion
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandMotion
+
+TIPS = {"right": (745, 317, 444, 556, 673), "left": (745, 317, 445, 556, 673)}
+"""vertices at the fingertips, thumb first"""
+OURS = np.array([0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20])
+"""which of its 16 joints (wrist, index, middle, little, ring, thumb) and then 5 tips is each of ours"""
+SHAPES = {"v_template": (778, 3), "shapedirs": (778, 3, 10), "posedirs": (778, 3, 135), "J_regressor": (16, 778),
+          "weights": (778, 16), "kintree_table": (2, 16)}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Mano:
+    """One hand's model."""
+
+    side: str
+    v_template: np.ndarray
+    shapedirs: np.ndarray
+    posedirs: np.ndarray
+    J_regressor: np.ndarray
+    weights: np.ndarray
+    parents: np.ndarray
+
+
+def read_mano(file: FileRef, side: str) -> Mano:
+    """The model in an .npz; SourceError when an array is missing or of another shape."""
+    found = load_npz(file.path, file.name, SHAPES.__contains__)
+    for name, shape in SHAPES.items():
+        array = found.get(name)
+        if array is None or array.shape != shape:
+            got = "none" if array is None else str(array.shape)
+            raise SourceError(f"{file.name}, {name}", f"numbers {shape}", got, "save all arrays of MANO v1.2")
+        if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise SourceError(f"{file.name}, {name}", "finite numbers", f"others ({array.dtype})", "save all arrays of MANO v1.2")
+    parents = found.pop("kintree_table")[0].astype(np.int64)
+    if ((parents[1:] < 0) | (parents[1:] >= np.arange(1, len(parents)))).any():
+        raise SourceError(f"{file.name}, kintree_table", "parents before their children", str(parents.tolist()),
+                          "save all arrays of MANO v1.2")
+    return Mano(side, **{name: numbers.astype(np.float64) for name, numbers in found.items()}, parents=parents)
+
+
+def keypoints(model: Mano, quaternions: np.ndarray, betas: np.ndarray) -> np.ndarray:
+    """(n, 16, 4) rotations x y z w relative to parents, flat mean; (n, 10) shape -> (n, 21, 3) with the wrist at the origin."""
+    tips = list(TIPS[model.side])
+    local = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().reshape(-1, 16, 3, 3)
+    rest = model.v_template + np.einsum("vcb,nb->nvc", model.shapedirs, betas)
+    joints = np.einsum("jv,nvc->njc", model.J_regressor, rest)
+    R, places = _chain(local, joints, model.parents)
+    bent = (local[:, 1:] - np.eye(3)).reshape(len(local), -1)
+    there = rest[:, tips] + np.einsum("vcp,np->nvc", model.posedirs[tips], bent)
+    moved = np.einsum("njab,nvjb->nvja", R, there[:, :, None] - joints[:, None]) + places[:, None]
+    ends = np.einsum("vj,nvja->nva", model.weights[tips], moved)
+    points = np.concatenate([places, ends], axis=1)
+    found: np.ndarray = (points - places[:, :1])[:, OURS]
+    return found
+
+
+def _chain(local: np.ndarray, joints: np.ndarray, parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 16, 3, 3) and places (n, 16, 3) of the joints; the first has no parent."""
+    R, places = local.copy(), joints.copy()
+    for k in range(1, len(parents)):
+        up = parents[k]
+        R[:, k] = R[:, up] @ local[:, k]
+        places[:, k] = places[:, up] + np.einsum("nab,nb->na", R[:, up], joints[:, k] - joints[:, up])
+    return R, places
+
 
 RATE_HZ = 120.0
 SIDES = ("left", "right")
@@ -35,14 +99,14 @@ IMPORT = "make it with python -m afford.grasping.motion.oakink2_import"
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
     """All primitives of all sequences; SourceError when a file is missing or cannot be used."""
-    models = {side: mano.read(_file(files, f"mano_{side}.npz", "save MANO v1.2 so"), side) for side in SIDES}
+    models = {side: read_mano(_file(files, f"mano_{side}.npz", "save MANO v1.2 so"), side) for side in SIDES}
     sequences = [f for f in files.files if f.name.endswith(".npz") and not PurePosixPath(f.name).name.startswith("mano_")]
     if not sequences:
         raise SourceError(files.name, "a sequence (.npz)", "none", IMPORT)
     return tuple(motion for file in sequences for motion in _sequence(files, file, models))
 
 
-def _sequence(files: FileTree, file: FileRef, models: dict[str, mano.Mano]) -> list[HandMotion]:
+def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> list[HandMotion]:
     program_file = _file(files, file.name.removesuffix(".npz") + ".json", IMPORT)
     arrays = _checked(load_npz(file.path, file.name, _is_known), file.name)
     wanted = [(side, interval, entry) for key, entry in _program(program_file).items()
@@ -55,7 +119,7 @@ def _sequence(files: FileTree, file: FileRef, models: dict[str, mano.Mano]) -> l
 
 def _program(file: FileRef) -> dict[str, dict[str, Any]]:
     """Interval -> what is done in it."""
-    found = strict_json.parse(file.path.read_bytes(), file.name)
+    found = text.parse_json(file.path.read_bytes(), file.name)
     good = isinstance(found, dict) and all(
         isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
         for entry in found.values())  # fmt: skip
@@ -87,7 +151,7 @@ def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]
     return arrays
 
 
-def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: mano.Mano, interval: tuple[int, int], entry: Any) -> HandMotion:
+def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: Mano, interval: tuple[int, int], entry: Any) -> HandMotion:
     start, end = interval
     part = (arrays["frames"] >= start) & (arrays["frames"] < end)
     short = SHORT[model.side]
@@ -97,12 +161,13 @@ def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: mano.Mano, interv
     pose, tsl, betas = (arrays[f"{model.side}/{field}"][part] for field in ("pose", "tsl", "betas"))
     held = [name for name in entry.get(f"obj_list_{short}") or [] if OBJECT + name in arrays]
     try:
-        points = mano.keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
+        points = keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
         track = _poses(arrays[OBJECT + held[0]][part]) if held else None
     except ValueError as error:  # of SciPy, for a rotation that is none
         raise SourceError(where, "rotations", reason(error), "get the sequence again") from error
     name = f"{file.name.removesuffix('.npz')}_{short}_{start:05d}_{entry.get(f'primitive_{short}') or 'hold'}"
-    return build(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "", object_pose=track)
+    return hand_motion(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "",
+                       object_pose=track)  # fmt: skip
 
 
 def _poses(T: np.ndarray) -> np.ndarray:

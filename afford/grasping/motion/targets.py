@@ -6,8 +6,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.motion.points import LEVEL_1, TIP, HandPoints
-from schemas.hand import HandModel
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
+from schemas.hand import FINGERS, HandModel
+
+OF_FINGER = 4
+LEVEL_1, LEVEL_2, DISTAL, TIP = range(OF_FINGER)
+
+
+@dataclass(frozen=True, eq=False)
+class HandPoints:
+    """Which points of a hand are compared with which of a person's 21."""
+
+    links: np.ndarray
+    """(4 f,) link of each point, finger by finger, from the palm to the tip"""
+    offsets_m: np.ndarray
+    """(4 f, 3) in the link's frame"""
+    keypoint: np.ndarray
+    """(f, 4) index of the person's point"""
+    bones_m: np.ndarray
+    """(f, 3) lengths from point to point, at rest"""
+    knuckles: np.ndarray
+    """(k,) fingers whose bases say where the palm is and how wide: index, middle, ring, as many as there are"""
+    knuckles_m: np.ndarray
+    """(k, 3) their bases in the palm's frame, at rest"""
+
+
+def hand_points(hand: HandModel) -> HandPoints:
+    """The points of a hand; at rest every joint is at 0, or at the limit that is nearest to it."""
+    fingers = hand.fingers
+    links = np.stack([fingers.base_link, fingers.middle_link, fingers.tip_link, fingers.tip_link], axis=1)
+    offsets = np.zeros((len(links), OF_FINGER, 3))
+    offsets[:, TIP] = fingers.tip_m
+    low, high = joint_limits(hand.joints).T
+    T = forward_kinematics(hand.joints, np.clip(0.0, low, high)[None])
+    T_palm_link = np.linalg.inv(T[:, hand.palm])[:, None] @ T
+    rest = points_on_links(T_palm_link, links.ravel(), offsets.reshape(-1, 3))[0].reshape(-1, OF_FINGER, 3)
+    wide = [k for k, name in enumerate(fingers.name) if name in ("index", "middle", "ring")]
+    knuckles = np.array(wide or [k for k, name in enumerate(fingers.name) if name != "thumb"])
+    first = 1 + OF_FINGER * np.array([FINGERS.index(name) for name in fingers.name])
+    return HandPoints(links.ravel(), offsets.reshape(-1, 3), first[:, None] + np.arange(OF_FINGER),
+                      np.linalg.norm(np.diff(rest, axis=1), axis=-1), knuckles, rest[knuckles, LEVEL_1])
+
 
 INDEX_MCP, MIDDLE_MCP, RING_MCP, LITTLE_MCP = 5, 9, 13, 17
 SHORT_M = 1e-4
@@ -26,7 +65,7 @@ class Targets:
     """(t, 4, 4) the person's palm, in the frame of the robot's: where to begin"""
 
 
-def targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
+def scaled_targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
     """keypoints (t, 21, 3) -> what to reach. Every bone keeps its direction and takes the robot's length: its ratio is that of
     the robot's bone to the person's median. `keep_tips` 1 leaves the fingertips where the person has them, 0 scales them too.
     """

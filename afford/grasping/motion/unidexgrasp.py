@@ -12,7 +12,7 @@ from collections import Counter
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.grasp import SPLITS, GraspObjects
 
@@ -36,7 +36,7 @@ def category(code: str) -> str:
 
 def _split(file: FileRef, split: str) -> list[Row]:
     out: list[Row] = []
-    for number, line in enumerate(read_text(file.path, file.name).splitlines(), 1):
+    for number, line in enumerate(read_utf8(file.path, file.name).splitlines(), 1):
         if line.strip() and not line.startswith("#"):
             out += [(code, category(code), split, scale) for code, scale in _line(f"{file.name}, line {number}", line.strip())]
     counts = Counter(out)

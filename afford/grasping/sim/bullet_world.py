@@ -8,20 +8,21 @@ given them, less drag, at every step of the solver.
 from __future__ import annotations
 
 import tempfile
+import xml.etree.ElementTree as Xml
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from scipy.spatial import ConvexHull
 
 from afford.common.bullet import Client
-from afford.common.quaternions import inverse, matrix, product
-from afford.grasping.hand.coupling import commanded, driven
-from afford.grasping.hand.folder import save as save_hand
-from afford.grasping.hand.kinematics import moving
-from afford.grasping.sim import object_urdf
-from afford.grasping.sim.engine import State, checked, solver_steps
-from afford.grasping.sim.scene import Physics, Scene, finger_of_link, held, limits_of
+from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
+from afford.grasping.hand.export import save_hand as save_hand
+from afford.grasping.hand.kinematics import commanded_columns, commanded_joints, moving_joints
+from afford.grasping.sim.engine import State, finite_vector, solver_steps
+from afford.grasping.sim.scene import Physics, Scene, finger_of_link, hold_command, scene_limits
+from schemas.grasp import GraspObject
 
 GEAR_NM = 100.0
 """torque that a coupling may take: more than any motor of a finger has"""
@@ -56,11 +57,11 @@ class BulletWorld:
             self.object = _object(self.client, scene, Path(folder))
             self.hand = _hand(self.client, scene, Path(folder), seen)
         number = _numbers(self.client, self.hand)
-        moves, motors = moving(hand.joints), driven(hand.joints)
+        moves, motors = moving_joints(hand.joints), commanded_joints(hand.joints)
         self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
         self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
-        self._of_motor = commanded(hand.joints)
-        self._limits = limits_of(scene)
+        self._of_motor = commanded_columns(hand.joints)
+        self._limits = scene_limits(scene)
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
         self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
         self._speeds = hand.joints.velocity[motors].tolist()
@@ -74,23 +75,23 @@ class BulletWorld:
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
-        q, pose = checked("reset, q", q, len(self._joints)), checked("reset, body", body, 7)
+        q, pose = finite_vector("reset, q", q, len(self._joints)), finite_vector("reset, body", body, 7)
         self._forget()
         self.client.restoreState(stateId=self._fresh)
         for joint, value in zip(self._joints, q.tolist(), strict=True):
             self.client.resetJointState(self.hand, joint, value, 0.0)
-        centre = pose[:3] + matrix(pose[3:]) @ self.scene.body.com_m
-        turn = product(pose[3:], self._inertial)
+        centre = pose[:3] + quaternion_matrix(pose[3:]) @ self.scene.body.com_m
+        turn = quaternion_product(pose[3:], self._inertial)
         self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
         self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
         self._force, self._left = np.zeros(3), 0
-        self._command(held(self.scene, q))
+        self._command(hold_command(self.scene, q))
         self.client.performCollisionDetection()
         return self.state()
 
     def step(self, u: np.ndarray, control_s: float) -> State:
         """Motors follow u, cut to the limits of their joints."""
-        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        u, count = finite_vector("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._command(u.clip(*self._limits.T))
         for _ in range(count):
             if self._left:
@@ -102,7 +103,7 @@ class BulletWorld:
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """A force on the object for a time."""
-        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+        self._force, self._left = finite_vector("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
 
     def state(self) -> State:
         """Places are those of now; forces those of the last solver step."""
@@ -116,7 +117,8 @@ class BulletWorld:
         torque[:6] = torque[:6] if self._wrench is None else self._wrench.efforts
         return State(
             q=q, qd=qd, torque=torque, palm=np.concatenate(links[-1]), body=body,
-            tips=np.array([place + matrix(turn) @ tip for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
+            tips=np.array([place + quaternion_matrix(turn) @ tip
+                           for (place, turn), tip in zip(links, hand.fingers.tip_m, strict=False)]),
             velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
@@ -167,8 +169,8 @@ class BulletWorld:
     def _body(self) -> np.ndarray:
         """(7,) pose of the object's frame; the engine has that of its principal axes."""
         centre, turn = self.client.getBasePositionAndOrientation(self.object)
-        own = product(np.array(turn), inverse(self._inertial))
-        return np.concatenate([np.array(centre) - matrix(own) @ self.scene.body.com_m, own])
+        own = quaternion_product(np.array(turn), quaternion_inverse(self._inertial))
+        return np.concatenate([np.array(centre) - quaternion_matrix(own) @ self.scene.body.com_m, own])
 
     def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
         """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
@@ -176,7 +178,7 @@ class BulletWorld:
         found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
         if not found:
             return force, 0.0, 0
-        spots = (np.array([c[6] for c in found]) - body[:3]) @ matrix(body[3:])
+        spots = (np.array([c[6] for c in found]) - body[:3]) @ quaternion_matrix(body[3:])
         beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
         parts = self.scene.body.hull_part[beside.argmin(axis=0)]
         np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
@@ -225,7 +227,7 @@ def _table(client: Client, physics: Physics) -> int:
 
 def _object(client: Client, scene: Scene, folder: Path) -> int:
     """The friction of a contact is the product of both bodies', so the object's is 1."""
-    path, physics = object_urdf.save(scene.body, folder), scene.physics
+    path, physics = save_object(scene.body, folder), scene.physics
     body = int(client.loadURDF(str(path), flags=client.URDF_USE_INERTIA_FROM_FILE))
     info = client.getDynamicsInfo(body, -1)
     client.changeDynamics(body, -1, mass=info[0] * physics.mass_scale,
@@ -264,3 +266,28 @@ def _gear(client: Client, scene: Scene, body: int, driver: int, follower: int, j
 def _numbers(client: Client, body: int) -> dict[str, int]:
     """The engine's number of each joint, which is also that of the link it carries."""
     return {client.getJointInfo(body, k)[1].decode(): k for k in range(client.getNumJoints(body))}
+
+
+def save_object(body: GraspObject, folder: Path) -> Path:
+    """Write `object.urdf` and its hulls; mass and inertia are those of the object, about its centre of mass."""
+    robot = Xml.Element("robot", name="object")
+    link = Xml.SubElement(robot, "link", name="object")
+    inertial = Xml.SubElement(link, "inertial")
+    Xml.SubElement(inertial, "origin", xyz=_decimals(body.com_m), rpy="0 0 0")
+    Xml.SubElement(inertial, "mass", value=repr(body.mass_kg))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia_kgm2.tolist()
+    tensor = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    Xml.SubElement(inertial, "inertia", {key: repr(number) for key, number in tensor.items()})
+    for number, hull in enumerate(body.hulls()):
+        name = f"hull_{number}.obj"
+        trimesh.convex.convex_hull(hull).export(folder / name, include_normals=False, digits=9)
+        for shape in ("collision", "visual"):
+            geometry = Xml.SubElement(Xml.SubElement(link, shape), "geometry")
+            Xml.SubElement(geometry, "mesh", filename=name)
+    path = folder / "object.urdf"
+    path.write_text(Xml.tostring(robot, encoding="unicode"), encoding="utf-8")
+    return path
+
+
+def _decimals(numbers: np.ndarray) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
+from trimesh.intersections import slice_faces_plane
 
-from afford.common.points import farthest, sample
-from afford.grasping.sim.hulls import corners, decomposed
+from afford.common.geometry import farthest_point_sampling, sample_surface
+from afford.surface.meshes.nearest import Nearest
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
 
@@ -24,8 +27,8 @@ def grasp_object(mesh: ObjectMesh, parts: MeshParts, density_kg_m3: float, toler
         raise ValueError(f"{mesh.name}: expected a mesh with faces, got none; read or build it again")
     vertices, names, part = mesh.vertices.astype(np.float64), *_named(parts)
     solid = trimesh.Trimesh(vertices, mesh.faces, process=False)
-    pieces = decomposed(solid, part, tolerance_m, hulls)
-    shapes = [corners(piece, hull_corners) for piece in pieces]
+    pieces = convex_decomposition(solid, part, tolerance_m, hulls)
+    shapes = [simplified_corners(piece, hull_corners) for piece in pieces]
     mass, com, inertia = _mass([solid] if solid.is_volume else [trimesh.convex.convex_hull(s) for s in shapes], density_kg_m3)
     if not mass > 0:
         raise ValueError(f"{mesh.name}: expected a mesh with a volume, got {mass / density_kg_m3} m3; give it a thickness")
@@ -58,6 +61,156 @@ def _mass(solids: Sequence[trimesh.Trimesh], density_kg_m3: float) -> tuple[floa
 
 
 def _points(solid: trimesh.Trimesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    drawn, face = sample(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
-    kept = farthest(drawn, count)
+    drawn, face = sample_surface(solid.vertices, solid.faces, solid.area_faces, SURPLUS * count, np.random.default_rng(seed))
+    kept = farthest_point_sampling(drawn, count)
     return drawn[kept], face[kept]
+
+
+OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""where a cut is tried, as a share of the piece's extent"""
+THIN_M = 2e-4
+"""what is flatter than this is made as thick"""
+RAYS = np.array([[0.44, 0.62, 0.65], [-0.71, 0.29, 0.64], [0.13, -0.83, -0.54]])
+"""directions, along no edge of anything"""
+PROBES = 200
+"""points on a hull that are measured against the body"""
+DIGITS = 9
+EXACT_M = 1e-4
+"""corners of a hull that stand out of the others by less are left away"""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Triangles of one part and the hull around them."""
+
+    part: int
+    vertices: np.ndarray
+    """(v, 3)"""
+    faces: np.ndarray
+    """(f, 3)"""
+    hull: ConvexHull
+    stand_out_m: float
+    """95th percentile over the surface of the hull"""
+
+
+def convex_decomposition(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, most: int) -> list[Piece]:
+    """Pieces of a mesh whose faces have a part (f,) each, ordered by part; hulls stand out by `tolerance_m` at most, unless there
+    would be more than `most`. ValueError when there are more parts than that.
+    """
+    present = np.unique(part)
+    if len(present) > most:
+        raise ValueError(f"object_solids.hulls: expected at least the {len(present)} parts of the object, got {most}")
+    measure = _measure(solid)
+    pieces = [_piece(int(p), solid.vertices, solid.faces[part == p], measure) for p in present]
+    whole: set[int] = set()
+    while len(pieces) < most:
+        order = [k for k in range(len(pieces)) if pieces[k].stand_out_m > tolerance_m and id(pieces[k]) not in whole]
+        if not order:
+            break
+        worst = max(order, key=lambda k: pieces[k].stand_out_m)
+        halves = _cut(pieces[worst], measure)
+        if halves:
+            pieces[worst : worst + 1] = halves
+        else:
+            whole.add(id(pieces[worst]))
+    return pieces
+
+
+def simplified_corners(piece: Piece, most: int) -> np.ndarray:
+    """(k, 3) corners of its hull, k <= most: each was chosen as the farthest from the hull of those before it. To a nanometre: sums
+    of linear algebra differ beyond that with where arrays lie in memory.
+    """
+    points = piece.hull.points[piece.hull.vertices]
+    ends = [int(points[:, axis].argmin()) for axis in range(3)] + [int(points[:, axis].argmax()) for axis in range(3)]
+    taken = list(dict.fromkeys((*ends, *_spread(points))))
+    hull = ConvexHull(points[taken])
+    while len(taken) < min(most, len(points)):
+        out = (points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+        if out.max() < EXACT_M:
+            break
+        taken.append(int(out.argmax()))
+        hull = ConvexHull(points[taken])
+    kept: np.ndarray = hull.points[hull.vertices].round(DIGITS) + 0.0
+    return kept
+
+
+def _spread(points: np.ndarray) -> list[int]:
+    """Four corners that hold a volume, so that the first hull has one."""
+    a = int((points @ (1.0, 0.7, 0.4)).argmin())
+    b = int(np.linalg.norm(points - points[a], axis=1).argmax())
+    side = np.cross(points - points[a], points[b] - points[a])
+    c = int(np.linalg.norm(side, axis=1).argmax())
+    return [a, b, c, int(np.abs((points - points[a]) @ side[c]).argmax())]
+
+
+def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether two of three rays from each of (n, 3) points cross the surface an odd number of times. (What trimesh calls
+    `contains` draws a direction from numpy's random state.)
+    """
+    odd = np.zeros(len(points), int)
+    for direction in RAYS:
+        _, ray = solid.ray.intersects_id(points, np.tile(direction, (len(points), 1)), multiple_hits=True)
+        odd += np.bincount(ray, minlength=len(points)) % 2
+    found: np.ndarray = odd >= 2
+    return found
+
+
+def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
+    """How far the surface of a hull stands out of a body: 95th percentile, and nothing inside it."""
+    nearest = Nearest(solid.vertices, solid.faces)
+
+    def stand_out_m(hull: ConvexHull) -> float:
+        corner = hull.points[hull.simplices]
+        area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+        probes = sample_surface(hull.points, hull.simplices, area, PROBES, np.random.default_rng(0))[0].astype(np.float64)
+        away = np.where(inside(solid, probes), 0.0, nearest(probes)[2])
+        return float(np.percentile(away, 95))
+
+    return stand_out_m
+
+
+def _piece(part: int, vertices: np.ndarray, faces: np.ndarray, measure: Callable[[ConvexHull], float]) -> Piece:
+    used, index = np.unique(faces, return_inverse=True)
+    own, faces = vertices[used].astype(np.float64), index.reshape(-1, 3)
+    hull = ConvexHull(_thick(own))
+    return Piece(part, own, faces, hull, measure(hull))
+
+
+def _thick(points: np.ndarray) -> np.ndarray:
+    """The points, doubled along the direction in which they are flat."""
+    _, _, axes = np.linalg.svd(points - points.mean(0), full_matrices=len(points) < 3)
+    heights = (points - points.mean(0)) @ axes[-1]
+    if np.ptp(heights) > THIN_M:
+        return points
+    return np.concatenate([points - 0.5 * THIN_M * axes[-1], points + 0.5 * THIN_M * axes[-1]])
+
+
+def _cut(piece: Piece, measure: Callable[[ConvexHull], float]) -> tuple[Piece, ...]:
+    """Two pieces, cut where their hulls are smallest and roundest; none where no cut leaves two."""
+    own = np.linalg.svd(piece.vertices - piece.vertices.mean(0), full_matrices=False)[2]
+    axes = np.concatenate([np.eye(3), own.round(DIGITS)])
+    heights = piece.vertices @ axes.T
+    tries = [(_bulk(piece, axis, low + share * (high - low)), k, share)
+             for k, (axis, low, high) in enumerate(zip(axes, heights.min(0), heights.max(0), strict=True)) for share in OFFSETS
+             if high - low > 4 * THIN_M]  # fmt: skip
+    bulk, k, share = min(tries, default=(np.inf, 0, 0.0))
+    if not np.isfinite(bulk):
+        return ()
+    origin = axes[k] * (heights[:, k].min() + share * np.ptp(heights[:, k]))
+    sides = (slice_faces_plane(piece.vertices, piece.faces, sign * axes[k], origin) for sign in (1, -1))
+    return tuple(_piece(piece.part, vertices, faces, measure) for vertices, faces, *_ in sides)
+
+
+def _bulk(piece: Piece, axis: np.ndarray, offset: float) -> float:
+    """Volume of the hulls on both sides of a plane, each times its length; infinite when one is empty. Volume alone sees no gain in
+    cutting a ring in two, which is how it is cut in four.
+    """
+    height = piece.vertices @ axis - offset
+    edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])
+    a, b = edges[(height[edges[:, 0]] < 0) & (height[edges[:, 1]] > 0)].T
+    share = (height[a] / (height[a] - height[b]))[:, None]
+    seam = piece.vertices[a] + share * (piece.vertices[b] - piece.vertices[a])
+    sides = [np.concatenate([piece.vertices[keep], seam]) for keep in (height >= 0, height <= 0)]
+    if min(map(len, sides)) < 4 or not len(seam):
+        return float("inf")
+    return float(sum(ConvexHull(_thick(side)).volume * np.linalg.norm(np.ptp(side, axis=0)) for side in sides))

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from typing import Any
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any, Protocol, cast
 
 import numpy as np
 
-from afford.grasping.sim.engine import State, World, world
+from afford.common.registry import load
+from afford.grasping.sim.engine import BACKENDS, State, World, make_world
 from afford.grasping.sim.scene import Scene
 
 
@@ -21,15 +24,15 @@ def most_parts(scenes: Sequence[Scene]) -> int:
     return max(len(scene.body.parts) for scene in scenes)
 
 
-class Worlds:
-    """See afford.grasping.sim.batch.Batch. `parts`: the most that an object has; forces on others are padded with 0."""
+class ThreadWorlds:
+    """See afford.grasping.sim.worlds.WorldBatch. `parts`: the most that an object has; forces on others are padded with 0."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1) -> None:
         """ValueError for no scenes, hands that differ in their joints, or no threads."""
         if threads < 1:
             raise ValueError(f"Worlds: expected one thread or more, got {threads}")
         self.scenes, self.parts = tuple(scenes), most_parts(scenes)
-        self.worlds: tuple[World, ...] = tuple(world(engine, scene) for scene in scenes)
+        self.worlds: tuple[World, ...] = tuple(make_world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def alone(self, k: int) -> World:
@@ -82,3 +85,242 @@ class Worlds:
             row[:, : one.shape[1]] = one
         arrays: dict[str, Any] = {name: np.array(column) for name, column in columns.items()}
         return State(force=force, **arrays)
+
+
+LEAVE_S = 10.0
+"""a process that does not end by itself after this time is ended"""
+
+
+class ProcessWorlds:
+    """See afford.grasping.sim.worlds.WorldBatch: the same bits as Worlds, on more cores."""
+
+    def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 2) -> None:
+        """ValueError as Worlds, RuntimeError when a process does not begin."""
+        self.parts = most_parts(scenes)
+        self._shares = np.array_split(np.arange(len(scenes)), max(1, min(processes, len(scenes))))
+        self._workers = [_Worker(engine, [scenes[k] for k in share], threads) for share in self._shares]
+        try:
+            for worker in self._workers:
+                worker.answer()
+        except Exception:
+            self.close()
+            raise
+
+    def alone(self, k: int) -> World:
+        """World k, wherever it is."""
+        number = int(np.searchsorted([share[-1] for share in self._shares], k))
+        return cast(World, _Remote(self._workers[number], k - int(self._shares[number][0])))
+
+    def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
+        """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
+        chosen = np.arange(self._shares[-1][-1] + 1) if which is None else np.asarray(which, int)
+        mine = [np.flatnonzero(np.isin(chosen, share)) for share in self._shares]
+        found = self._all("reset", [(q[rows], body[rows], (chosen[rows] - share[0]).tolist()) if len(rows) else None
+                                    for rows, share in zip(mine, self._shares, strict=True)])  # fmt: skip
+        return self._joined([state for state in found if state is not None], np.concatenate(mine))
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """u (n, m)."""
+        return self._joined(self._all("step", [(u[share], control_s) for share in self._shares]))
+
+    def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
+        """force (k, 3) on the objects of worlds `which`, or of all."""
+        chosen = np.arange(self._shares[-1][-1] + 1) if which is None else np.asarray(which, int)
+        mine = [np.flatnonzero(np.isin(chosen, share)) for share in self._shares]
+        self._all("push", [(force[rows], duration_s, (chosen[rows] - share[0]).tolist()) if len(rows) else None
+                           for rows, share in zip(mine, self._shares, strict=True)])  # fmt: skip
+
+    def state(self) -> State:
+        """What is known now."""
+        return self._joined(self._all("state", [() for _ in self._shares]))
+
+    def save(self) -> tuple[Any, ...]:
+        """A token of every process."""
+        return tuple(self._all("save", [() for _ in self._shares]))
+
+    def restore(self, tokens: Sequence[Any]) -> State:
+        """Every world back to its token."""
+        return self._joined(self._all("restore", [(token,) for token in tokens]))
+
+    def close(self) -> None:
+        """End the processes; twice is harmless."""
+        for worker in self._workers:
+            worker.close()
+
+    def _all(self, method: str, arguments: Sequence[tuple[Any, ...] | None]) -> list[Any]:
+        """Ask every process that there is something for, then hear all of them, so that they compute at the same time. The first
+        error is raised when all have answered.
+        """
+        asked = [(worker, given) for worker, given in zip(self._workers, arguments, strict=True)]
+        try:
+            for worker, given in asked:
+                if given is not None:
+                    worker.ask(None, method, given)
+            answers = [worker.hear() if given is not None else None for worker, given in asked]
+        except RuntimeError:  # a process is gone: what others answer would be taken for the answer to another question
+            self.close()
+            raise
+        return [_value(answer) for answer in answers]
+
+    def _joined(self, states: Sequence[State], order: np.ndarray | None = None) -> State:
+        """One State; `order` (k,) says which place each row has. force is 0 where an object has fewer parts than another."""
+        columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
+        columns["force"] = [np.pad(force, ((0, 0), (0, 0), (0, self.parts - force.shape[2]))) for force in columns["force"]]
+        place = slice(None) if order is None else np.argsort(order)
+        whole: dict[str, Any] = {name: np.concatenate(column)[place] for name, column in columns.items()}
+        return State(**whole)
+
+
+class _Worker:
+    """A process with some worlds, seen from outside."""
+
+    def __init__(self, engine: str, scenes: Sequence[Scene], threads: int) -> None:
+        context = get_context("spawn")
+        self._line, other = context.Pipe()
+        self._names = ", ".join(sorted({scene.body.name for scene in scenes}))
+        self._process = context.Process(target=_serve, args=(other, engine, list(scenes), threads), daemon=True)
+        self._process.start()
+        other.close()  # so that this end hears when the process is gone
+
+    def ask(self, k: int | None, method: str, arguments: tuple[Any, ...]) -> None:
+        try:
+            self._line.send((k, method, arguments))
+        except (BrokenPipeError, OSError) as error:
+            raise self._gone() from error
+
+    def hear(self) -> Any:
+        try:
+            return self._line.recv()
+        except (EOFError, ConnectionResetError) as error:
+            raise self._gone() from error
+
+    def answer(self) -> Any:
+        """What was asked for, or the error that it came to."""
+        return _value(self.hear())
+
+    def close(self) -> None:
+        if not self._line.closed:
+            self._line.close()
+            self._process.join(LEAVE_S)
+            if self._process.is_alive():
+                self._process.terminate()
+                self._process.join()
+
+    def _gone(self) -> RuntimeError:
+        self._process.join(LEAVE_S)
+        code = self._process.exitcode
+        return RuntimeError(f"worlds with {self._names}: expected their process to answer, got that it ended (exit code {code}); "
+                            "it may have run out of memory: take fewer worlds or processes")
+
+
+class _Remote:
+    """One world of another process: see afford.grasping.sim.engine.World."""
+
+    def __init__(self, worker: _Worker, k: int) -> None:
+        self._worker, self._k = worker, k
+
+    def reset(self, q: np.ndarray, body: np.ndarray) -> State:
+        return cast(State, self._call("reset", q, body))
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        return cast(State, self._call("step", u, control_s))
+
+    def push(self, force: np.ndarray, duration_s: float) -> None:
+        self._call("push", force, duration_s)
+
+    def state(self) -> State:
+        return cast(State, self._call("state"))
+
+    def save(self) -> Any:
+        return self._call("save")
+
+    def restore(self, token: Any) -> State:
+        return cast(State, self._call("restore", token))
+
+    def close(self) -> None:
+        """Its process closes it."""
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        self._worker.ask(self._k, method, arguments)
+        return self._worker.answer()
+
+
+def _value(answer: Any) -> Any:
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+def _serve(line: Connection, engine: str, scenes: Sequence[Scene], threads: int) -> None:
+    """What a process does: make its worlds, then as it is told, until the line is closed."""
+    worlds: ThreadWorlds | None = None
+    message: Any = (None, "", ())
+    while message is not None:
+        k, method, arguments = message
+        try:
+            if worlds is None:
+                worlds, answer = ThreadWorlds(engine, scenes, threads), None
+            else:
+                answer = getattr(worlds if k is None else worlds.worlds[k], method)(*arguments)
+        except Exception as error:  # it is raised where the question came from
+            answer = error
+        message = _told(line, answer)
+    if worlds is not None:
+        worlds.close()
+
+
+def _told(line: Connection, answer: Any) -> Any:
+    """Answer, and wait for the next question; None when nobody asks any more."""
+    try:
+        line.send(answer)
+        return line.recv()
+    except (EOFError, OSError):
+        return None
+
+
+TOGETHER = {"warp": "afford.grasping.sim.warp_worlds:WarpWorlds"}
+"""engines that compute all worlds at once, on a device"""
+ENGINES = (*sorted(BACKENDS), *sorted(TOGETHER))
+
+
+class WorldBatch(Protocol):
+    """n worlds; scenes may differ in object and physics, not in hand. Everything is a copy."""
+
+    def alone(self, k: int) -> World:
+        """World k by itself, to see where its object comes to rest. Where worlds are only computed together, it is MuJoCo's."""
+
+    def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
+        """q (k, d) and body (k, 7) for the worlds `which`, or for all; their states."""
+
+    def step(self, u: np.ndarray, control_s: float) -> State:
+        """u (n, m)."""
+
+    def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
+        """force (k, 3) on the objects of worlds `which`, or of all."""
+
+    def state(self) -> State:
+        """What is known now."""
+
+    def save(self) -> Any:
+        """Everything that the next step depends on."""
+
+    def restore(self, token: Any) -> State:
+        """Back to that moment."""
+
+    def close(self) -> None:
+        """Give the engine back; twice is harmless."""
+
+
+def world_batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 1, device: str = "cpu") -> WorldBatch:
+    """Worlds of an engine, on `threads` in each of `processes`. ValueError for what an engine cannot be asked: another device than
+    the CPU where it has none, threads or processes where all worlds are computed together.
+    """
+    if engine in TOGETHER:
+        if threads > 1 or processes > 1:
+            raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all "
+                             "worlds at once")
+        made: Callable[[Sequence[Scene], str], WorldBatch] = load(TOGETHER, engine)
+        return made(scenes, device)
+    if device != "cpu":
+        raise ValueError(f"device: expected cpu with the engine {engine}, got {device!r}; only {', '.join(TOGETHER)} has another")
+    return ProcessWorlds(engine, scenes, threads, processes) if processes > 1 else ThreadWorlds(engine, scenes, threads)

@@ -6,13 +6,13 @@ slot), on the very rays along which such a place can be seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from afford.render.views.cameras import CARDINAL, Sphere
-from afford.render.views.rays import Rays
-from afford.render.views.surface import Surface, sphere
+from afford.render.camera import CARDINAL, Sphere
+from afford.render.views.surface import Rays, Surface, sphere
+from schemas.mesh import ObjectViews
 
 AROUND = 128
 """candidates all around"""
@@ -104,3 +104,12 @@ def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: Wish, directions: 
     along = (start * way).sum(1)
     far = np.sqrt(along**2 - (start * start).sum(1) + (wish.distance * around.radius_m) ** 2) - along
     return np.asarray(around.centre + start + far[:, None] * way)
+
+
+SIX = 6
+
+
+def six(views: ObjectViews) -> ObjectViews:
+    """The first six views of an object, arrays shared with the given ones."""
+    return replace(views, views=views.views[:SIX], rgb=views.rgb[:SIX], face=views.face[:SIX], depth_m=views.depth_m[:SIX],
+                   K=views.K[:SIX], T_obj_cam=views.T_obj_cam[:SIX], seen_area=views.seen_area[:SIX])  # fmt: skip

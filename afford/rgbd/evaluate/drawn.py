@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
-from afford.common.lettering import font
+from afford.common.drawing import font
 from afford.common.palette import FAINT, INK, PAPER, Colour
 from schemas.interaction import AFFORDANCES, BACKGROUND
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import cv2
 
-from afford.common.encode import png
 from afford.common.files import write_json
+from afford.common.image_files import encode_png
 from afford.rgbd.evaluate import flow, page, sheet
 from afford.rgbd.evaluate.figures import figures, intervals
 from afford.rgbd.evaluate.recipes import WHOLE, label
@@ -52,7 +52,7 @@ def write(root: Path, found: Found, by_row: bool, resamples: int, seed: int) -> 
     write_json(root / "scores.json", done)
     (root / "report.md").write_text(text + page.motion(motion), encoding="utf-8", newline="\n")
     if first is not None and first.shown:
-        (root / "sheet.png").write_bytes(png(cv2.cvtColor(sheet.draw(first), cv2.COLOR_RGB2BGR)).tobytes())
+        (root / "sheet.png").write_bytes(encode_png(cv2.cvtColor(sheet.draw(first), cv2.COLOR_RGB2BGR)).tobytes())
 
 
 def by_label(recipes: tuple[Recipe, ...], done: Mapping[str, dict[str, float]]) -> Rows:

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from afford.common.drawing import pad_tile, title_row, write_page
 from afford.common.files import write_json
-from afford.common.tiles import framed, titles, write_page
 from afford.rgbd.evaluate import metrics as sor3d
 from afford.rgbd.evaluate.drawn import heat, legend, painted
 from afford.rgbd.evaluate.metrics import Counts
@@ -82,7 +82,7 @@ def sheet(shown: Sequence[Scored], threshold: float) -> list[np.ndarray]:
     rows = [_row(one, threshold) for one in shown]
     width = rows[0].shape[1]
     key = legend(dict.fromkeys(AFFORDANCES, ""), f"confident: probability above {threshold:g}", width)
-    return [titles(COLUMNS, width, SIDE), *rows, key]
+    return [title_row(COLUMNS, width, SIDE), *rows, key]
 
 
 def _row(one: Scored, threshold: float) -> np.ndarray:
@@ -90,7 +90,7 @@ def _row(one: Scored, threshold: float) -> np.ndarray:
     sure = np.where(probability[:BACKGROUND].max(0) > threshold, probability[:BACKGROUND].argmax(0), BACKGROUND)
     looked = heat(one.told.attention, SIDE, SIDE) if one.told.attention.size else _boxed(rgb, one.told.box_px)
     tiles = [rgb, painted(rgb, square(one.sample.label)), painted(rgb, probability.argmax(0)), painted(rgb, sure), looked]
-    return np.concatenate([framed(cv2.resize(tile, (SIDE, SIDE), interpolation=cv2.INTER_AREA)) for tile in tiles], axis=1)
+    return np.concatenate([pad_tile(cv2.resize(tile, (SIDE, SIDE), interpolation=cv2.INTER_AREA)) for tile in tiles], axis=1)
 
 
 def _boxed(rgb: np.ndarray, boxes: np.ndarray) -> np.ndarray:

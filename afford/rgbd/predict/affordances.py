@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from safetensors.numpy import save
 
-from afford.common.encode import png
-from afford.common.overlay import MIN_WIDTH_PX
-from afford.common.prediction_folder import RECORD, write_files
+from afford.common.drawing import MIN_WIDTH_PX
+from afford.common.files import RECORD, write_files
+from afford.common.image_files import encode_png
 from afford.rgbd.evaluate import drawn
 from afford.rgbd.model.found import Found, likeliest
 from afford.rgbd.predict.footage import Footage
@@ -55,7 +55,7 @@ def write(asked: Asked, model: Identified, folder: Path) -> Path:
     """
     label, sure = (spread(asked, index) for index in (asked.found.label, asked.found.confident(asked.threshold)))
     said = record(asked, label, sure, model)
-    files = {"label.png": png(label).tobytes(), "overlay.png": _png(overlay(asked, sure, said)),
+    files = {"label.png": encode_png(label).tobytes(), "overlay.png": _png(overlay(asked, sure, said)),
              "probabilities.safetensors": save({"probability": asked.found.probability, "action": asked.found.action,
                                                 "attention": asked.found.attention}),
              RECORD: (json.dumps(said, indent=1, allow_nan=False) + "\n").encode()}  # fmt: skip
@@ -121,4 +121,4 @@ def _named(values: np.ndarray) -> dict[str, float]:
 
 
 def _png(rgb: np.ndarray) -> bytes:
-    return png(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)).tobytes()
+    return encode_png(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)).tobytes()

@@ -11,14 +11,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.depth import matrix_of, read_depth
 from afford.common.errors import SourceError
 from afford.common.folders import VIDEO_SUFFIXES
-from afford.common.natural import natural
-from afford.common.picture import read_image
-from afford.common.video.decode import every_nth
+from afford.common.image_files import read_depth, read_image, read_intrinsics
+from afford.common.text import natural_key
+from afford.common.video.frames import every_nth
+from afford.common.video.inputs import IMAGES
 from afford.common.video.probe import probe
-from afford.common.video.sources import IMAGES
 from schemas.interaction import BACKGROUND, InteractionClip
 
 FOCAL_SHARE = 365.0 / 300
@@ -112,7 +111,7 @@ def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[in
 def _numbered(folder: Path, suffixes: tuple[str, ...], without: tuple[str, ...]) -> list[Path]:
     """Files of a folder but those that begin so, in the order of the numbers in their names."""
     found = [one for one in folder.iterdir() if one.suffix.lower() in suffixes and not one.name.startswith(without)]
-    return sorted(found, key=lambda one: natural(one.name))
+    return sorted(found, key=lambda one: natural_key(one.name))
 
 
 def _depths(path: Path, numbers: list[int], of: int, shape: tuple[int, ...]) -> list[np.ndarray]:
@@ -136,7 +135,7 @@ def _camera(lens: Lens, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, 
     side = min(height, width)
     square = ((height - side) // 2, (width - side) // 2, side)
     if lens.intrinsics is not None:
-        return matrix_of(lens.intrinsics), square
+        return read_intrinsics(lens.intrinsics), square
     focal = lens.focal_px or FOCAL_SHARE * side
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]]), square
 

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
+from afford.common.text import read_utf8
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.pictures import picture
 from afford.rgbd.readers.static_set import Listed
@@ -50,7 +50,7 @@ def _splits(files: FileTree) -> dict[str, str]:
     for name, split in SPLIT_FILES:
         for file in files.files:
             if PurePosixPath(file.name).name == name:
-                for line in read_text(file.path, file.name).split():
+                for line in read_utf8(file.path, file.name).split():
                     out.setdefault(PurePosixPath(line).stem, split)
     return out
 
@@ -72,7 +72,7 @@ def _sample(stem: str, at: dict[tuple[str, ...], FileRef], split: str, crop_px: 
 
 def _rows(file: FileRef) -> np.ndarray:
     """(h, w) float64 of a table of numbers in text; SourceError when a row is of another length, or no number."""
-    lines = read_text(file.path, file.name).splitlines()
+    lines = read_utf8(file.path, file.name).splitlines()
     try:
         found = np.array([line.split() for line in lines if line.strip()], np.float64)
     except ValueError as error:

@@ -8,12 +8,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common import strict_json
 from afford.common.errors import SourceError
-from afford.common.natural import natural
-from afford.dataset.sor3d.colours import commonest, unpaint
-from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
-from afford.dataset.sor3d.write import GRID
+from afford.common.text import natural_key, parse_json
+from afford.dataset.sor3d_layout import CAMERA, DEPTH_MM, EXTRAS, GRID, MASK, SPOT, dominant_colour, label_of_colours, parse_name
 from afford.rgbd.readers import sampling
 from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree
@@ -41,9 +38,9 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
     """One sequence."""
     if not files.files:
         raise SourceError(files.name, "the files of a sequence", "none", DOCS)
-    name = parse(files.files[0].name)
+    name = parse_name(files.files[0].name)
     base = f"{name.split}/{name.folder}"
-    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural(file.name))
+    rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural_key(file.name))
     if len(rgb) <= EXTRAS:
         raise SourceError(f"{base}/rgb", f"frames and {EXTRAS} files behind them", f"{len(rgb)} files", DOCS)
     frames, extras = rgb[:-EXTRAS], rgb[-EXTRAS:]
@@ -83,10 +80,11 @@ def _like(found: np.ndarray, raw: tuple[int, ...], file: FileRef, what: str, fix
 def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
     """(h, w) uint8, as it lies in the file. Every sequence shows what it is about: SourceError where no pixel has the colour."""
     mask = _like(_colour(file), raw, file, "a mask", "write masks on the grid of the frames")
-    label = unpaint(mask, affordance)
+    label = label_of_colours(mask, affordance)
     if (label == BACKGROUND).all():
-        raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
-                          f"mostly {commonest(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+        expected = f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder"
+        raise SourceError(file.name, expected, f"mostly {dominant_colour(mask) or 'black alone'}",
+                          "write masks as PNG in exactly that colour")  # fmt: skip
     return label
 
 
@@ -123,7 +121,7 @@ def _camera(files: FileTree, base: str, size: tuple[int, ...], rules: Rules) -> 
     given = {"fx": scale * width, "fy": scale * width, "cx": (width - 1) / 2 - left, "cy": (height - 1) / 2 - top,
              "rate_hz": rules.rate_hz}  # fmt: skip
     if file is not None:
-        said = strict_json.parse(file.path.read_bytes(), file.name)
+        said = parse_json(file.path.read_bytes(), file.name)
         given = {key: _number(said, key, file.name) for key in given}
         if rules.grid == "stcae":
             raise SourceError(file.name, "grid='native', as K is given for the files", "grid='stcae'", "read it as it is")
@@ -135,7 +133,7 @@ def _camera(files: FileTree, base: str, size: tuple[int, ...], rules: Rules) -> 
 
 def _spots(file: FileRef, size: tuple[int, ...], grid: str) -> np.ndarray:
     """(k, 3) float32 x, y, radius on the grid that is shown."""
-    said = strict_json.parse(file.path.read_bytes(), file.name)
+    said = parse_json(file.path.read_bytes(), file.name)
     if not isinstance(said, dict) or not isinstance(said.get("center"), list):
         raise SourceError(f"{file.name}, center", "a list of circles", type(said).__name__, DOCS)
     found = [[_number(spot, key, file.name) for key in ("x_coord", "y_coord", "radius")] for spot in said["center"]]

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
-from afford.dataset.sor3d.names import DEPTH_MM
+from afford.common.text import read_utf8
+from afford.dataset.sor3d_layout import DEPTH_MM
 from afford.rgbd.readers import Umd
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.mat5 import read_matrix
@@ -56,7 +56,7 @@ def _splits(files: FileTree, split_file: str) -> dict[str, str]:
     if file is None:
         return {}
     out = {}
-    for number, line in enumerate(read_text(file.path, file.name).splitlines(), 1):
+    for number, line in enumerate(read_utf8(file.path, file.name).splitlines(), 1):
         words = line.split()
         if words and (len(words) != 2 or words[0] not in SPLITS):
             raise SourceError(f"{file.name}, line {number}", "1 or 2, then a tool", repr(line), FIX)

@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.common.utf8 import read_text
-from afford.dataset.sor3d.names import DEPTH_MM
+from afford.common.text import read_utf8
+from afford.dataset.sor3d_layout import DEPTH_MM
 from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree
 from schemas.interaction import ActionClip
@@ -48,7 +48,7 @@ def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, .
 def _rows(table: FileRef) -> list[tuple[str, str, int, int]]:
     """Sequence, action, first and last number."""
     out, sequence = [], ""
-    for number, line in enumerate(read_text(table.path, table.name).splitlines(), 1):
+    for number, line in enumerate(read_utf8(table.path, table.name).splitlines(), 1):
         action, colon, numbers = (word.strip() for word in line.partition(":"))
         if action and not colon:
             sequence = action

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.boxes import box
-from afford.render.views.six import SIX
+from afford.common.masks import box
+from afford.render.views.plan import SIX
 from afford.surface.candidates import Windows
 from afford.surface.segments.suppress import collected
 from schemas.mesh import ObjectMesh, ObjectViews

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.models.sam_masks import Grid, everything, grid_points, load_model
+from afford.models.sam import Grid, everything, grid_points, load_model
 from afford.surface.candidates import Sam
 from afford.surface.segments.suppress import collected, suppress
 from schemas.mesh import ObjectMesh, ObjectViews

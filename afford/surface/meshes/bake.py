@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from afford.common.nearest import filled
+from afford.common.masks import fill_nearest
 
 ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""
@@ -19,7 +19,7 @@ def bake(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
     inside = face >= 0
     out = np.zeros((side, side, 3), np.uint8)
     out[inside] = colour_at(face[inside].astype(np.int64), bary[inside])
-    return filled(out, inside)
+    return fill_nearest(out, inside)
 
 
 @numba.njit(cache=True)

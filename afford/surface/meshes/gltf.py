@@ -16,8 +16,8 @@ from urllib.parse import unquote
 import numpy as np
 from trimesh.transformations import quaternion_matrix
 
-from afford.common import strict_json
 from afford.common.errors import SourceError
+from afford.common.text import parse_json
 from afford.surface.meshes.files import Pictures, locate, picture
 from afford.surface.meshes.surface import Surface, check_triangles, join, moved
 from schemas.files import FileRef, FileTree
@@ -123,7 +123,7 @@ def _primitives(document: _Document) -> list[Surface]:
 def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
     """JSON tree and binary chunk."""
     if len(data) < 12 or struct.unpack_from("<I", data)[0] != MAGIC:
-        tree, body = strict_json.parse(data, name), b""
+        tree, body = parse_json(data, name), b""
     else:
         parts: dict[int, bytes] = {}
         at = 12
@@ -133,7 +133,7 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
             at += 8 + length
         if JSON_CHUNK not in parts:
             raise SourceError(name, "a JSON chunk", "none", "was the file cut short? get it again")
-        tree, body = strict_json.parse(parts[JSON_CHUNK], name), parts.get(BIN_CHUNK, b"")
+        tree, body = parse_json(parts[JSON_CHUNK], name), parts.get(BIN_CHUNK, b"")
     asset = tree.get("asset") if isinstance(tree, dict) else None
     if not isinstance(asset, dict) or not str(asset.get("version", "")).startswith("2"):
         raise SourceError(name, "glTF 2.x", "another version or none", "export it as glTF 2.0")

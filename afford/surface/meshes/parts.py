@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from afford.common import strict_json
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
+from afford.common.text import json_field, parse_json
 from afford.surface.meshes.files import LABELS
 from afford.surface.meshes.surface import Surface
 from schemas.files import FileTree
@@ -36,12 +36,12 @@ def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> Labels:
     file = files.find(mesh_name + LABELS)
     if file is None:
         return Labels("", (), np.full(len(surface.faces), -1, np.int16))
-    tree = strict_json.parse(file.path.read_bytes(), file.name)
+    tree = parse_json(file.path.read_bytes(), file.name)
     _check(tree, file.name)
     ways = [key for key in ("parts", "groups") if key in tree]
     if len(ways) != 1:
         raise SourceError(file.name, "either 'parts' or 'groups'", " and ".join(ways) or "neither", FIX)
-    named = strict_json.entry(tree, ways[0], dict, file.name)
+    named = json_field(tree, ways[0], dict, file.name)
     if len(named) > MAX_PARTS:
         raise TooLargeError(f"{file.name}, {ways[0]}", f"at most {MAX_PARTS} parts", str(len(named)), FIX)
     give = _by_range if ways[0] == "parts" else _by_group

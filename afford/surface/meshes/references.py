@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from urllib.parse import unquote
 
-from afford.common import strict_json
 from afford.common.errors import SourceError
+from afford.common.text import parse_json
 from afford.surface.meshes import urdf
 from afford.surface.meshes.files import MESH_SUFFIXES, URDF, suffix, target
 from afford.surface.meshes.mtl import image_name, statements
@@ -51,7 +51,7 @@ def _uris(kind: str, path: Path) -> list[str]:
     data = path.read_bytes()
     if kind == ".glb":
         data = data[JSON_START : JSON_START + int.from_bytes(data[12:16], "little")]
-    tree = strict_json.parse(data, path.name)
+    tree = parse_json(data, path.name)
     try:
         entries = [*tree.get("buffers", []), *tree.get("images", [])]
         uris = [entry["uri"] for entry in entries if "uri" in entry]

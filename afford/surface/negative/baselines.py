@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.render.views.six import SIX, six
+from afford.render.views.plan import SIX, six
 from afford.surface.negative.coarse import coarse_box, segmented
 from afford.surface.negative.project import on_faces
 from afford.surface.negative.relevance import RELEVANT, relevance

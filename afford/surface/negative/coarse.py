@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.common.boxes import Box, box
+from afford.common.masks import Box, box
 
 LEAST = 0.85
 """a window belongs to the box when its fit is at least this share of the best one's; chosen on the objects that judge the scorer's

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.points import farthest, sample
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.surface.negative.distance import field
 from afford.surface.negative.fuse import by_task, pixels
 from afford.surface.negative.neighbours import fill
@@ -33,7 +33,7 @@ class Wish:
 def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
             wish: Wish) -> NegativeAffordances:  # fmt: skip
     """Where a hand must not go, for every task that is described."""
-    points, face = sample(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
+    points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
     square, tasks = squareness(mesh, views), []
     for one, said in by_task(descriptions, scores):
         value, weight = pixels(candidates, said, one, views.face)
@@ -55,7 +55,7 @@ def labelled(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.nd
     """Probabilities of faces (f,) -> everything that is told of a task; `face` (n,) is that of each point of the object."""
     bad = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 1))
-    dense, _ = sample(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
-    N_t = dense[farthest(dense, wish.negative_points)]
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
+    N_t = dense[farthest_point_sampling(dense, wish.negative_points)]
     grid = field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
     return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

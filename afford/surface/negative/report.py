@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.common.encode import jpeg
 from afford.common.files import empty_folder, tree, write_json
+from afford.common.image_files import encode_jpeg
 from afford.surface.negative.score import METHODS
 from afford.surface.negative.sheet import QUALITY
 from schemas.files import FileTree
@@ -38,7 +38,7 @@ def write(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) 
     (folder / "report.md").write_text(markdown(scores, measured), encoding="utf-8")
     chosen = _shown(scores, per_category)
     pictures = [cv2.imdecode(one.picture, cv2.IMREAD_COLOR)[..., ::-1] for one in chosen]
-    (folder / "sheet.jpg").write_bytes(jpeg(np.concatenate(pictures), QUALITY).tobytes())
+    (folder / "sheet.jpg").write_bytes(encode_jpeg(np.concatenate(pictures), QUALITY).tobytes())
     return tree("negative_affordance", folder)
 
 

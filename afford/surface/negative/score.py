@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.points import sample
+from afford.common.geometry import sample_surface
 from afford.surface.negative import baselines
 from afford.surface.negative.fuse import by_task
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
@@ -36,7 +36,7 @@ def score(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, 
           found: NegativeAffordances, known: Known, threshold: float, seed: int) -> tuple[NegativeScore, ...]:  # fmt: skip
     """Rows of all methods and tasks. Faces without a label do not count."""
     area = np.where(known.parts.part >= 0, views.visible_area, 0).astype(np.float64)
-    face = sample(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
+    face = sample_surface(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
     rows = list[NegativeScore]()
     each = zip(by_task(descriptions, candidates.scores), by_task(descriptions, windows.scores), found.tasks, strict=True)
     for (one, said), (_, fits), told in each:

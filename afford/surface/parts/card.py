@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from afford.training.state import State
+from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 
 
-def text(lessons: Sequence[PartLessons], state: State) -> str:
+def text(lessons: Sequence[PartLessons], state: TrainingState) -> str:
     """The whole card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     counts = Counter(one.split for one in lessons)

@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from afford.models.described import fill, read_config
+from afford.models.loading import fill_from_file, read_config
 from afford.surface.parts.model import Parts, PartsConfig
 from schemas.files import FileTree
 
@@ -38,7 +38,7 @@ def read(files: FileTree) -> Parts:
     sizes = read_config(config, PartsConfig, FORMAT, where, "train a scorer with scorer_train")
     with torch.device("meta"):
         model = Parts(sizes)
-    return fill(model, weights, f"{WEIGHTS} of {files.name}")
+    return fill_from_file(model, weights, f"{WEIGHTS} of {files.name}")
 
 
 def _file(files: FileTree, name: str) -> Path:

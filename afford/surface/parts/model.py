@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from afford.models.words import Words
+from afford.models.word_vectors import WordVectors
 from afford.surface.parts.crops import CHANNELS
 from afford.surface.parts.form import FORM
 
@@ -40,7 +40,7 @@ class Parts(nn.Module):
         self.close, self.whole = _trunk(config.widths), _trunk(config.widths)
         self.image = nn.Sequential(nn.Linear(2 * config.widths[-1] + TRAITS, 2 * config.width), nn.ReLU(), nn.Dropout(0.2),
                                    nn.Linear(2 * config.width, 2 * config.width))  # fmt: skip
-        self.words = Words(config.text_buckets, config.text_words, config.width)
+        self.words = WordVectors(config.text_buckets, config.text_words, config.width)
         self.text = nn.Sequential(nn.LayerNorm(config.width), nn.Linear(config.width, config.width), nn.ReLU(),
                                   nn.Linear(config.width, 2 * config.width))  # fmt: skip
         self.scale, self.bias = nn.Parameter(torch.full((2,), 2.0)), nn.Parameter(torch.full((2,), -1.0))

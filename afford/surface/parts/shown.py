@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.lettering import font, label
+from afford.common.drawing import draw_label, font
 from afford.surface.describe.looks import phrase
 from afford.surface.parts.crops import CHANNELS, SIZE
 from afford.surface.parts.model import Parts
@@ -51,7 +51,7 @@ def _tile(one: PartLessons, n: int, said: np.ndarray) -> np.ndarray:
     large = cv2.resize(mixed.astype(np.uint8), (SIZE * SCALE, SIZE * SCALE), interpolation=cv2.INTER_NEAREST)
     words = np.zeros((2 * WORDS_PX + 10, SIZE * SCALE, 3), np.uint8)
     for row, text in enumerate((f"{one.parts[named]} {said[named]:.2f}", f"true: {one.parts[true]} {one.share[n, true]:.2f}")):
-        label(words, _fitting(text), (3, 2 + row * (WORDS_PX + 4)), WORDS_PX)
+        draw_label(words, _fitting(text), (3, 2 + row * (WORDS_PX + 4)), WORDS_PX)
     return np.vstack([large, words])
 
 

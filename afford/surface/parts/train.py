@@ -54,9 +54,9 @@ class PartsBatch:
 
 
 class PartsTask:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "right"
+    monitor = "right"
 
     def __init__(self, model: Parts, learned: Sequence[PartLessons], judged: Sequence[PartLessons], phrase: Phrase, seed: int,
                  objects: int, candidates: int) -> None:

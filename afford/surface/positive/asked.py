@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.common import materialise
-from afford.common.files import empty_folder
+from afford.common.files import copy_folder, empty_folder
 from afford.surface.positive.words import in_words
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
@@ -16,7 +15,7 @@ from schemas.files import FileTree
 
 def asker(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
     """A picture (h, w, 3) of a thing of this category and a task -> (h, w) bool where any hand that the model takes belongs."""
-    predictor = Predictor(materialise.unfold(model, "config.json", empty_folder(scratch)))
+    predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)))
 
     def ask(rgb: np.ndarray, task: str) -> np.ndarray:
         found = predictor.predict(rgb, in_words(task, category))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.common.points import farthest, sample
+from afford.common.geometry import farthest_point_sampling, sample_surface
 from afford.surface.negative.project import DENSE, on_faces
 from afford.surface.negative.votes import squareness
 from schemas.benchmark import Prediction
@@ -40,7 +40,7 @@ def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Pred
     probability, evidence = on_faces(mesh, views, 1 - (1 - each).prod(0), square)
     good = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 2))
-    dense, _ = sample(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
     taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
-                              dense[farthest(dense, wish.points)])
+                              dense[farthest_point_sampling(dense, wish.points)])

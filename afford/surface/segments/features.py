@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.render.views.rays import Rays
-from afford.render.views.surface import areas
+from afford.render.views.surface import Rays, areas
 from schemas.mesh import ObjectMesh
 
 CONE = 7

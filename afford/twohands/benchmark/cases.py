@@ -6,7 +6,7 @@ Masks are anti-aliased grey and read as `> 0` (ActAffordance). A mask of another
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -14,12 +14,33 @@ import numpy as np
 from PIL import Image
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import entry, parse
-from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
+from afford.common.text import json_field, parse_json
+from afford.dataset.act_affordance import ANNOTATION, IMAGE, MODES, CaseFiles
 from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef
 from schemas.video import SIDES
+
+
+def prompts(given: Sequence[str], text: str, seed: int) -> list[str]:
+    """`given`, `shuffled` or `removed` tasks, one per case. ValueError for another word."""
+    if text == "given":
+        return list(given)
+    if text == "removed":
+        return [""] * len(given)
+    if text == "shuffled":
+        return shuffled(given, seed)
+    raise ValueError(f"text: expected given, shuffled or removed, got {text!r}")
+
+
+def shuffled(given: Sequence[str], seed: int) -> list[str]:
+    """Every case gets a task of another wording, drawn by seed among the cases that have one. ValueError when all are alike."""
+    if len(set(given)) < 2:
+        raise ValueError("text shuffled: expected cases with at least two different tasks, got one; nothing can be exchanged")
+    rng = np.random.default_rng(seed)
+    words = np.array(given, dtype=object)
+    return [str(rng.choice(words[words != own])) for own in given]
+
 
 KITCHEN, SHIFT = "kitchen", "shift"
 Size = tuple[int, int]
@@ -46,7 +67,7 @@ def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
 
 def task(files: CaseFiles) -> str:
     """The narration alone."""
-    return str(entry(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
+    return str(json_field(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
 
 
 def picture(files: CaseFiles) -> np.ndarray:
@@ -84,7 +105,7 @@ def resize_mask(mask: np.ndarray, size: Size) -> np.ndarray:
 def _json(files: CaseFiles, name: str) -> Any:
     if name not in files.files:
         raise SourceError(files.where, name, "no such file", "every case needs one")
-    return parse(files.files[name].path.read_bytes(), f"{files.where}/{name}")
+    return parse_json(files.files[name].path.read_bytes(), f"{files.where}/{name}")
 
 
 def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarray | None, str]]], list[int]]:
@@ -94,7 +115,7 @@ def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarra
         taxonomy = [_taxonomy(annotation, f"{files.where}/{ANNOTATION}")]
     else:
         where = f"{files.where}/{MODES}"
-        names = entry(_json(files, MODES), "modes", list, where)
+        names = json_field(_json(files, MODES), "modes", list, where)
         if not names or not all(isinstance(mode, dict) for mode in names):
             raise SourceError(where, "a list of objects, one per mode", repr(names), "list the mode of aff_*.png first")
         taxonomy = [_taxonomy(mode, where) for mode in names]

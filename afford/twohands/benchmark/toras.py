@@ -17,8 +17,8 @@ import numpy as np
 from skimage.draw import polygon
 
 from afford.common.errors import SourceError
-from afford.common.strict_json import entry, parse
-from afford.dataset.layout import CaseFiles
+from afford.common.text import json_field, parse_json
+from afford.dataset.act_affordance import CaseFiles
 from schemas.files import FileTree
 from schemas.video import SIDES
 
@@ -59,7 +59,7 @@ def of_tree(files: FileTree) -> Toras:
 
 def read(data: bytes, name: str) -> Toras:
     """The outlines of an export. SourceError names the entry that cannot be used."""
-    document = parse(data, name)
+    document = parse_json(data, name)
     if not isinstance(document, list):
         raise SourceError(name, "a list of annotated documents", type(document).__name__, "export the annotations from TORAS")
     found = {}
@@ -71,7 +71,7 @@ def read(data: bytes, name: str) -> Toras:
 
 
 def _picture(record: Any, where: str) -> tuple[str, int]:
-    name = entry((entry(record, "documents", list, where) or [{}])[0], "name", str, where)
+    name = json_field((json_field(record, "documents", list, where) or [{}])[0], "name", str, where)
     match = EPIC.search(name) or EGO4D.search(name)
     if match is None:
         raise SourceError(where, "a document named ..frame_<number>.png", repr(name), "compare with docs/twohands/benchmark.md")
@@ -79,10 +79,10 @@ def _picture(record: Any, where: str) -> tuple[str, int]:
 
 
 def _hands(annotation: Any, where: str) -> dict[str, list[Annotation]]:
-    group = (entry(annotation, "annotationGroups", list, where) or [{}])[0]
+    group = (json_field(annotation, "annotationGroups", list, where) or [{}])[0]
     hands: dict[str, list[Annotation]] = {"left": [], "right": []}
-    for entity in entry(group, "annotationEntities", list, where):
-        name = entry(entity, "name", str, where)
+    for entity in json_field(group, "annotationEntities", list, where):
+        name = json_field(entity, "name", str, where)
         side = next((side for side in hands if side in name), None)
         if side is None:
             raise SourceError(f"{where}, field 'name'", "left_hand or right_hand", repr(name), "rename the entity")
@@ -92,9 +92,9 @@ def _hands(annotation: Any, where: str) -> dict[str, list[Annotation]]:
 
 def _segmentation(entity: Any, where: str) -> list[Annotation]:
     """Annotations of the first Segmentation block; outlines of fewer than three corners are dropped."""
-    for block in entry(entity, "annotationBlocks", list, where):
+    for block in json_field(entity, "annotationBlocks", list, where):
         if block.get("blockName") == "Segmentation":
-            drawn = [entry(a, "segments", list, where) for a in entry(block, "annotations", list, where)]
+            drawn = [json_field(a, "segments", list, where) for a in json_field(block, "annotations", list, where)]
             return [[np.array(outline, np.float64) for outline in segments if len(outline) >= 3] for segments in drawn]
     return []
 

@@ -17,11 +17,10 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from afford.common.errors import SourceError
-from afford.common.picture import decode, read_image
-from afford.common.pictures import jpeg
-from afford.dataset.layout import ANNOTATION, IMAGE
-from afford.training.written import CARD
-from afford.twohands.train.sources import tables
+from afford.common.image_files import decode_image, jpeg, read_image
+from afford.dataset.act_affordance import ANNOTATION, IMAGE
+from afford.training.artifacts import CARD
+from afford.twohands.train.samples import tables
 
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")
@@ -102,7 +101,7 @@ def _still(path: Path) -> Example | None:
 
 
 def _sample(row: dict[str, Any]) -> Example | None:
-    return _example(str(row["narration"] or ""), decode(row["image"]["bytes"] or b"", "column `image`"))
+    return _example(str(row["narration"] or ""), decode_image(row["image"]["bytes"] or b"", "column `image`"))
 
 
 def _example(task: str, rgb: np.ndarray) -> Example | None:

@@ -1,1 +1,0 @@
-"""The hand finder: network, files, training, augmentation, card."""

@@ -1,1 +1,0 @@
-"""Inpainting networks: LaMa and VIDM, the hand-inpainting diffusion model of 2HandedAfforder."""

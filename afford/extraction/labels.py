@@ -1,0 +1,55 @@
+"""Which narrations label which frames, when several speak of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+
+import numpy as np
+
+from schemas.affordance import FrameLabels
+from schemas.video import Clip, Narration
+
+Pairs = tuple[np.ndarray, np.ndarray]
+"""positions among the frames (m,) and narration numbers (m,), by frame and then by narration"""
+
+
+def every(covers: np.ndarray, narrations: Sequence[Narration]) -> Pairs:
+    """All narrations of each frame. covers: (t, k) bool, whether narration k speaks of frame t."""
+    at, number = np.nonzero(covers)
+    return at, number
+
+
+def last(covers: np.ndarray, narrations: Sequence[Narration]) -> Pairs:
+    """The narration that comes last in the file, as in the released code of 2HandedAfforder."""
+    return _first(covers, range(len(narrations) - 1, -1, -1))
+
+
+def shortest(covers: np.ndarray, narrations: Sequence[Narration]) -> Pairs:
+    """The narration with the shortest interval: the most specific one; the later one of equals."""
+    lengths = [n.stop_frame - n.start_frame for n in narrations]
+    return _first(covers, sorted(range(len(narrations)), key=lambda k: (lengths[k], -k)))
+
+
+def _first(covers: np.ndarray, order: Sequence[int]) -> Pairs:
+    """For each covered frame the narration that comes first in `order`."""
+    ranked = covers[:, list(order)]
+    at = np.flatnonzero(ranked.any(axis=1))
+    return at, np.array(order, np.int64)[ranked[at].argmax(axis=1)] if len(at) else np.zeros(0, np.int64)
+
+
+def label_frames(
+    clip: Clip, frame: np.ndarray, excluded: Collection[str], choose: Callable[[np.ndarray, Sequence[Narration]], Pairs]
+) -> FrameLabels:
+    """Labels of the frames `frame` (t,) int64. Narrations whose verb is `excluded` (the word as narrated, or the key of its
+    class, exactly) are put aside before `choose` settles overlaps.
+    """
+    kept = [n for n in clip.narrations if not {n.verb, n.verb_key} & set(excluded)]
+    start, stop = np.array([(n.start_frame, n.stop_frame) for n in kept], np.int64).reshape(-1, 2).T
+    covers = (frame[:, None] >= start) & (frame[:, None] <= stop)
+    at, number = choose(covers, kept)
+    used, index = np.unique(number, return_inverse=True)
+    silent = [n.narration_id for n, column in zip(kept, covers.T, strict=True) if not column.any()]
+    return FrameLabels(
+        clip_id=clip.clip_id, narrations=tuple(kept[k] for k in used), frame=frame[at].astype(np.int64),
+        narration=index.astype(np.int32), unmatched=tuple(silent),
+        excluded=tuple(n.narration_id for n in clip.narrations if n not in kept))

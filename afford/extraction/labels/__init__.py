@@ -1,1 +1,0 @@
-"""Verbs and taxonomy of frames from narrations."""

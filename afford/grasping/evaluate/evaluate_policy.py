@@ -1,0 +1,118 @@
+"""Many episodes of one policy on one level in one engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from afford.grasping.env.core import Grasping
+from afford.grasping.env.evaluate import Round, play
+from afford.grasping.env.metrics import MEANING
+from afford.grasping.env.task import of
+from afford.grasping.evaluate.human_likeness import CRITERIA, HumanStatistics, human_likeness, human_statistics, log_jerk
+from afford.grasping.policies.acting import load
+from afford.grasping.sim.engine import check_stage_engine
+from afford.grasping.sim.scene import Physics
+from schemas.episodes import GraspEpisodes, GraspTrace
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.hand import HandModel, ReferenceSet
+
+FIGURES = (*MEANING, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
+"""of each episode: metrics.MEANING, likeness.py"""
+
+
+@dataclass(frozen=True)
+class EvaluationParams:
+    """What is asked: Params of stages/grasping/grasp_evaluate.py say what each field means."""
+
+    policy: str
+    engine: str
+    episodes: int
+    at_once: int
+    iterations: int
+    rate_hz: int
+    poses: str
+    push_n: float
+    base: str
+    start: str
+    traces: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        check_stage_engine(self.engine)
+
+
+def evaluate_policy(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet, asked: EvaluationParams,
+            progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
+    """Episodes in rounds: each task as often as another. ValueError for a policy that does not fit."""
+    policy = load(files, {"base": asked.base, "start": asked.start})
+    config = policy.config(asked.engine, _physics(asked), asked.poses, asked.push_n)
+    people = human_statistics(references.references, 1 / config.control_s)
+    rounds = ceil(asked.episodes / len(tasks))
+    values, depths, names, traces = [], [], [], list[GraspTrace]()
+    for first in range(0, len(tasks), asked.at_once):
+        some = tasks[first : first + asked.at_once]
+        grasping = Grasping(hand, [of(one) for one in some], config)
+        for number in range(rounds):
+            rngs = [np.random.default_rng([asked.seed, first + k, number]) for k in range(len(some))]
+            played = play(grasping, policy.actor(grasping), rngs)
+            values.append(_figures(played, people))
+            depths.append(played.depth_m)
+            names += [one.name for one in some]
+            traces += _traces(played, some, number, first, asked.traces, len(tasks))
+            progress(first * rounds + (number + 1) * len(some), len(tasks) * rounds)
+        grasping.close()
+    level = tasks[0].level
+    return GraspEpisodes(
+        name=f"{asked.policy}-{level}-{asked.engine}", policy=asked.policy, level=level, engine=asked.engine, seed=policy.seed,
+        task=tuple(names), figures=FIGURES, values=np.concatenate(values),
+        depth_m=np.concatenate(depths), traces=tuple(traces))  # fmt: skip
+
+
+def _physics(asked: EvaluationParams) -> Physics:
+    return Physics(iterations=asked.iterations, rate_hz=asked.rate_hz)
+
+
+def _figures(played: Round, people: HumanStatistics) -> np.ndarray:
+    """(n, k) in the order of FIGURES."""
+    human = [_human(played.q[k, : end + 1, 6:], played.palm[k, : end + 1, :3], played.rate_hz, people)
+             for k, end in enumerate(played.ended)]
+    return np.concatenate([np.stack([played.report[name] for name in MEANING], axis=1), np.array(human)], axis=1)
+
+
+def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: HumanStatistics) -> list[float]:
+    score, parts = human_likeness(q, palm, rate_hz, people)
+    return [score, *parts.tolist(), (log_jerk(q, rate_hz) + log_jerk(palm, rate_hz)) / 2]
+
+
+def _traces(played: Round, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:
+    """Of the first round, tasks that are spread evenly over all."""
+    if number:
+        return []
+    chosen = set(np.linspace(0, total - 1, min(wanted, total)).round().astype(int).tolist())
+    return [played.trace(k, one.name, number) for k, one in enumerate(tasks) if first + k in chosen]
+
+
+ITERATIONS = 100
+"""of the solver, at most"""
+
+
+def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, seed: int) -> list[GraspTrace]:
+    """One episode of each task, side by side; the policy's mean action. ValueError for files that are no policy."""
+    policy = load(files, {})
+    grasping = Grasping(hand, [of(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    try:
+        played = play(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
+    finally:
+        grasping.close()
+    return [played.trace(k, one.name, 0) for k, one in enumerate(tasks)]
+
+
+def spread(tasks: Sequence[GraspTask], count: int) -> list[GraspTask]:
+    """At most `count` tasks, evenly over all of them."""
+    chosen = np.linspace(0, len(tasks) - 1, min(count, len(tasks))).round().astype(int)
+    return [tasks[k] for k in dict.fromkeys(chosen.tolist())]

@@ -1,0 +1,95 @@
+"""Which clips may be imitated: before a hand is fitted to them, and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from afford.grasping.motion.targets import grip_axes
+from schemas.hand import HandModel, HandMotion
+
+SMALL_M = 0.005
+"""bones shorter than this may change as they like: a webcam sees them at all lengths"""
+
+
+@dataclass(frozen=True)
+class ClipRules:
+    """Limits; a clip that passes one is dropped."""
+
+    min_s: float
+    """shortest clip; a single frame is a pose and may stay"""
+    max_point_m_s: float
+    """fastest point of the person's hand"""
+    max_bent_back_m: float
+    """how far fingertips may be behind the back of the hand, half of the time: of the wrong side's hand they are"""
+    max_bone_change: float
+    """how far a bone may be from its median length, as a share of it, in 5 % of frames"""
+    max_error_m: float
+    """tracking error that 95 % of frames must keep below"""
+    max_joint_rad_s: float
+    """fastest finger joint"""
+    max_palm_m_s: float
+    """fastest palm"""
+    mirror: bool
+    """whether clips of the other hand are mirrored instead of dropped"""
+
+
+@dataclass(frozen=True)
+class BrokenRule:
+    """The rule that a clip breaks."""
+
+    reason: str
+    detail: str
+
+
+def check_motion(motion: HandMotion, hand: HandModel, rules: ClipRules) -> BrokenRule | None:
+    """What is wrong with a person's motion; None when nothing is."""
+    if motion.side != hand.side and not rules.mirror:
+        return BrokenRule("other hand", f"a {motion.side} hand; the robot's is the {hand.side} one")
+    points, frames = motion.keypoints_m, len(motion.keypoints_m)
+    back = bent_back(points, motion.side)
+    if back > rules.max_bent_back_m:
+        limit = f"{1000 * rules.max_bent_back_m:g} mm"
+        return BrokenRule("bends backwards", f"fingertips {1000 * back:.0f} mm of {limit} behind the back of a {motion.side} hand")
+    if frames == 1:
+        return None
+    if frames / motion.rate_hz < rules.min_s:
+        return BrokenRule("too short", f"{frames / motion.rate_hz:.3f} s of {rules.min_s:g} s")
+    fastest = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1) * motion.rate_hz
+    if fastest.max() > rules.max_point_m_s:
+        return BrokenRule("teleport", f"{fastest.max():.1f} m/s of {rules.max_point_m_s:g} m/s after frame {int(fastest.argmax())}")
+    change = bone_changes(points)
+    if change > rules.max_bone_change:
+        return BrokenRule("bones change", f"by {change:.0%} of {rules.max_bone_change:.0%}")
+    return None
+
+
+def check_fit(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: tuple[str, float] | None,
+          rules: ClipRules) -> BrokenRule | None:
+    """What is wrong with a fit: error_m (t,), fastest finger joint and palm, the gantry's joint that passes its limits."""
+    if beyond is not None:
+        return BrokenRule("out of reach", f"{beyond[0]} passes its limit by {beyond[1]:.3f}")
+    p95 = float(np.percentile(error_m, 95))
+    if p95 > rules.max_error_m:
+        return BrokenRule("error too large", f"{1000 * p95:.1f} mm of {1000 * rules.max_error_m:g} mm")
+    if joint_rad_s > rules.max_joint_rad_s:
+        return BrokenRule("joint speed", f"{joint_rad_s:.1f} rad/s of {rules.max_joint_rad_s:g} rad/s")
+    if palm_m_s > rules.max_palm_m_s:
+        return BrokenRule("palm speed", f"{palm_m_s:.2f} m/s of {rules.max_palm_m_s:g} m/s")
+    return None
+
+
+def bent_back(points: np.ndarray, side: str) -> float:
+    """(t, 21, 3) -> median of how far the four fingertips are out of the back, seen from their knuckles; negative when curled."""
+    fingers = points[:, [8, 12, 16, 20]] - points[:, [5, 9, 13, 17]]
+    return float(np.median(np.einsum("tfc,tc->tf", fingers, grip_axes(points, side)[:, :, 1])))
+
+
+def bone_changes(points: np.ndarray) -> float:
+    """(t, 21, 3) -> how far the worst bone is from its median length in its worst 5 % of frames, as a share of that length."""
+    chains = points[:, 1:].reshape(len(points), 5, 4, 3)
+    length = np.linalg.norm(np.diff(chains, axis=2), axis=-1).reshape(len(points), -1)
+    median = np.median(length, axis=0)
+    share = np.abs(length - median) / np.maximum(median, SMALL_M)
+    return float(np.percentile(share, 95, axis=0).max())

@@ -1,0 +1,67 @@
+"""Motions in a robot hand's joints as files: arrays of each clip, a line for every clip, a report."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from afford.common.files import write_json
+from schemas.hand import PHASES, HandReference, ReferenceSet, RetargetVerdict
+
+
+def write_references(root: Path, name: str, found: ReferenceSet) -> Path:
+    """references/*.npz, verdicts.csv, metrics.json and report.md in `root`."""
+    (root / "references").mkdir()
+    for reference in found.references:
+        file = root / "references" / f"{reference.name.replace('/', '_')}.npz"
+        np.savez(file, **arrays(reference))  # type: ignore[arg-type]  # of names, none of which is a keyword of savez
+    (root / "verdicts.csv").write_text(verdict_table(found.report.verdicts), encoding="utf-8", newline="\n")
+    write_json(root / "metrics.json", metrics(found))
+    (root / "report.md").write_text(report(name, found), encoding="utf-8", newline="\n")
+    return root
+
+
+def arrays(one: HandReference) -> dict[str, np.ndarray]:
+    """Every field of a reference under its own name, words as arrays of one word; `phases` is what the numbers of `phase` mean."""
+    fields = {field.name: np.asarray(getattr(one, field.name)) for field in dataclasses.fields(one)}
+    return fields | {"phases": np.asarray(PHASES)}
+
+
+def verdict_table(verdicts: Sequence[RetargetVerdict]) -> str:
+    """CSV: every clip with its verdict and figures, by name; figures that were not reached are empty."""
+    out = io.StringIO()
+    names = [field.name for field in dataclasses.fields(RetargetVerdict)]
+    lines = csv.writer(out, lineterminator="\n")
+    lines.writerow(names)
+    for verdict in verdicts:
+        values = (getattr(verdict, name) for name in names)
+        lines.writerow("" if isinstance(value, float) and value == -1 else value for value in values)
+    return out.getvalue()
+
+
+def metrics(found: ReferenceSet) -> dict[str, float]:
+    """Clips, those that were kept, their frames, and how closely the hand follows: means over kept clips."""
+    kept = [verdict for verdict in found.report.verdicts if verdict.kept]
+    means = {"error_mm": 1000 * np.mean([one.error_mean_m for one in kept]),
+             "error_p95_mm": 1000 * np.mean([one.error_p95_m for one in kept]),
+             "bone_error_deg": np.degrees(np.mean([one.bone_error_rad for one in kept]))}  # fmt: skip
+    counts = {"clips": len(found.report.verdicts), "kept": len(kept), "frames": sum(one.frames for one in kept),
+              "mirrored": sum(one.mirrored for one in kept)}  # fmt: skip
+    return {name: float(value) for name, value in (counts | means).items()}
+
+
+def report(name: str, found: ReferenceSet) -> str:
+    """Markdown: how many were kept, how closely they are followed, why the others were dropped."""
+    m = metrics(found)
+    reasons = (line.rpartition(": ") for line in found.report.dropped)
+    dropped = "".join(f"| {reason} | {number} |\n" for reason, _, number in reasons)
+    why = f"\n| dropped because | clips |\n|---|--:|\n{dropped}" if dropped else ""
+    return (f"# Motions: {name}\n\n{m['kept']:.0f} of {m['clips']:.0f} clips are kept, {m['frames']:.0f} frames; "
+            f"{m['mirrored']:.0f} are of the other hand and were mirrored. Points of the hand {found.name} are "
+            f"{m['error_mm']:.1f} mm from where a person's would be (mean over clips; 95 % of frames below "
+            f"{m['error_p95_mm']:.1f} mm), bones {m['bone_error_deg']:.1f} degrees.\n{why}\nEvery clip: verdicts.csv.\n")
