@@ -74,7 +74,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
     from afford.grasping.policies.load_policy import load_policy
     from afford.grasping.policies.train_student import DistillationEnv, export_student, train_student
     from afford.training import curves
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import deterministic
 
     policy = load_policy(teacher, {})
     train_tasks = [from_grasp_task(one) for some in tasks for one in some]
@@ -82,7 +82,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(train_tasks)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
     sensors = _sensors(params)
-    with repeatable(THREADS, "cpu"):
+    with deterministic(THREADS, "cpu"):
         chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
         core = GraspWorlds(hand, chosen, _env_config(params, policy))
         try:
@@ -91,7 +91,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         finally:
             core.close()
     root = export_student(ctx.scratch, model, sensors, {**policy.facts, "seed": params.seed})
-    return Trained(tree(params.name, root), curves.log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state))
 
 
 def _env_config(p: Params, policy):  # type: ignore[no-untyped-def]  # types of leaf modules, which are imported inside functions

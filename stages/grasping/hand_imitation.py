@@ -80,21 +80,21 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     from afford.common.files import tree
     from afford.grasping.imitation.clip_filter import prior_data
     from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
-    from afford.training import curves, events
-    from afford.training.repeatable import repeatable
-    from afford.training.state import State
+    from afford.training import curves
+    from afford.training.loop import deterministic
+    from afford.training.state import TrainingState
 
     _check(params)
-    with repeatable(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
+    with deterministic(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
         data = prior_data(hand, bodies, targets, references.references, _env_config(params), params.proofs, params.proof_engines,
                           params.worlds, params.seed)
         model = new_prior(data.core, params.hidden, params.std, params.seed)
         points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress)]
         data.core.close()
     root = export_prior(ctx.scratch / "out", model, data.facts)
-    events.write(root / "tensorboard", points)
+    curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
-    return Trained(tree("prior", root), curves.log("prior", State(step=done, points=points, best_step=done)))
+    return Trained(tree("prior", root), curves.training_log("prior", TrainingState(step=done, points=points, best_step=done)))
 
 
 def _env_config(p: Params):  # type: ignore[no-untyped-def]  # its type is in a leaf module, which is imported inside functions

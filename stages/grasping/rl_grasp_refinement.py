@@ -76,7 +76,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
     from afford.grasping.policies.train_teacher import FrozenPrior, export_teacher, train_teacher
     from afford.grasping.rl.policy_files import read_policy
     from afford.training import curves
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import deterministic
 
     train_tasks = [from_grasp_task(one) for some in tasks for one in some]
     if not train_tasks or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
@@ -85,12 +85,12 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
                          f"{len(prior)} priors")
     network, facts = read_policy(prior[0]) if prior else (None, {})
     config = _env_config(params, tuple(facts.get("posture", ())))
-    with repeatable(THREADS, "cpu"):
+    with deterministic(THREADS, "cpu"):
         frozen = FrozenPrior(network, params.layout) if network else None
         plan = _training_config(params, len(train_tasks))
         model, state = train_teacher(hand, train_tasks, frozen, config, plan, ctx.scratch, ctx.progress)
     root = export_teacher(ctx.scratch, model, frozen, config, params.seed)
-    return Trained(tree(params.name, root), curves.log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state))
 
 
 def _env_config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # types of leaf modules, imported inside

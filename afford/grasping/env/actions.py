@@ -21,9 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.hand.coupling import commanded, spread
+from afford.grasping.hand.kinematics import commanded_columns, coupling_matrix
 from afford.grasping.sim.scene import Scene
-from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, start, targets
+from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, grasp_commands, start_joints
 
 FREE = float("inf")
 """cap of an offset that only joint limits bound"""
@@ -155,8 +155,8 @@ BASES = ("none", "script", "prior")
 def start_joints(scene: Scene, aim: Aim, posture: Sequence[float] = ()) -> np.ndarray:
     """(d,) joints at the start: open, 12 cm above the aim, or in a posture (m,) of motors, its wrist relative to the aim."""
     if not posture:
-        return start(scene, aim, GRASP)
-    A, b = spread(scene.hand.joints)
+        return start_joints(scene, aim, GRASP)
+    A, b = coupling_matrix(scene.hand.joints)
     u = turned(np.asarray(posture, np.float64)[None], np.array([aim.yaw]))[0]
     u[:3] += aim.place
     u[3] += aim.yaw
@@ -167,7 +167,7 @@ def base_targets(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, p
                  wait: int = 0) -> np.ndarray:  # fmt: skip
     """(steps, m) targets of a base; the script ends by holding. ValueError for an unknown base, or too few steps for the script."""
     if base in ("none", "prior"):
-        u = start_joints(scene, aim, posture)[commanded(scene.hand.joints)]
+        u = start_joints(scene, aim, posture)[commanded_columns(scene.hand.joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")
@@ -184,8 +184,8 @@ def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -
     least = wait + script_steps(lift_m)
     if steps < least:
         raise ValueError(f"steps: expected {least} or more for a grasp by script that lifts {lift_m:g} m, got {steps}")
-    above = start_joints(scene, aim)[commanded(scene.hand.joints)]
-    closed = np.array([*[above] * wait, *targets(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
+    above = start_joints(scene, aim)[commanded_columns(scene.hand.joints)]
+    closed = np.array([*[above] * wait, *grasp_commands(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
     s = (np.arange(1, steps - len(closed) + 1) / _lift_steps(lift_m)).clip(max=1.0)
     lifted = np.repeat(closed[-1:], len(s), axis=0)
     lifted[:, 2] += lift_m * s * s * (3 - 2 * s)

@@ -21,12 +21,12 @@ from afford.grasping.env.reward import reward_weights, rewards
 from afford.grasping.env.scenery import EpisodeFrame, build_scenery
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task, placed_pose
-from afford.grasping.hand.coupling import commanded, limits_u
-from afford.grasping.sim.batch import batch
-from afford.grasping.sim.drops import drops, laid
+from afford.grasping.hand.kinematics import command_limits, commanded_columns
 from afford.grasping.sim.engine import CONTROL_S, State
-from afford.grasping.sim.scene import Scene, Sensing, centre, held, randomised, sensing
-from afford.grasping.sim.scripted import Aim, along, at_part
+from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
+from afford.grasping.sim.scene import Scene, Sensing, centre, hold_command, randomize_physics, sensing
+from afford.grasping.sim.scripted import Aim, aim_along_axis, aim_at_part
+from afford.grasping.sim.worlds import batch
 from schemas.hand import HandModel
 
 LOST_M = 0.5
@@ -48,8 +48,8 @@ class GraspWorlds:
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = build_scenery(hand, self.tasks)
         self.worlds = batch(config.engine, self.scenes, config.threads, config.processes, config.device)
-        self._of_motor = commanded(hand.joints)
-        self._limits = limits_u(hand.joints)
+        self._of_motor = commanded_columns(hand.joints)
+        self._limits = command_limits(hand.joints)
         self.rates = (actions.wrench_table(self._limits) if config.action_mode == "paper"
                       else actions.rate_table(actions.RATES[config.base], len(self._limits)))  # fmt: skip
         self._resting: dict[Any, list[np.ndarray]] = {}
@@ -192,7 +192,7 @@ class GraspWorlds:
         for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
             scene = self.scenes[k]
             base = actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)
-            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, held(scene, joints), base)
+            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, hold_command(scene, joints), base)
         if q:
             self.worlds.reset(np.stack(q), np.stack(poses), which)
         self._state, self._measured = self.worlds.state(), None
@@ -200,8 +200,8 @@ class GraspWorlds:
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         """Aim of world k, over which the hand begins and to which its base goes."""
         if self.config.start == "part":
-            return at_part(self.scenes[k], pose, self.tasks[k].hold)
-        return along(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
+            return aim_at_part(self.scenes[k], pose, self.tasks[k].hold)
+        return aim_along_axis(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
 
     def _object_pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
         """(7,) pose of the object of world k at the start of an episode."""
@@ -216,8 +216,8 @@ class GraspWorlds:
     def _resting_poses(self, k: int) -> list[np.ndarray]:
         world, scene = self.worlds.alone(k), self.scenes[k]
         if self.config.poses == "flat":
-            return [laid(world, scene)]
-        return drops(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
+            return [placed_rest_pose(world, scene)]
+        return dropped_rest_poses(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
 
     def _push(self, rngs: Sequence[np.random.Generator]) -> None:
         """Push raised objects at random."""
@@ -251,7 +251,7 @@ class _EpisodeState:
 
 def _scene(hand: HandModel, task: Task, config: GraspEnvConfig, k: int) -> Scene:
     scene = Scene(hand, task.body, config.physics, "wrench" if config.action_mode == "paper" else "servo")
-    return randomised(scene, config.seed + k) if config.randomise else scene
+    return randomize_physics(scene, config.seed + k) if config.randomise else scene
 
 
 def _sensing(config: GraspEnvConfig, k: int) -> Sensing:

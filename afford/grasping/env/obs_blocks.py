@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from afford.grasping.env.measures import Measures, nearest
 from afford.grasping.env.scenery import OBJECT_POINTS, EpisodeFrame, Scenery, about_z, palm_yaw, to_frame
 from afford.grasping.env.task import NEGATIVE_POINTS
-from afford.grasping.hand.coupling import commanded
-from afford.grasping.hand.kinematics import ancestry, forward, jacobian, moving
+from afford.grasping.hand.kinematics import ancestry, commanded_columns, forward_kinematics, jacobian, moving_joints
 from afford.grasping.sim.engine import State
 
 
@@ -167,18 +166,18 @@ def _all_torques(now: Snapshot) -> np.ndarray:
     """Torques of the finger joints; coupled joints have no motor and show 0."""
     joints = now.scenery.hand.joints
     out = np.zeros_like(now.state.q)
-    out[:, commanded(joints)] = now.state.torque
+    out[:, commanded_columns(joints)] = now.state.torque
     return 10.0 * out[:, 6:]
 
 
 def _tips(now: Snapshot) -> np.ndarray:
     """(n, f, 13) pose, velocity and angular velocity of the fingertips, by the hand's kinematics."""
     hand, q, qd = now.scenery.hand, now.state.q, now.state.qd
-    T, links, yaw = forward(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
+    T, links, yaw = forward_kinematics(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
     turn = about_z(-yaw)
     quaternion = np.stack([(turn * Rotation.from_matrix(T[:, link, :3, :3])).as_quat() for link in links], axis=1)
     velocity = np.einsum("nfid,nd->nfi", jacobian(hand.joints, T, links, hand.fingers.tip_m), qd)
-    move = moving(hand.joints)
+    move = moving_joints(hand.joints)
     carried = hand.joints.child[move]
     axis = np.einsum("ndij,dj->ndi", T[:, carried, :3, :3], hand.joints.axis[move])
     turns = np.array([hand.joints.kind[k] == "revolute" for k in move])

@@ -19,14 +19,13 @@ from scipy.spatial.transform import Rotation
 
 from afford.common.palette import Colour
 from afford.grasping.env.measures import GOAL_M
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
-from afford.grasping.motion.mirror import M
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
+from afford.grasping.motion.retarget import M
 from afford.render.draw import render
 from afford.render.mesh import Mesh, merge, mesh, moved
-from afford.render.model import Camera, Instance, Light, Material, Rendered
+from afford.render.scene import Camera, Instance, Light, Material, Rendered, Textures
 from afford.render.solids import box, patch, tube
-from afford.render.textures import Textures
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel, HandMotion, HandReference
@@ -80,7 +79,7 @@ class GraspRenderer:
     def __init__(self, hand: HandModel, task: GraspTask, width: int = 320, height: int = 240, supersample: int = 2) -> None:
         self.hand, self.task = hand, task
         self.width, self.height, self._supersample = width, height, supersample
-        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in skins(hand)]
+        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in link_meshes(hand)]
         self._look = {key: Material(_image(colour), roughness=0.5) for key, colour in _colours(task, hand).items()}
         self._parts = [(colour, merge(*(mesh(piece.vertices, piece.faces, crease_deg=25) for piece in found)))
                        for colour, found in _by_colour(task).items()]  # fmt: skip
@@ -98,7 +97,7 @@ class GraspRenderer:
         return DrawableEpisode(trace, self.task, cache(lambda row: self.render(trace, row).rgb))
 
     def _instances(self, trace: GraspTrace, row: int) -> list[Instance]:
-        T, body = forward(self.hand.joints, trace.q[row : row + 1])[0], pose_matrix(trace.body[row])
+        T, body = forward_kinematics(self.hand.joints, trace.q[row : row + 1])[0], pose_matrix(trace.body[row])
         circle = tube(goal_ring(trace.goal), np.full(RING_CORNERS + 1, RING_M), 6)
         return [*(Instance(shape, self._look["hand"], T[link], HAND) for link, shape in self._links),
                 *(Instance(shape, self._look[colour], body, THING) for colour, shape in self._parts),
@@ -215,14 +214,14 @@ class MotionRenderer:
 
     def __init__(self, hand: HandModel, width: int = 320, height: int = 240) -> None:
         self.hand, self.width, self.height = hand, width, height
-        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in skins(hand)]
+        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in link_meshes(hand)]
         self._look = {name: Material(np.full((1, 1, 3), colour, np.uint8), roughness=0.5)
                       for name, colour in (("hand", hand_colour(hand)), ("person", PERSON))}  # fmt: skip
         self._textures = Textures.of(self._look.values())
 
     def draw(self, reference: HandReference, theirs: np.ndarray, row: int) -> np.ndarray:
         """(height, width, 3) uint8 of row `row`; `theirs` (t, 21, 3) are the person's keypoints in the world of the reference."""
-        T = forward(self.hand.joints, reference.q[row : row + 1])[0]
+        T = forward_kinematics(self.hand.joints, reference.q[row : row + 1])[0]
         camera = self._camera(reference.tips_m[row].mean(axis=0))
         person = theirs[row] + BESIDE_M * camera.T_world_cam[:3, 0]
         shown = [Instance(shape, self._look["hand"], T[link]) for link, shape in self._links]

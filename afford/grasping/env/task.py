@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common.points import farthest
-from afford.grasping.sim.drops import laid
-from afford.grasping.sim.engine import world
+from afford.common.geometry import farthest_point_sampling
+from afford.grasping.sim.engine import make_world
+from afford.grasping.sim.rest_poses import placed_rest_pose
 from afford.grasping.sim.scene import Scene
-from afford.grasping.sim.scripted import SLICE_M, along
+from afford.grasping.sim.scripted import SLICE_M, aim_along_axis
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import GraspTarget, HandModel
 
@@ -78,7 +78,7 @@ def spread_points(points: np.ndarray, count: int) -> np.ndarray:
     """Sample (count, 3) of points (k, 3) by farthest point sampling, repeated when k < count; (0, 3) for k = 0."""
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise ValueError(f"points: expected finite (k, 3), got shape {points.shape}")
-    chosen = farthest(points, count)
+    chosen = farthest_point_sampling(points, count)
     return points[np.resize(chosen, count)] if len(chosen) else np.zeros((0, 3))
 
 
@@ -102,10 +102,10 @@ def grasp_targets(hand: HandModel, body: GraspObject, engine: str, count: int, r
     world is the frame of an episode: the centre of mass above the origin, the object along x.
     """
     scene = Scene(hand, body)
-    made = world(engine, scene)
-    rest = laid(made, scene)
+    made = make_world(engine, scene)
+    rest = placed_rest_pose(made, scene)
     made.close()
-    yaw = along(scene, rest, 0.0).yaw
+    yaw = aim_along_axis(scene, rest, 0.0).yaw
     rng = np.random.default_rng(seed)
     for k in range(count):
         pose = placed_pose(body, rest, np.zeros(2), (k % 2) * np.pi - yaw)
@@ -116,7 +116,7 @@ def grasp_targets(hand: HandModel, body: GraspObject, engine: str, count: int, r
 def _target(scene: Scene, pose: np.ndarray, along_m: float, thick_m: tuple[float, float], name: str) -> GraspTarget:
     turn = Rotation.from_quat(pose[3:])
     spots = turn.apply(scene.body.points.astype(np.float64)) + pose[:3]
-    x = along(scene, pose, along_m).place[0]
+    x = aim_along_axis(scene, pose, along_m).place[0]
     slab = spots[np.abs(spots[:, 0] - x) <= SLICE_M]
     slab = slab if len(slab) else spots[np.abs(spots[:, 0] - x).argmin()][None]
     low, high = slab[:, 1:].min(0), slab[:, 1:].max(0)

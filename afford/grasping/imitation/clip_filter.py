@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import Task, make_task
-from afford.grasping.hand.coupling import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
-from afford.training.events import Point
+from afford.training.curves import Point
 from schemas.grasp import GraspObject
 from schemas.hand import GraspTarget, HandModel, HandReference
 
@@ -85,7 +85,7 @@ def mean_start_posture(hand: HandModel, targets: Sequence[GraspTarget], referenc
     """(m,) mean first posture of the clips, the wrist relative to the place of the grasp. ValueError without its target."""
     places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3]))
               + one.object_pose[:3] for one in targets}  # fmt: skip
-    of_motor = commanded(hand.joints)
+    of_motor = commanded_columns(hand.joints)
     rows = list[np.ndarray]()
     for one in references:
         name = one.name.rpartition("_")[0]

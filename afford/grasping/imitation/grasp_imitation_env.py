@@ -24,7 +24,7 @@ from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.scenery import about_z
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task
-from afford.grasping.hand.coupling import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.tracking import (
     FIELDS,
     FINAL_TOLERANCE_M,
@@ -35,7 +35,7 @@ from afford.grasping.imitation.tracking import (
     imitation_rewards,
     tracking_failed,
 )
-from afford.grasping.sim.engine import CONTROL_S, State, stageable
+from afford.grasping.sim.engine import CONTROL_S, State, check_stage_engine
 from afford.grasping.sim.scene import Physics
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import HandModel, HandReference
@@ -69,7 +69,7 @@ class GraspImitationConfig:
     """threads that compute worlds"""
 
     def __post_init__(self) -> None:
-        stageable(self.engine)
+        check_stage_engine(self.engine)
         if self.reward not in REWARDS:
             raise ValueError(f"reward: expected {' or '.join(REWARDS)}, got {self.reward!r}")
 
@@ -84,7 +84,7 @@ class GraspImitationWorlds:
         ValueError for an object that no clip grasps, clips of another hand, or clips without an object.
         """
         self.hand, self.config, self.clips = hand, config, ReferenceClips(hand, references)
-        self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
+        self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
         self._u = [self._steps(one) for one in self.clips.references]
         start = tuple(self._u[0][0].tolist())
         self.grasping = GraspWorlds(hand, tasks, GraspEnvConfig(

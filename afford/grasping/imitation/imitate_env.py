@@ -27,8 +27,7 @@ from afford.grasping.env.gym_env import Env, VectorEnv
 from afford.grasping.env.obs_blocks import LIMIT
 from afford.grasping.env.scenery import palm_yaw, to_frame
 from afford.grasping.env.step_result import StepResult
-from afford.grasping.hand.coupling import commanded, limits_u
-from afford.grasping.hand.kinematics import forward, moving
+from afford.grasping.hand.kinematics import command_limits, commanded_columns, forward_kinematics, moving_joints
 from afford.grasping.imitation.tracking import (
     FIELDS,
     FINAL_TOLERANCE_M,
@@ -41,7 +40,7 @@ from afford.grasping.imitation.tracking import (
 )
 from afford.grasping.sim.engine import CONTROL_S, State
 from afford.grasping.sim.scene import Physics, Scene
-from afford.grasping.sim.worlds import Worlds
+from afford.grasping.sim.worlds import ThreadWorlds
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel, HandReference
 
@@ -88,9 +87,9 @@ class HandImitationWorlds:
                  config: ImitationConfig) -> None:  # fmt: skip
         """Build `count` worlds. ValueError without references, or for those of another hand."""
         self.hand, self.clips, self.config = hand, ReferenceClips(hand, references), config
-        self.worlds = Worlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
-        self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
-        self._limits = limits_u(hand.joints)
+        self.worlds = ThreadWorlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
+        self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
+        self._limits = command_limits(hand.joints)
         self.rates = actions.rate_table(actions.RATES["none" if config.base == "none" else "script"], len(self._limits))
         self._now = _EpisodeState(count, len(self._limits))
         self._state: State | None = None
@@ -103,7 +102,7 @@ class HandImitationWorlds:
     @property
     def width(self) -> int:
         """Width of an observation."""
-        return (len(moving(self.hand.joints)) - 6) * 2 + 2 * self.motors + 12 + 6 * len(self.hand.fingers.name) + 1
+        return (len(moving_joints(self.hand.joints)) - 6) * 2 + 2 * self.motors + 12 + 6 * len(self.hand.fingers.name) + 1
 
     def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin episodes in worlds `which`, each at a frame of a clip."""
@@ -145,7 +144,7 @@ class HandImitationWorlds:
         step ahead, and the errors of both levels of fingers; share of the clip that has passed.
         """
         now, state = self._now, self.state()
-        T, joints = forward(self.hand.joints, state.q), state.q[:, self._of_motor]
+        T, joints = forward_kinematics(self.hand.joints, state.q), state.q[:, self._of_motor]
         palm, yaw = self._reference("T_world_palm", ahead=1), palm_yaw(self.hand, state)
         turn = (Rotation.from_matrix(palm[:, :3, :3]) * Rotation.from_quat(state.palm[:, 3:]).inv()).as_rotvec()
         velocity = self._tracker.palm_velocity(T, state)

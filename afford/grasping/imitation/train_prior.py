@@ -20,9 +20,9 @@ from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationWorlds
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
-from afford.training import checkpoint
-from afford.training.events import Point
-from afford.training.loop import seed_of
+from afford.training import state as state_module
+from afford.training.curves import Point
+from afford.training.loop import derive_seed
 
 FILE = "checkpoint.safetensors"
 SAVE_EVERY = 20
@@ -75,15 +75,15 @@ class PriorTraining:
 
     def save(self, folder: Path) -> None:
         """Write a checkpoint."""
-        parts = {"now": checkpoint.weights(self.model), "moments": checkpoint.moments(self.optimizer),
+        parts = {"now": state_module.trained_weights(self.model), "moments": state_module.optimizer_state(self.optimizer),
                  "memory": {"obs": self.obs, "label": self.label}}  # fmt: skip
         tensors = {f"{part}/{name}": tensor for part, found in parts.items() for name, tensor in found.items()}
-        checkpoint.save(folder / FILE, tensors, {"update": self.update, "points": self.points})
+        state_module.save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
 
 
 def new_prior(core: GraspImitationWorlds, hidden: tuple[int, ...], std: float, seed: int) -> ActorCritic:
     """Create an untrained prior; its weights are a function of the seed."""
-    torch.manual_seed(seed_of(seed))
+    torch.manual_seed(derive_seed(seed))
     return ActorCritic(PolicyConfig(core.width, core.motors, hidden, std=std))
 
 
@@ -94,7 +94,7 @@ def train_prior(core: GraspImitationWorlds, model: ActorCritic, config: PriorTra
     total = config.cloning + config.ppo.updates
     envs = PPOEnvAdapter(VectorEnv(core, len(core.grasping.tasks)), 0)
     while state.update < total:
-        torch.manual_seed(seed_of(config.seed, state.update))
+        torch.manual_seed(derive_seed(config.seed, state.update))
         if state.update < config.cloning:
             _dagger_update(core, state, config)
         else:
@@ -118,13 +118,13 @@ def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> Pr
     state = PriorTraining(model, ppo.make_optimizer(model, config.lr), obs, label, [])
     if not (folder / FILE).exists():
         return state
-    tensors, words = checkpoint.load(folder / FILE)
+    tensors, words = state_module.load_checkpoint(folder / FILE)
     parts: dict[str, dict[str, Tensor]] = {"now": {}, "moments": {}, "memory": {}}
     for name, tensor in tensors.items():
         part, _, key = name.partition("/")
         parts[part][key] = tensor
-    checkpoint.restore(model, parts["now"])
-    checkpoint.restore_moments(state.optimizer, parts["moments"])
+    state_module.restore_weights(model, parts["now"])
+    state_module.restore_optimizer(state.optimizer, parts["moments"])
     state.obs, state.label = parts["memory"]["obs"], parts["memory"]["label"]
     state.update, state.points = words["update"], [Point(*point) for point in words["points"]]
     return state
@@ -185,7 +185,7 @@ def _nudges(config: PriorTrainingConfig, n: int, steps: int, rng: np.random.Gene
 def _ppo_update(envs: PPOEnvAdapter, state: PriorTraining, config: PriorTrainingConfig) -> None:
     """Collect one rollout of PPO, which is one episode of every world, and update."""
     number = state.update - config.cloning
-    envs.seed = seed_of(config.seed, state.update, 1) % 2**31
+    envs.seed = derive_seed(config.seed, state.update, 1) % 2**31
     actor = (*state.model.actor.parameters(), state.model.log_std)
     for parameter in actor:
         parameter.requires_grad_(number >= config.critic)

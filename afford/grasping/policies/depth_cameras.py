@@ -14,12 +14,12 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.skin import skins
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from afford.grasping.sim.scene import Range
-from afford.render.model import Camera
+from afford.render.camera import facing
 from afford.render.raster import edges, fill, project
-from afford.render.views.cameras import facing
+from afford.render.scene import Camera
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -41,7 +41,7 @@ class HandShape:
 
     def at(self, q: np.ndarray) -> np.ndarray:
         """(n, d) joints -> (n, v, 3) corners in the world."""
-        T = forward(self.hand.joints, q)[:, self.link]
+        T = forward_kinematics(self.hand.joints, q)[:, self.link]
         found: np.ndarray = (T[..., :3, :3] @ self.corners[:, :, None])[..., 0] + T[..., :3, 3]
         return found
 
@@ -61,7 +61,7 @@ class BodyShape:
 
 def hand_shape(hand: HandModel) -> HandShape:
     """Triangles of the collision shapes of all links. ValueError for a hand without collision shapes."""
-    solids = skins(hand, ("collision",), SIDES)
+    solids = link_meshes(hand, ("collision",), SIDES)
     if not solids:
         raise ValueError(f"{hand.name}: the hand has no link with a collision shape; cameras would not see it")
     corners, faces = _joined([(one.vertices, one.faces) for one in solids])

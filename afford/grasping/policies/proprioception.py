@@ -15,7 +15,7 @@ from afford.grasping.env.actions import turned
 from afford.grasping.env.measures import Measures
 from afford.grasping.env.obs_blocks import LAYOUTS, Snapshot, observe
 from afford.grasping.env.scenery import EpisodeFrame, Scenery, palm_yaw, to_world
-from afford.grasping.hand.kinematics import forward, points
+from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 from afford.grasping.sim.engine import State
 from schemas.hand import HandModel
 
@@ -71,7 +71,7 @@ class RobotBody:
 
     def palm(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, d) joints -> pose of the palm (n, 7), its middle (n, 3)."""
-        T = forward(self.hand.joints, q)[:, self.hand.palm]
+        T = forward_kinematics(self.hand.joints, q)[:, self.hand.palm]
         pose = np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
         return pose, to_world(pose, np.tile(self.palm_offset, (len(q), 1, 1)))[:, 0]
 
@@ -105,9 +105,9 @@ class RobotBody:
 
     def _state(self, own: Proprioception) -> State:
         """State by forward kinematics; everything of the object is NaN."""
-        T, fingers, n = forward(self.hand.joints, own.q), self.hand.fingers, len(own.q)
+        T, fingers, n = forward_kinematics(self.hand.joints, own.q), self.hand.fingers, len(own.q)
         unknown = np.full((n, 7), np.nan)
-        return State(own.q, own.qd, own.torque, points(T, fingers.tip_link, fingers.tip_m), self.palm(own.q)[0], unknown,
+        return State(own.q, own.qd, own.torque, points_on_links(T, fingers.tip_link, fingers.tip_m), self.palm(own.q)[0], unknown,
                      unknown[:, :3], unknown[:, :3], own.press_n[..., None], np.nan, 0)  # fmt: skip
 
 

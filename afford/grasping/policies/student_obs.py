@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.common.points import farthest
+from afford.common.geometry import farthest_point_sampling
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.policies.depth_cameras import HAND, OBJECT, DepthImages, unproject
 from afford.grasping.policies.proprioception import Proprioception, RobotBody, StartFrame
-from afford.render.model import Camera
+from afford.render.scene import Camera
 
 LOW_M, HIGH_M = (-1.0, -1.0, 0.002), (1.0, 1.0, 0.7)
 """box of the world that clouds are cropped to (the paper crops at 1 cm above the table; knives are thinner)"""
@@ -81,7 +81,7 @@ def _points(cameras: Sequence[Camera], depth_m: np.ndarray, shown: np.ndarray, e
     if eyes.sampling == "even":
         return _inside(unproject(cameras, depth_m, pixels[(np.arange(half) * len(pixels)) // half] if len(pixels) else pixels))
     found = _inside(unproject(cameras, depth_m, pixels))
-    return found[farthest(found, half)]
+    return found[farthest_point_sampling(found, half)]
 
 
 def _inside(points: np.ndarray) -> np.ndarray:

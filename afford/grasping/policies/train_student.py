@@ -23,9 +23,10 @@ from afford.grasping.policies.student_obs import StudentObs
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 from afford.grasping.rl.ppo import make_optimizer
-from afford.training import checkpoint, events
-from afford.training.loop import seed_of
-from afford.training.state import State, resume
+from afford.training import curves
+from afford.training import state as state_module
+from afford.training.loop import derive_seed
+from afford.training.state import TrainingState, resume
 
 SECTION = 5
 """rounds between two checkpoints"""
@@ -62,7 +63,7 @@ class DistillationEnv:
 
 
 def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig, folder: Path,
-                  progress: Callable[[int, int], None]) -> tuple[CloudPolicy, State]:  # fmt: skip
+                  progress: Callable[[int, int], None]) -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
     """Train a student; the network and its curves. `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/."""
     model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed)
     optimizer = make_optimizer(model, config.lr)
@@ -86,7 +87,7 @@ def new_student(size: str, robot: int, action: int, seed: int) -> CloudPolicy:
     sizes: Mapping[str, Callable[[int, int], CloudConfig]] = {"small": CloudConfig, "paper": paper_config}
     if size not in sizes:
         raise ValueError(f"size: expected {' or '.join(sizes)}, got {size!r}")
-    torch.manual_seed(seed_of(seed))
+    torch.manual_seed(derive_seed(seed))
     return CloudPolicy(sizes[size](robot, action))
 
 
@@ -99,10 +100,10 @@ def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, fa
     return root
 
 
-def _save(folder: Path, state: State, model: CloudPolicy, optimizer: torch.optim.Optimizer, buffer: dagger.ReplayBuffer) -> None:
+def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: torch.optim.Optimizer, buffer: dagger.ReplayBuffer) -> None:
     tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
-    checkpoint.save(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
-    events.write(folder / "tensorboard", state.points)
+    state_module.save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
+    curves.write_events(folder / "tensorboard", state.points)
     state.save(folder, model, optimizer)
     for old in folder.glob("moments-*.safetensors"):
         if old != _buffer_file(folder, state.step):
@@ -112,7 +113,7 @@ def _save(folder: Path, state: State, model: CloudPolicy, optimizer: torch.optim
 def _load_buffer(folder: Path, size: int, step: int) -> dagger.ReplayBuffer:
     buffer = dagger.ReplayBuffer(size)
     if step:
-        tensors, words = checkpoint.load(_buffer_file(folder, step))
+        tensors, words = state_module.load_checkpoint(_buffer_file(folder, step))
         buffer.columns, buffer.count = [tensors[str(k)].numpy() for k in range(len(tensors))], words["count"]
     return buffer
 

@@ -25,9 +25,9 @@ from afford.grasping.env.task import Task
 from afford.grasping.policies.load_policy import ENVIRONMENT, PRIOR, mean_action, prior_columns
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, PPOConfig, paper_config
-from afford.training import events
-from afford.training.loop import seed_of
-from afford.training.state import State, resume
+from afford.training import curves
+from afford.training.loop import derive_seed
+from afford.training.state import TrainingState, resume
 from schemas.hand import HandModel
 
 SECTION = 20
@@ -92,7 +92,7 @@ class ResidualEnv(PPOEnvAdapter):
 
 def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | None, config: GraspEnvConfig,
                   plan: TeacherTrainingConfig, folder: Path,
-                  progress: Callable[[int, int], None]) -> tuple[ActorCritic, State]:  # fmt: skip
+                  progress: Callable[[int, int], None]) -> tuple[ActorCritic, TrainingState]:  # fmt: skip
     """Train a teacher; the network and its curves. `folder` holds checkpoint.safetensors and tensorboard/."""
     envs = AffordanceGraspVector(plan.worlds, hand, tasks, **vars(config))
     try:
@@ -100,11 +100,11 @@ def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | N
         optimizer = ppo.make_optimizer(model, plan.ppo.lr)
         state = resume(folder, model, optimizer, "cpu")
         while state.step < plan.ppo.updates:
-            seed = seed_of(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
+            seed = derive_seed(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
             adapter = PPOEnvAdapter(envs, seed, SCALE) if prior is None else ResidualEnv(envs, prior, seed)
             _train_section(adapter, model, plan, optimizer, state, progress)
             state.save(folder, model, optimizer)
-            events.write(folder / "tensorboard", state.points)
+            curves.write_events(folder / "tensorboard", state.points)
     finally:
         envs.close()
     state.best_step = state.step
@@ -115,7 +115,7 @@ def new_teacher(plan: TeacherTrainingConfig, observation: int, action: int) -> A
     """Create an untrained teacher, whose actions are nearly zero. ValueError for an unknown size."""
     if plan.size not in SIZES:
         raise ValueError(f"size: expected {' or '.join(SIZES)}, got {plan.size!r}")
-    torch.manual_seed(seed_of(plan.seed))
+    torch.manual_seed(derive_seed(plan.seed))
     model = ActorCritic(replace(SIZES[plan.size](observation, action), std=plan.std))
     with torch.no_grad():
         model.log_std[0] = math.log(plan.std_along)
@@ -134,11 +134,11 @@ def export_teacher(folder: Path, model: ActorCritic, prior: FrozenPrior | None, 
 
 
 def _train_section(envs: PPOEnvAdapter, model: ActorCritic, plan: TeacherTrainingConfig, optimizer: torch.optim.Optimizer,
-                   state: State, progress: Callable[[int, int], None]) -> None:  # fmt: skip
+                   state: TrainingState, progress: Callable[[int, int], None]) -> None:  # fmt: skip
     def on_update(update: int, scalars: dict[str, float]) -> None:
         state.step = update + 1
         state.note("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
         progress(state.step, plan.ppo.updates)
 
-    torch.manual_seed(seed_of(plan.seed, state.step))
+    torch.manual_seed(derive_seed(plan.seed, state.step))
     ppo.train(envs, model, plan.ppo, optimizer, state.step, on_update, min(state.step + SECTION, plan.ppo.updates))
