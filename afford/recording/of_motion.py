@@ -93,7 +93,8 @@ def _verdict(clip: Clip, start: int) -> Message:
     return log(SAID, start, f"{one.name}: {text}", one.source, "INFO" if one.kept else "WARNING")
 
 
-def _robot(motion: HandMotion, reference: HandReference, studio: MotionRenderer, pictures_hz: float, start: int) -> Iterator[Message]:
+def _robot(motion: HandMotion, reference: HandReference, studio: MotionRenderer, pictures_hz: float,
+           start: int) -> Iterator[Message]:  # fmt: skip
     hand, theirs = studio.hand, placed_keypoints(motion, reference)
     T, every = forward_kinematics(hand.joints, reference.q), max(1, round(reference.rate_hz / pictures_hz))
     for row in range(len(reference.q)):

@@ -91,7 +91,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         finally:
             core.close()
     root = export_student(ctx.scratch, model, sensors, {**policy.facts, "seed": params.seed})
-    return Trained(tree(params.name, root), curves.training_log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
 def _env_config(p: Params, policy):  # type: ignore[no-untyped-def]  # types of leaf modules, which are imported inside functions

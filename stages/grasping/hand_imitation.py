@@ -82,7 +82,6 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
     from afford.training import curves
     from afford.training.loop import deterministic
-    from afford.training.state import TrainingState
 
     _check(params)
     with deterministic(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
@@ -94,7 +93,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     root = export_prior(ctx.scratch / "out", model, data.facts)
     curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
-    return Trained(tree("prior", root), curves.training_log("prior", TrainingState(step=done, points=points, best_step=done)))
+    return Trained(tree("prior", root), curves.training_log("prior", points, done, done))
 
 
 def _env_config(p: Params):  # type: ignore[no-untyped-def]  # its type is in a leaf module, which is imported inside functions

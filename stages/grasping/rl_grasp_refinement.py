@@ -90,7 +90,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
         plan = _training_config(params, len(train_tasks))
         model, state = train_teacher(hand, train_tasks, frozen, config, plan, ctx.scratch, ctx.progress)
     root = export_teacher(ctx.scratch, model, frozen, config, params.seed)
-    return Trained(tree(params.name, root), curves.training_log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
 def _env_config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # types of leaf modules, imported inside

@@ -132,7 +132,8 @@ def test_depth_comes_in_steps_of_disparity() -> None:
     """Neighbouring depths are step z^2 apart."""
     rng = np.random.default_rng(0)
     depth = rng.uniform(0.4, 0.8, (1, 1, 200, 200)).astype(np.float32)
-    found = np.unique(add_depth_noise(DepthImages(depth, np.full(depth.shape, OBJECT, np.uint8)), [DepthNoise(step_m=0.01)], rng).depth_m)
+    found = np.unique(add_depth_noise(DepthImages(depth, np.full(depth.shape, OBJECT, np.uint8)), [DepthNoise(step_m=0.01)],
+                                      rng).depth_m)  # fmt: skip
     middle = (found[1:] + found[:-1]) / 2
     assert np.diff(found) == pytest.approx(0.01 * middle**2, rel=0.02)
 

@@ -125,7 +125,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="expected a prediction for the use"):
         told(replace(said(), tasks=said().tasks[:0]))
     for body in (replace(task().body, size_m=1.15 * task().body.size_m), replace(task().body, name="other")):
-        with pytest.raises(ValueError, match="expected tasks of what was looked at"):
+        with pytest.raises(ValueError, match="expected tasks of the object that was predicted"):
             grasp_tasks_predicted.run((replace(task(), body=body),), looked().mesh, PARAMS, said())
 
 

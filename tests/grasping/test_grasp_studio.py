@@ -61,7 +61,7 @@ def test_pieces_look_outwards() -> None:
 def test_the_end_shows_the_object_higher(studio: GraspRenderer) -> None:
     """And at the depth of its points: what the picture says of the object is on it, to the millimetre."""
     trace, _ = grasped()
-    first, last = studio.shoot(trace, 0), studio.shoot(trace, len(trace.q) - 1)
+    first, last = studio.render(trace, 0), studio.render(trace, len(trace.q) - 1)
     assert first.rgb.shape == (120, 160, 3) and set(np.unique(first.ids)) == {HAND, THING, GROUND, RING}
     rows = [np.flatnonzero((one.ids == THING).any(axis=1)).mean() for one in (first, last)]
     assert rows[1] < rows[0] - 15
@@ -88,7 +88,7 @@ def test_what_must_not_be_touched_is_red(studio: GraspRenderer) -> None:
     """The head of the hammer, and nothing else."""
     one = hammer()
     assert {name for k, name in enumerate(one.body.parts) if colour_of(one, k) == NEGATIVE} == set(one.negative)
-    shot = studio.shoot(grasped()[0], 0)
+    shot = studio.render(grasped()[0], 0)
     r, g, b = shot.rgb.astype(int).reshape(-1, 3).T
     red = ((r > 1.8 * g) & (r > 1.8 * b)).reshape(120, 160)
     assert red.sum() > 40 and (shot.ids[red] == THING).mean() > 0.9
@@ -97,8 +97,8 @@ def test_what_must_not_be_touched_is_red(studio: GraspRenderer) -> None:
 def test_the_same_trace_gives_the_same_picture(studio: GraspRenderer) -> None:
     """To the byte, in another studio as well."""
     trace, _ = grasped()
-    again = GraspRenderer(shadow(), hammer(), 160, 120).shoot(trace, 7)
-    assert again.rgb.tobytes() == studio.shoot(trace, 7).rgb.tobytes()
+    again = GraspRenderer(shadow(), hammer(), 160, 120).render(trace, 7)
+    assert again.rgb.tobytes() == studio.render(trace, 7).rgb.tobytes()
 
 
 def test_rows_are_judged_as_metrics_judge() -> None:
@@ -126,8 +126,8 @@ def test_a_hand_that_never_lifts_has_moments_too() -> None:
     """Spread evenly from the touch on."""
     trace, _ = grasped()
     still = replace(trace, body=np.repeat(trace.body[:1], len(trace.q), axis=0))
-    frames = list(key_frames(still, hammer()))
-    assert frames == sorted(frames) and frames[-1] == len(trace.q) - 1
+    found = list(key_frames(still, hammer()))
+    assert found == sorted(found) and found[-1] == len(trace.q) - 1
 
 
 def test_the_task_of_another_trace_is_refused() -> None:

@@ -152,7 +152,7 @@ def _middle(limits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 BASES = ("none", "script", "prior")
 
 
-def start_joints(scene: Scene, aim: Aim, posture: Sequence[float] = ()) -> np.ndarray:
+def initial_joints(scene: Scene, aim: Aim, posture: Sequence[float] = ()) -> np.ndarray:
     """(d,) joints at the start: open, 12 cm above the aim, or in a posture (m,) of motors, its wrist relative to the aim."""
     if not posture:
         return start_joints(scene, aim, GRASP)
@@ -167,7 +167,7 @@ def base_targets(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, p
                  wait: int = 0) -> np.ndarray:  # fmt: skip
     """(steps, m) targets of a base; the script ends by holding. ValueError for an unknown base, or too few steps for the script."""
     if base in ("none", "prior"):
-        u = start_joints(scene, aim, posture)[commanded_columns(scene.hand.joints)]
+        u = initial_joints(scene, aim, posture)[commanded_columns(scene.hand.joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")
@@ -184,7 +184,7 @@ def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -
     least = wait + script_steps(lift_m)
     if steps < least:
         raise ValueError(f"steps: expected {least} or more for a grasp by script that lifts {lift_m:g} m, got {steps}")
-    above = start_joints(scene, aim)[commanded_columns(scene.hand.joints)]
+    above = initial_joints(scene, aim)[commanded_columns(scene.hand.joints)]
     closed = np.array([*[above] * wait, *grasp_commands(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
     s = (np.arange(1, steps - len(closed) + 1) / _lift_steps(lift_m)).clip(max=1.0)
     lifted = np.repeat(closed[-1:], len(s), axis=0)

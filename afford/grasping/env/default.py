@@ -6,9 +6,8 @@ from functools import cache
 
 from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.kinematics import coupled
 from afford.grasping.hand.mjcf import read
-from afford.grasping.hand.model import Gantry, HandOptions, build_hand
+from afford.grasping.hand.model import Gantry, HandOptions, build_hand, couple_joints
 from afford.grasping.sim.grasp_object import grasp_object
 from afford.synthetic.objects.library import build_object
 from schemas.hand import HandModel
@@ -22,7 +21,7 @@ HOLD = "handle"
 def hand() -> HandModel:
     """The installed Shadow Hand on its gantry, as the stage hand_model builds it by default. SourceError if it is not installed."""
     gantry = Gantry(reach_m=2.0, force_n=200.0, torque_nm=30.0, mass_kg=0.05)
-    return build_hand(coupled(read(shadow_files()), ()), HandOptions("", gantry))
+    return build_hand(couple_joints(read(shadow_files()), ()), HandOptions("", gantry))
 
 
 @cache

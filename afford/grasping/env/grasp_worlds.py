@@ -26,7 +26,7 @@ from afford.grasping.sim.engine import CONTROL_S, State
 from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
 from afford.grasping.sim.scene import Scene, Sensing, centre, hold_command, randomize_physics, sensing
 from afford.grasping.sim.scripted import Aim, aim_along_axis, aim_at_part
-from afford.grasping.sim.worlds import batch
+from afford.grasping.sim.worlds import world_batch
 from schemas.hand import HandModel
 
 LOST_M = 0.5
@@ -47,7 +47,7 @@ class GraspWorlds:
         self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = build_scenery(hand, self.tasks)
-        self.worlds = batch(config.engine, self.scenes, config.threads, config.processes, config.device)
+        self.worlds = world_batch(config.engine, self.scenes, config.threads, config.processes, config.device)
         self._of_motor = commanded_columns(hand.joints)
         self._limits = command_limits(hand.joints)
         self.rates = (actions.wrench_table(self._limits) if config.action_mode == "paper"
@@ -188,7 +188,7 @@ class GraspWorlds:
     def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
                posture: Sequence[float] = ()) -> None:  # fmt: skip
         config, posture = self.config, posture or self.config.posture
-        q = [actions.start_joints(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
+        q = [actions.initial_joints(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
         for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
             scene = self.scenes[k]
             base = actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)

@@ -104,7 +104,8 @@ ITERATIONS = 100
 def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, seed: int) -> list[GraspTrace]:
     """One episode of each task, side by side; the policy's mean action. ValueError for files that are no policy."""
     policy = load_policy(files, {})
-    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks],
+                           policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
     try:
         played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
     finally:

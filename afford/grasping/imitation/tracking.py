@@ -114,7 +114,8 @@ class Tracker:
         """Poses of links (n, l, 4, 4) -> level -> joints of the fingers (n, f, 3), world."""
         fingers = self.hand.fingers
         zero = np.zeros((len(fingers.name), 3))
-        return {"level_1_m": points_on_links(T, fingers.base_link, zero), "level_2_m": points_on_links(T, fingers.middle_link, zero)}
+        return {"level_1_m": points_on_links(T, fingers.base_link, zero),
+                "level_2_m": points_on_links(T, fingers.middle_link, zero)}  # fmt: skip
 
     def compare(self, state: State, wanted: Mapping[str, np.ndarray]) -> Tracking:
         """Compare states of n hands with FIELDS of their references, (n, ...) each."""

@@ -20,9 +20,16 @@ from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationWorlds
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
-from afford.training import state as state_module
 from afford.training.curves import Point
 from afford.training.loop import derive_seed
+from afford.training.state import (
+    load_checkpoint,
+    optimizer_state,
+    restore_optimizer,
+    restore_weights,
+    save_checkpoint,
+    trained_weights,
+)
 
 FILE = "checkpoint.safetensors"
 SAVE_EVERY = 20
@@ -75,10 +82,10 @@ class PriorTraining:
 
     def save(self, folder: Path) -> None:
         """Write a checkpoint."""
-        parts = {"now": state_module.trained_weights(self.model), "moments": state_module.optimizer_state(self.optimizer),
+        parts = {"now": trained_weights(self.model), "moments": optimizer_state(self.optimizer),
                  "memory": {"obs": self.obs, "label": self.label}}  # fmt: skip
         tensors = {f"{part}/{name}": tensor for part, found in parts.items() for name, tensor in found.items()}
-        state_module.save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
+        save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
 
 
 def new_prior(core: GraspImitationWorlds, hidden: tuple[int, ...], std: float, seed: int) -> ActorCritic:
@@ -118,13 +125,13 @@ def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> Pr
     state = PriorTraining(model, ppo.make_optimizer(model, config.lr), obs, label, [])
     if not (folder / FILE).exists():
         return state
-    tensors, words = state_module.load_checkpoint(folder / FILE)
+    tensors, words = load_checkpoint(folder / FILE)
     parts: dict[str, dict[str, Tensor]] = {"now": {}, "moments": {}, "memory": {}}
     for name, tensor in tensors.items():
         part, _, key = name.partition("/")
         parts[part][key] = tensor
-    state_module.restore_weights(model, parts["now"])
-    state_module.restore_optimizer(state.optimizer, parts["moments"])
+    restore_weights(model, parts["now"])
+    restore_optimizer(state.optimizer, parts["moments"])
     state.obs, state.label = parts["memory"]["obs"], parts["memory"]["label"]
     state.update, state.points = words["update"], [Point(*point) for point in words["points"]]
     return state

@@ -24,9 +24,8 @@ from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 from afford.grasping.rl.ppo import make_optimizer
 from afford.training import curves
-from afford.training import state as state_module
 from afford.training.loop import derive_seed
-from afford.training.state import TrainingState, resume
+from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
 
 SECTION = 5
 """rounds between two checkpoints"""
@@ -72,7 +71,7 @@ def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig,
 
     def on_round(number: int, scalars: dict[str, float]) -> None:
         state.step = number + 1
-        state.note("train", scalars)
+        state.log("train", scalars)
         if state.step % SECTION == 0 or state.step == config.rounds:
             _save(folder, state, model, optimizer, buffer)
         progress(state.step, config.rounds)
@@ -100,9 +99,10 @@ def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, fa
     return root
 
 
-def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: torch.optim.Optimizer, buffer: dagger.ReplayBuffer) -> None:
+def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: torch.optim.Optimizer,
+          buffer: dagger.ReplayBuffer) -> None:  # fmt: skip
     tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
-    state_module.save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
+    save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
     curves.write_events(folder / "tensorboard", state.points)
     state.save(folder, model, optimizer)
     for old in folder.glob("moments-*.safetensors"):
@@ -113,7 +113,7 @@ def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: tor
 def _load_buffer(folder: Path, size: int, step: int) -> dagger.ReplayBuffer:
     buffer = dagger.ReplayBuffer(size)
     if step:
-        tensors, words = state_module.load_checkpoint(_buffer_file(folder, step))
+        tensors, words = load_checkpoint(_buffer_file(folder, step))
         buffer.columns, buffer.count = [tensors[str(k)].numpy() for k in range(len(tensors))], words["count"]
     return buffer
 

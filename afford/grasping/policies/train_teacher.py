@@ -137,7 +137,7 @@ def _train_section(envs: PPOEnvAdapter, model: ActorCritic, plan: TeacherTrainin
                    state: TrainingState, progress: Callable[[int, int], None]) -> None:  # fmt: skip
     def on_update(update: int, scalars: dict[str, float]) -> None:
         state.step = update + 1
-        state.note("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
+        state.log("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
         progress(state.step, plan.ppo.updates)
 
     torch.manual_seed(derive_seed(plan.seed, state.step))
