@@ -1,1 +1,1 @@
-"""Still pictures of hands and things, with exact labels."""
+"""Still pictures of hands and objects, with exact labels."""

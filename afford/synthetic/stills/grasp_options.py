@@ -1,4 +1,4 @@
-"""The ways in which one hand can take a thing as it lies there: which side, which part, how turned, and how comfortably."""
+"""The ways in which one hand can take a obj as it lies there: which side, which part, how turned, and how comfortably."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from afford.render.motion import Pose, about, pose
 from afford.synthetic.assets.object_model import Grip, ObjectModel, edge, mirror_grip
 from afford.synthetic.human_hand.skeleton import ROOTS, WRIST
-from afford.synthetic.kitchens.scene_builder import BOTH_APART_M, comfort
+from afford.synthetic.kitchens.scene_builder import MIN_HAND_GAP_M, comfort
 from afford.synthetic.kitchens.world import elbow
 from afford.synthetic.stills.table_layout import Placed, height_at, height_map
 from afford.synthetic.stills.task_catalogue import Task
@@ -27,7 +27,7 @@ TURNS = {"round": 36, "square": 4}
 CROSSING = 4.0
 """Comfort lost per metre that a palm reaches beyond the middle of the body to the other hand's side."""
 BEYOND = 5.0
-"""Comfort lost per metre that a palm reaches past the middle of a thing to its far side."""
+"""Comfort lost per metre that a palm reaches past the middle of a obj to its far side."""
 LEAST = 0.45
 """A hand goes nowhere less comfortable than this."""
 CLEAR_M = 0.022
@@ -39,9 +39,9 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class GripOption:
-    """A hand on a thing; `turn` (0 of 1, or k of n) is how the grip is turned about the thing's own axis."""
+    """A hand on a obj; `turn` (0 of 1, or k of n) is how the grip is turned about the obj's own axis."""
 
-    thing: Placed
+    obj: Placed
     grip: Grip
     turn: int
     comfort: float
@@ -54,7 +54,7 @@ class GripOption:
     @property
     def palm(self) -> Pose:
         """T_world_palm."""
-        return self.thing.T_world_obj @ self.grip.T_obj_palm
+        return self.obj.T_world_obj @ self.grip.T_obj_palm
 
 
 def with_more_grips(model: ObjectModel) -> ObjectModel:
@@ -73,40 +73,40 @@ def with_more_grips(model: ObjectModel) -> ObjectModel:
 class ReachModel:
     """What the hands of a person can take in one layout."""
 
-    def __init__(self, things: Sequence[Placed]) -> None:
-        self.things = list(things)
-        self._built = {thing.number: height_map([other for other in things if other is not thing]) for thing in things}
+    def __init__(self, objects: Sequence[Placed]) -> None:
+        self.objects = list(objects)
+        self._built = {obj.number: height_map([other for other in objects if other is not obj]) for obj in objects}
 
-    def ways(self, thing: Placed, side: str, names: Sequence[str] = ()) -> list[GripOption]:
+    def ways(self, obj: Placed, side: str, names: Sequence[str] = ()) -> list[GripOption]:
         """The best way for each part and kind of grip of this hand that is comfortable and free, best first. `names` are the
         parts that count, all when empty.
         """
         best: dict[tuple[str, str], GripOption] = {}
-        for way in self._all(thing, side, names):
+        for way in self._all(obj, side, names):
             key = (way.grip.name, way.grip.kind)
             if way.comfort > LEAST and (key not in best or way.comfort > best[key].comfort) and self._free(way):
                 best[key] = way
         return sorted(best.values(), key=lambda way: -way.comfort)
 
-    def _all(self, thing: Placed, side: str, names: Sequence[str]) -> Iterator[GripOption]:
-        for grip in thing.model.grips_of(side):
+    def _all(self, obj: Placed, side: str, names: Sequence[str]) -> Iterator[GripOption]:
+        for grip in obj.model.grips_of(side):
             if not names or grip.name in names:
-                for turn, turned in enumerate(_turned(thing.model, grip)):
-                    yield GripOption(thing, turned, turn, _comfort(thing.T_world_obj @ turned.T_obj_palm, thing, side))
+                for turn, turned in enumerate(_turned(obj.model, grip)):
+                    yield GripOption(obj, turned, turn, _comfort(obj.T_world_obj @ turned.T_obj_palm, obj, side))
 
     def _free(self, way: GripOption) -> bool:
-        """Whether palm, knuckles and forearm stay clear of other things and of the thing's own handle."""
+        """Whether palm, knuckles and forearm stay clear of other objects and of the obj's own handle."""
         points, radius = _arm(way)
-        stands = height_at(self._built[way.thing.number], points)
+        stands = height_at(self._built[way.obj.number], points)
         if ((stands > 0) & (points[:, 2] - radius < stands)).any():
             return False
         return _clear_of_handle(way, points[: len(ROOTS) + 1])
 
 
-def _comfort(palm: Pose, thing: Placed, side: str) -> float:
-    """How naturally an arm reaches a palm pose (about -2..1): also not to the other hand's side, and not behind the thing."""
+def _comfort(palm: Pose, obj: Placed, side: str) -> float:
+    """How naturally an arm reaches a palm pose (about -2..1): also not to the other hand's side, and not behind the obj."""
     across = float(-palm[0, 3] if side == "right" else palm[0, 3])
-    beyond = float(palm[1, 3] - thing.T_world_obj[1, 3])
+    beyond = float(palm[1, 3] - obj.T_world_obj[1, 3])
     return comfort(palm, side) - CROSSING * max(0.0, across) - BEYOND * max(0.0, beyond)
 
 
@@ -132,10 +132,10 @@ def _arm(way: GripOption) -> tuple[np.ndarray, np.ndarray]:
 def _clear_of_handle(way: GripOption, points: np.ndarray) -> bool:
     if way.grip.name in FIXED_PARTS:
         return True
-    handles = [part.mesh.vertices for part in way.thing.model.parts if part.name in FIXED_PARTS]
+    handles = [part.mesh.vertices for part in way.obj.model.parts if part.name in FIXED_PARTS]
     if not handles:
         return True
-    T = way.thing.T_world_obj
+    T = way.obj.T_world_obj
     world = np.concatenate(handles)[::4] @ T[:3, :3].T + T[:3, 3]
     return float(np.linalg.norm(world[None] - points[:, None], axis=2).min()) > CLEAR_M
 
@@ -143,7 +143,7 @@ def _clear_of_handle(way: GripOption, points: np.ndarray) -> bool:
 SLACK = 0.12
 """Left or right is a matter of taste when their comfort differs by less."""
 PART_SLACK = 0.35
-"""Another part of the thing is still natural when it costs no more comfort than this."""
+"""Another part of the obj is still natural when it costs no more comfort than this."""
 CROSSED = 3.0
 """Comfort lost per metre by which the left palm is to the right of the right one."""
 TASTE = 0.15
@@ -168,15 +168,15 @@ class GraspPlan:
 
     @property
     def taxonomy(self) -> int:
-        """Taxonomy, 4-way: 0 left, 1 right, 2 both on one thing, 3 both on different things."""
+        """Taxonomy, 4-way: 0 left, 1 right, 2 both on one obj, 3 both on different objects."""
         if self.left and self.right:
-            return 2 if self.left.thing is self.right.thing else 3
+            return 2 if self.left.obj is self.right.obj else 3
         return 0 if self.left else 1
 
     @property
     def parts(self) -> tuple[str, ...]:
         """What is taken, whichever hand takes it."""
-        return tuple(sorted(f"{way.thing.number} {way.grip.name} {way.grip.kind}" for way in self.ways if way))
+        return tuple(sorted(f"{way.obj.number} {way.grip.name} {way.grip.kind}" for way in self.ways if way))
 
 
 def grasp_plans(act: Task, reach: ReachModel) -> list[GraspPlan]:
@@ -185,7 +185,7 @@ def grasp_plans(act: Task, reach: ReachModel) -> list[GraspPlan]:
     if act.support is None:
         return one[:MOST]
     two = _natural(_two_hands(act, reach))
-    either = not act.must and len(act.things) == 1 and act.kinds[0] in EITHER
+    either = not act.must and len(act.objects) == 1 and act.kinds[0] in EITHER
     chosen = [*two, *one] if either else two if two or act.must else one
     return sorted(chosen, key=lambda plan: -plan.comfort)[:MOST]
 
@@ -200,25 +200,25 @@ def plan_weights(chosen: Iterable[GraspPlan]) -> np.ndarray:
 def _one_hand(act: Task, reach: ReachModel) -> list[GraspPlan]:
     parts = act.parts if act.alone is None else act.alone
     return [GraspPlan(way if side == "left" else None, way if side == "right" else None, way.comfort)
-            for side in SIDES for way in reach.ways(act.things[0], side, parts)]
+            for side in SIDES for way in reach.ways(act.objects[0], side, parts)]
 
 
 def _two_hands(act: Task, reach: ReachModel) -> list[GraspPlan]:
     found: dict[tuple[str, ...], GraspPlan] = {}
     for lead, other in (SIDES, SIDES[::-1]):
-        firsts, seconds = reach.ways(act.things[0], lead, act.parts), reach.ways(act.things[-1], other, act.support or ())
+        firsts, seconds = reach.ways(act.objects[0], lead, act.parts), reach.ways(act.objects[-1], other, act.support or ())
         for first, second in product(firsts, seconds):
             left, right = (first, second) if lead == "left" else (second, first)
             plan = _together(left, right)
             if plan:
-                found[f"{left.thing.number} {left.grip.name}", f"{right.thing.number} {right.grip.name}"] = plan
+                found[f"{left.obj.number} {left.grip.name}", f"{right.obj.number} {right.grip.name}"] = plan
     return list(found.values())
 
 
 def _together(left: GripOption, right: GripOption) -> GraspPlan | None:
     """Both hands at once, unless they would run into each other; crossed arms are less comfortable."""
     a, b = left.palm[:3, 3], right.palm[:3, 3]
-    if np.linalg.norm(a - b) < BOTH_APART_M:
+    if np.linalg.norm(a - b) < MIN_HAND_GAP_M:
         return None
     return GraspPlan(left, right, min(left.comfort, right.comfort) - CROSSED * max(0.0, float(a[0] - b[0])))
 

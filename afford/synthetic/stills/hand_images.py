@@ -20,14 +20,14 @@ from schemas.scene import LEFT_HAND, REST, RIGHT_HAND, SLEEVE, TOUCHED, HandLess
 from schemas.video import SIDES
 
 PEOPLE, VIEWS = 4, 4
-"""people in a room; pictures of each layout of its things"""
+"""people in a room; pictures of each layout of its objects"""
 HANDS_SHARE = (0.15, 0.35, 0.5)
 """share of pictures with no hand, one hand, two hands"""
 HOLDS, LIFTS = 0.6, 0.4
-"""share of hands that hold a thing where they can; share of held things that are lifted"""
+"""share of hands that hold a obj where they can; share of held objects that are lifted"""
 ENTITY = {"left": 100, "right": 101}
 CLOTH = 102
-"""numbers in the id map, beyond those of things"""
+"""numbers in the id map, beyond those of objects"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,9 @@ class HandAction:
     palm: Pose
     angles: np.ndarray
     held: int | None = None
-    """number of the thing it holds"""
+    """number of the obj it holds"""
     moved: Pose | None = None
-    """how that thing was moved from where it stood"""
+    """how that obj was moved from where it stood"""
 
 
 def render_hand_images(room: HandRoom, count: int, size: tuple[int, int], supersample: int,
@@ -73,7 +73,7 @@ def _textures(world: StillWorld, people: list[PersonModel]) -> Textures:
 def _hand_actions(world: StillWorld, layout: Layout, rng: np.random.Generator) -> list[HandAction]:
     """What the hands of a picture do; the second hand stays away where it would run into the first."""
     count = int(rng.choice(3, p=HANDS_SHARE))
-    reach, out = ReachModel(layout.things), list[HandAction]()
+    reach, out = ReachModel(layout.objects), list[HandAction]()
     for side in rng.permutation(SIDES)[:count]:
         deed = _hand_action(world, layout, reach, str(side), [done.held for done in out], rng)
         if hands_apart([done.palm for done in (*out, deed)]):
@@ -83,22 +83,22 @@ def _hand_actions(world: StillWorld, layout: Layout, rng: np.random.Generator) -
 
 def _hand_action(world: StillWorld, layout: Layout, reach: ReachModel, side: str, taken: list[int | None],
                  rng: np.random.Generator) -> HandAction:  # fmt: skip
-    if rng.random() < HOLDS and layout.things:
-        thing = layout.things[int(rng.integers(len(layout.things)))]
-        ways = reach.ways(thing, side)
+    if rng.random() < HOLDS and layout.objects:
+        obj = layout.objects[int(rng.integers(len(layout.objects)))]
+        ways = reach.ways(obj, side)
         if ways:
-            return _held(world, ways[int(rng.integers(len(ways)))], thing.number not in taken, rng)
+            return _held(world, ways[int(rng.integers(len(ways)))], obj.number not in taken, rng)
     return HandAction(side, *free_hand_pose(side, rng))
 
 
 def _held(world: StillWorld, way: GripOption, free: bool, rng: np.random.Generator) -> HandAction:
-    """A hand on a thing, which may be lifted and tilted unless the other hand holds it as well."""
+    """A hand on a obj, which may be lifted and tilted unless the other hand holds it as well."""
     up = np.eye(4)
     if free and rng.random() < LIFTS:
         middle = way.palm[:3, 3]
         tilt = about(rng.normal(size=3), float(rng.normal(0, 0.25)))
         up = pose(middle + (*rng.uniform(-0.04, 0.04, 2), rng.uniform(0.02, 0.16)), tilt) @ pose(-middle)
-    return HandAction(way.side, up @ way.palm, world.fingers(way), way.thing.number, up)
+    return HandAction(way.side, up @ way.palm, world.fingers(way), way.obj.number, up)
 
 
 def _render_image(one: PersonModel, deeds: list[HandAction], layout: Layout, textures: Textures, size: tuple[int, int],

@@ -1,4 +1,4 @@
-"""People for lessons about hands: any sleeve, two hands, a body; and what their hands do, on a thing or in the air."""
+"""People for lessons about hands: any sleeve, two hands, a body; and what their hands do, on a obj or in the air."""
 
 from __future__ import annotations
 

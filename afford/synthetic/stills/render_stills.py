@@ -1,4 +1,4 @@
-"""A layout seen by a camera: its picture, the complete mask of every thing, and the visible mask of a hand put into it."""
+"""A layout seen by a camera: its picture, the complete mask of every obj, and the visible mask of a hand put into it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Shot:
     camera: Camera
     """camera of the masks"""
     ids: np.ndarray
-    """(mask h, mask w) int16 number of the thing seen, -1 elsewhere"""
+    """(mask h, mask w) int16 number of the obj seen, -1 elsewhere"""
     nearness: np.ndarray
     """(mask h, mask w) float32 1 / depth of what is seen, 0 for nothing"""
 
@@ -100,7 +100,7 @@ def _moved(instance: Instance) -> np.ndarray:
 LEAST_AREA = 0.0005
 """A smaller affordance, as a share of the picture, is no lesson."""
 LEAST_SEEN = 0.55
-"""Share of a thing that must be in sight for it to be asked for."""
+"""Share of a obj that must be in sight for it to be asked for."""
 SAME = 0.8
 """Two ways whose masks overlap so much (IoU) look the same."""
 
@@ -121,8 +121,8 @@ def render_stills(spec: StillSpec, quality: RenderQuality, progress: Callable[[i
     found: list[Still] = []
     for _ in range(spec.layouts):
         layout = world.layout()
-        reach, names = ReachModel(layout.things), {thing.number: plain_name(thing.model.noun) for thing in layout.things}
-        wanted = [act for act in tasks_for(layout.things, names) if is_asked(spec.asks, is_new(act.verb, act.kinds))]
+        reach, names = ReachModel(layout.objects), {obj.number: plain_name(obj.model.noun) for obj in layout.objects}
+        wanted = [act for act in tasks_for(layout.objects, names) if is_asked(spec.asks, is_new(act.verb, act.kinds))]
         for _ in range(spec.views):
             shot = take_picture(world, layout, quality.sizes, quality.supersample)
             for act, modes in _asked(world, layout, shot, reach, wanted):
@@ -140,22 +140,22 @@ Asked = tuple[Task, tuple[Mode, ...]]
 
 
 def _asked(world: StillWorld, layout: Layout, shot: Shot, reach: ReachModel, wanted: list[Task]) -> Iterator[Asked]:
-    """Up to `spec.tasks` tasks of one picture, one per verb and things, with their modes; what cannot be done is left out."""
+    """Up to `spec.tasks` tasks of one picture, one per verb and objects, with their modes; what cannot be done is left out."""
     seen = _in_sight(layout, shot)
-    for act in _by_turns([act for act in wanted if all(thing.number in seen for thing in act.things)], world.rng, world.spec.tasks):
+    for act in _by_turns([act for act in wanted if all(obj.number in seen for obj in act.objects)], world.rng, world.spec.tasks):
         modes = _modes(world, shot, grasp_plans(act, reach), seen)
         if modes:
             yield act, modes
 
 
 def _by_turns(wanted: list[Task], rng: np.random.Generator, most: int) -> list[Task]:
-    """At most `most` acts, no verb with the same things twice: those that may take two hands and those that take one by turns,
+    """At most `most` acts, no verb with the same objects twice: those that may take two hands and those that take one by turns,
     and among these every verb with the same chance.
     """
     groups: dict[bool, dict[tuple[str, int], list[Task]]] = {True: {}, False: {}}
     for k in rng.permutation(len(wanted)):
         act = wanted[k]
-        groups[act.support is not None].setdefault((act.verb, len(act.things)), []).append(act)
+        groups[act.support is not None].setdefault((act.verb, len(act.objects)), []).append(act)
     chosen: dict[tuple[object, ...], Task] = {}
     two = bool(rng.random() < 0.5)
     while len(chosen) < most and any(groups.values()):
@@ -165,17 +165,17 @@ def _by_turns(wanted: list[Task], rng: np.random.Generator, most: int) -> list[T
         act = groups[two][name].pop()
         if not groups[two][name]:
             del groups[two][name]
-        chosen.setdefault((act.verb, *(thing.number for thing in act.things)), act)
+        chosen.setdefault((act.verb, *(obj.number for obj in act.objects)), act)
     return list(chosen.values())
 
 
 def _in_sight(layout: Layout, shot: Shot) -> dict[int, np.ndarray]:
-    """Complete masks (h, w) of the things that can be recognised, by number."""
+    """Complete masks (h, w) of the objects that can be recognised, by number."""
     out = {}
-    for thing in layout.things:
-        mask = shot.complete(thing.model.instances(thing.T_world_obj, thing.number))
-        if mask.any() and np.count_nonzero(shot.ids == thing.number) > LEAST_SEEN * np.count_nonzero(mask):
-            out[thing.number] = mask
+    for obj in layout.objects:
+        mask = shot.complete(obj.model.instances(obj.T_world_obj, obj.number))
+        if mask.any() and np.count_nonzero(shot.ids == obj.number) > LEAST_SEEN * np.count_nonzero(mask):
+            out[obj.number] = mask
     return out
 
 
@@ -196,12 +196,12 @@ def _masks(world: StillWorld, shot: Shot, plan: GraspPlan, complete: dict[int, n
     """(4, h, w) bool: affordance left, right = complete object AND visible hand; complete object left, right."""
     hands = shot.hands(world, plan.ways)
     empty = np.zeros_like(hands[0])
-    things = np.stack([complete[way.thing.number] if way else empty for way in plan.ways])
-    return np.concatenate([hands & things, things])
+    objects = np.stack([complete[way.obj.number] if way else empty for way in plan.ways])
+    return np.concatenate([hands & objects, objects])
 
 
 def _shows(plan: GraspPlan, masks: np.ndarray) -> bool:
-    """Whether every hand that takes part is seen well enough on its thing, and not at the border of the picture."""
+    """Whether every hand that takes part is seen well enough on its obj, and not at the border of the picture."""
     for way, mask in zip(plan.ways, masks, strict=False):
         cut = mask[[0, -1]].any() or mask[:, [0, -1]].any()
         if way is not None and (cut or np.count_nonzero(mask) < LEAST_AREA * mask.size):
@@ -214,11 +214,11 @@ def _iou(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _mode(plan: GraspPlan, masks: np.ndarray, weight: float) -> Mode:
-    left, right = ((plain_name(way.thing.model.noun), way.grip.name) if way else ("", "") for way in plan.ways)
+    left, right = ((plain_name(way.obj.model.noun), way.grip.name) if way else ("", "") for way in plan.ways)
     return Mode(masks, (left[0], right[0]), (left[1], right[1]), plan.taxonomy, weight)
 
 
 def _said(video_id: str, number: int, act: Task) -> Narration:
     """The narration; its nouns in the order in which they are said."""
-    nouns = sorted((thing.model.noun for thing in act.things), key=lambda noun: act.text.find(plain_name(noun)))
+    nouns = sorted((obj.model.noun for obj in act.objects), key=lambda noun: act.text.find(plain_name(noun)))
     return narration(video_id, number, (number, number), act.text, act.verb, tuple(nouns))

@@ -1,4 +1,4 @@
-"""A room with a pool of things and a person: what the stills of one spec have in common, and each layout of it."""
+"""A room with a pool of objects and a person: what the stills of one spec have in common, and each layout of it."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ POOL = 9
 ON_TABLE = (4, 7)
 BEHIND = 3
 SURFACE_POINTS, CLOSING_STEPS = 1500, 14
-"""Points on a thing that fingers close on, and in how many steps: enough for a hand that is seen at this size."""
+"""Points on a obj that fingers close on, and in how many steps: enough for a hand that is seen at this size."""
 TINT = (0.72, 1.12)
-"""A thing in another layout is another thing: its colours are multiplied by a factor from this range."""
+"""A obj in another layout is another obj: its colours are multiplied by a factor from this range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Things as they lie, the light of the hour, and everything that is drawn."""
 
-    things: tuple[Placed, ...]
+    objects: tuple[Placed, ...]
     light: Light
     instances: tuple[Instance, ...]
 
 
 class StillWorld:
-    """One room, its things and one person."""
+    """One room, its objects and one person."""
 
     def __init__(self, spec: StillSpec) -> None:
         self.spec, self.rng = spec, np.random.default_rng(spec.seed)
         self.models = [with_more_grips(library.build(kind, self.rng)) for kind in self._pool()]
-        room = rooms.bare(spec.setting, self.rng)
+        room = rooms.build_empty(spec.setting, self.rng)
         self.room = replace(room, instances=(*room.instances, *place_mats(spec.setting, self.rng, CENTRE)))
         look = random_person(self.rng)
         self.hands: dict[str, HandModel] = {side: HandModel.build(side, look) for side in SIDES}
@@ -59,7 +59,7 @@ class StillWorld:
         self._closed: dict[tuple[int, str, str, str, int], np.ndarray] = {}
 
     def _pool(self) -> list[str]:
-        """Kinds of the things, each called by another noun."""
+        """Kinds of the objects, each called by another noun."""
         allowed = object_kinds(self.spec.setting, self.spec.asks, self.spec.split)
         order = [str(kind) for kind in self.rng.permutation(allowed)]
         if self.spec.asks == "new":
@@ -67,19 +67,19 @@ class StillWorld:
         return order[:POOL]
 
     def layout(self) -> Layout:
-        """The next layout: some things on the table, others at the back."""
+        """The next layout: some objects on the table, others at the back."""
         rng = self.rng
         order = [self.models[k] for k in rng.permutation(len(self.models))]
         if self.spec.asks == "new":
             order.sort(key=lambda model: model.kind not in NEW_KINDS)
         count = int(rng.integers(*ON_TABLE))
-        things = place_on_table(order[:count], rng)
+        objects = place_on_table(order[:count], rng)
         behind = self._behind(order[count : count + BEHIND])
         shown = [_tinted(instance, rng) for instance in [*self.room.instances, *behind]]
-        for thing in things:
+        for obj in objects:
             factor = rng.uniform(*TINT, 3)
-            shown += [_with_tint(instance, factor) for instance in thing.model.instances(thing.T_world_obj, thing.number)]
-        return Layout(tuple(things), _relit(self.room.light, rng), tuple(shown))
+            shown += [_with_tint(instance, factor) for instance in obj.model.instances(obj.T_world_obj, obj.number)]
+        return Layout(tuple(objects), _relit(self.room.light, rng), tuple(shown))
 
     def _behind(self, models: Sequence[ObjectModel]) -> list[Instance]:
         places = self.rng.permutation(np.linspace(-0.55, 0.55, 6))[: len(models)]
@@ -90,12 +90,12 @@ class StillWorld:
         return out
 
     def hand(self, way: GripOption) -> list[Instance]:
-        """A hand on a thing, as it is drawn."""
+        """A hand on a obj, as it is drawn."""
         return self.hands[way.side].instances(way.palm, self.fingers(way), elbow(way.side, way.palm), 0)
 
     def fingers(self, way: GripOption) -> np.ndarray:
-        """(20,) joint angles closed on the thing; the same for every turn of a thing that looks the same from all sides."""
-        model, grip = way.thing.model, way.grip
+        """(20,) joint angles closed on the obj; the same for every turn of a obj that looks the same from all sides."""
+        model, grip = way.obj.model, way.grip
         key = (id(model), grip.name, grip.kind, *(("", 0) if model.spins else (grip.side, way.turn)))
         if key not in self._closed:
             shape = merge(*(part.mesh for part in model.parts))

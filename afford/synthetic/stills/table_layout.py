@@ -15,7 +15,7 @@ LOW, HIGH = np.array([-0.45, -0.10]), np.array([0.45, 0.74])
 """Corners of the map of the table, world x and y in metres."""
 CELL_M = 0.005
 WITHIN = ((-0.27, 0.27), (0.15, 0.46))
-"""Where the middle of a thing may be: in reach of both hands and in the picture."""
+"""Where the middle of a obj may be: in reach of both hands and in the picture."""
 GAP_M = 0.015
 TRIES = 60
 TURNED = ("mug",)
@@ -55,11 +55,11 @@ def place_on_table(models: Sequence[ObjectModel], rng: np.random.Generator) -> l
     return out
 
 
-def height_map(things: Sequence[Placed]) -> np.ndarray:
+def height_map(objects: Sequence[Placed]) -> np.ndarray:
     """(rows, columns) float32 metres: what stands on each cell of the map, 0 for the bare table."""
     out = np.zeros(_shape(), np.float32)
-    for thing in things:
-        out[_filled(thing.outline, 0.0) > 0] = thing.top_m
+    for obj in objects:
+        out[_filled(obj.outline, 0.0) > 0] = obj.top_m
     return out
 
 

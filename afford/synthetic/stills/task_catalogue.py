@@ -1,4 +1,4 @@
-"""What can be asked of the things on a table: verb, sentence, and which parts of what the hands take. A literal catalogue."""
+"""What can be asked of the objects on a table: verb, sentence, and which parts of what the hands take. A literal catalogue."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ HOLD: dict[str, tuple[str, ...]] = {
     "tape": ("rim", "body"), "wood": ("body",), "drill": ("handle",),
     "glass": ("body", "rim"), "grinder": ("body",),
 }  # fmt: skip
-"""Parts by which a thing is taken up; kinds that are not named: any part."""
+"""Parts by which a obj is taken up; kinds that are not named: any part."""
 WIDE: dict[str, tuple[str, ...]] = {
     "bowl": ("edge",), "plate": ("edge",), "board": ("edge",), "box": ("side",), "toolbox": ("body",), "laptop": ("side",),
     "book": ("side",), "wood": ("body",), "pan": ("handle",), "pot": ("handle",),
 }  # fmt: skip
 """Kinds that two hands carry where there is room on both sides, and where they take them."""
 OTHER_END = {"pan": ("pan rim",)}
-"""Where the second hand takes a thing that the first one has by its handle."""
+"""Where the second hand takes a obj that the first one has by its handle."""
 TAKE = (("pick-up", "pick up {}"), ("take", "take {}"), ("take", "take the {}"), ("grab", "grab {}"))
 PUT = (("put-down", "put down {}"), ("put", "put {} away"), ("place", "place {}"))
 MOVE = (("move", "move {}"), ("move", "move {} aside"))
@@ -31,14 +31,14 @@ LIFT = (("lift", "lift {}"), ("carry", "carry {}"), ("hold", "hold {}"))
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do. `parts` of the first thing are taken by one hand; `support` are the parts that the other hand takes, of
-    the second thing when there is one, else of the first. Without `must`, one hand does where two have no room, and then it
+    """Something to do. `parts` of the first obj are taken by one hand; `support` are the parts that the other hand takes, of
+    the second obj when there is one, else of the first. Without `must`, one hand does where two have no room, and then it
     takes `alone` (None: `parts`).
     """
 
     verb: str
     text: str
-    things: tuple[Placed, ...]
+    objects: tuple[Placed, ...]
     parts: tuple[str, ...]
     support: tuple[str, ...] | None = None
     must: bool = True
@@ -46,13 +46,13 @@ class Task:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of the things."""
-        return tuple(thing.model.kind for thing in self.things)
+        """Kinds of the objects."""
+        return tuple(obj.model.kind for obj in self.objects)
 
 
 @dataclass(frozen=True)
 class ToolUse:
-    """A row of the catalogue: `kinds` do it alone, or to one of `targets`. '{0}' is the thing, '{1}' the target."""
+    """A row of the catalogue: `kinds` do it alone, or to one of `targets`. '{0}' is the obj, '{1}' the target."""
 
     verb: str
     texts: tuple[str, ...]
@@ -98,36 +98,36 @@ USES = (
 )  # fmt: skip
 
 
-def tasks_for(things: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
-    """Everything that can be asked of the things of a layout; `names` says how a person calls each, by number."""
-    for thing in things:
-        yield from _alone(thing, names[thing.number])
+def tasks_for(objects: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
+    """Everything that can be asked of the objects of a layout; `names` says how a person calls each, by number."""
+    for obj in objects:
+        yield from _alone(obj, names[obj.number])
     for use in USES:
-        for thing in things:
-            if thing.model.kind in use.kinds:
-                yield from _used(use, thing, things, names)
+        for obj in objects:
+            if obj.model.kind in use.kinds:
+                yield from _used(use, obj, objects, names)
 
 
-def _alone(thing: Placed, name: str) -> Iterator[Task]:
-    """Taking, putting, moving and lifting: what every thing is for."""
-    kind = thing.model.kind
+def _alone(obj: Placed, name: str) -> Iterator[Task]:
+    """Taking, putting, moving and lifting: what every obj is for."""
+    kind = obj.model.kind
     hold = HOLD.get(kind, ())
     for verb, text in (*TAKE, *PUT):
-        yield Task(verb, text.format(name), (thing,), hold)
+        yield Task(verb, text.format(name), (obj,), hold)
     wide = WIDE.get(kind)
     for verb, text in (*MOVE, *LIFT):
         if wide:
-            yield Task(verb, text.format(name), (thing,), wide, OTHER_END.get(kind, wide), must=False, alone=hold)
+            yield Task(verb, text.format(name), (obj,), wide, OTHER_END.get(kind, wide), must=False, alone=hold)
         else:
-            yield Task(verb, text.format(name), (thing,), hold)
+            yield Task(verb, text.format(name), (obj,), hold)
 
 
-def _used(use: ToolUse, thing: Placed, things: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
-    targets = [other for other in things if other.model.kind in use.targets and other is not thing]
-    parts = use.parts or HOLD.get(thing.model.kind, ())
+def _used(use: ToolUse, obj: Placed, objects: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
+    targets = [other for other in objects if other.model.kind in use.targets and other is not obj]
+    parts = use.parts or HOLD.get(obj.model.kind, ())
     for text in use.texts:
         if not use.targets:
-            yield Task(use.verb, text.format(names[thing.number]), (thing,), parts, use.support, use.must)
+            yield Task(use.verb, text.format(names[obj.number]), (obj,), parts, use.support, use.must)
         for other in targets:
-            words = text.format(names[thing.number], names[other.number])
-            yield Task(use.verb, words, (thing, other), parts, use.support, use.must)
+            words = text.format(names[obj.number], names[other.number])
+            yield Task(use.verb, words, (obj, other), parts, use.support, use.must)

@@ -1,4 +1,4 @@
-"""How the hand takes a thing: which hand, which grip, how the thing is turned so that the arm reaches it in comfort."""
+"""How the hand takes a obj: which hand, which grip, how the obj is turned so that the arm reaches it in comfort."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from afford.render.mesh import merge
 from afford.render.motion import Pose, about, pose
 from afford.synthetic.assets.object_model import Grip, ObjectModel, palm_frame
 from afford.synthetic.human_hand.skeleton import Distance, close_on, distance_to, opening_posture, posture, tips
-from afford.synthetic.kitchens.scene_builder import CENTRE, HANDED, SLACK, comfort, mirrored
+from afford.synthetic.kitchens.scene_builder import CENTRE, COMFORT_SLACK, RIGHT_HANDED_TOOLS, comfort, mirror_object
 
 TURNS = np.radians(np.arange(0, 360, 15))
 POINTS, STEPS = 1500, 14
-"""Points on a thing that fingers close on, and in how many steps: enough for a hand that is a few dozen pixels wide."""
+"""Points on a obj that fingers close on, and in how many steps: enough for a hand that is a few dozen pixels wide."""
 TALL_M = 0.075
-"""Higher things are pushed with the flat palm, lower ones with the fingertips."""
+"""Higher objects are pushed with the flat palm, lower ones with the fingertips."""
 TABLE_JITTER_M = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """A thing on the table and the hand on it: T_world_obj at first, T_obj_palm, and the fingers (20,) before and on it."""
+    """A obj on the table and the hand on it: T_world_obj at first, T_obj_palm, and the fingers (20,) before and on it."""
 
     model: ObjectModel
     side: str
@@ -33,20 +33,20 @@ class Hold:
 
     @property
     def palm(self) -> Pose:
-        """T_world_palm when the hand has just come to the thing."""
+        """T_world_palm when the hand has just come to the obj."""
         return self.stand @ self.T_obj_palm
 
 
 def grip_hold(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Hold:
-    """A hand closed on the thing by one of the grips; LookupError when it has none of them."""
+    """A hand closed on the obj by one of the grips; LookupError when it has none of them."""
     side = _side(rng)
-    model = mirrored(model) if side == "left" and model.kind in HANDED else model
+    model = mirror_object(model) if side == "left" and model.kind in RIGHT_HANDED_TOOLS else model
     ways = [(g, turn) for g in model.grips_of(side) if not names or g.name in names for turn in TURNS]
     if not ways:
         raise LookupError(f"{model.kind}: expected a {side} grip of {names}, got {[g.name for g in model.grips]}")
     place = _place(rng)
     ease = np.array([comfort(pose(place, about((0, 0, 1), turn)) @ g.T_obj_palm, side) for g, turn in ways])
-    good = np.flatnonzero(ease > ease.max() - SLACK)
+    good = np.flatnonzero(ease > ease.max() - COMFORT_SLACK)
     chosen, turn = ways[int(good[rng.integers(len(good))])]
     angles = close_on(chosen.kind, _surface_distance(model, chosen), STEPS)
     return Hold(model, side, pose(place, about((0, 0, 1), turn + rng.uniform(-0.1, 0.1))), chosen.T_obj_palm,
@@ -54,7 +54,7 @@ def grip_hold(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generat
 
 
 def push_hold(model: ObjectModel, rng: np.random.Generator) -> tuple[Hold, np.ndarray]:
-    """A flat hand at the side of the thing, and the direction (3,) in which it will push: across, or across and away."""
+    """A flat hand at the side of the obj, and the direction (3,) in which it will push: across, or across and away."""
     side = _side(rng)
     turn = rng.uniform(-0.35, 0.75)
     ahead = np.array([-np.cos(turn), np.sin(turn), 0.0]) * (1 if side == "right" else -1, 1, 1)
@@ -76,7 +76,7 @@ def push_hold(model: ObjectModel, rng: np.random.Generator) -> tuple[Hold, np.nd
 
 
 def tap_hold(model: ObjectModel, rng: np.random.Generator) -> Hold:
-    """A forefinger above the middle of a thing that lies flat before the person; the palm is that of the fingertip on it."""
+    """A forefinger above the middle of a obj that lies flat before the person; the palm is that of the fingertip on it."""
     side = _side(rng)
     stand = pose(_place(rng), about((0, 0, 1), rng.uniform(-0.35, 0.35)))
     flip = 1.0 if side == "right" else -1.0
@@ -88,7 +88,7 @@ def tap_hold(model: ObjectModel, rng: np.random.Generator) -> Hold:
 
 
 def ahead_inside(hold: Hold) -> np.ndarray:
-    """(3, 2) directions on the table: along the thing (its y), and from there to the side of the other hand."""
+    """(3, 2) directions on the table: along the obj (its y), and from there to the side of the other hand."""
     ahead = hold.stand[:3, 1]
     return np.stack([ahead, np.cross((0, 0, 1.0 if hold.side == "right" else -1.0), ahead)], axis=1)
 

@@ -1,6 +1,6 @@
-"""What the hand does with the thing: one function for each affordance. Time runs from 0 to LENGTH, in thirtieths of a second.
+"""What the hand does with the obj: one function for each affordance. Time runs from 0 to LENGTH, in thirtieths of a second.
 
-Every act is approach, touch, manipulation, release, withdrawal; before the touch and after the release the thing is at rest.
+Every act is approach, touch, manipulation, release, withdrawal; before the touch and after the release the obj is at rest.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from afford.synthetic.tabletop.tabletop_objects import TOP_M
 
 LENGTH, TOUCH, RELEASE = 27.0, 5.0, 22.0
 SQUASH, BULGE = 0.34, 0.10
-"""How much of its width a thing that is squeezed loses between the fingers, and gains across."""
+"""How much of its width a obj that is squeezed loses between the fingers, and gains across."""
 FLEX = np.array((0.0, 0.10, 0.06, 0.04) + (0.0, 0.16, 0.12, 0.05) * 4)
 """How the fingers follow what gives way."""
 Builder = Callable[[ObjectModel, tuple[str, ...], np.random.Generator], "Manipulation"]
@@ -27,10 +27,10 @@ Builder = Callable[[ObjectModel, tuple[str, ...], np.random.Generator], "Manipul
 
 @dataclass(frozen=True, eq=False)
 class Manipulation:
-    """A hand and a thing over time."""
+    """A hand and a obj over time."""
 
     hold: Hold
-    thing: Track
+    obj: Track
     held: Callable[[float], Pose]
     """T_world_palm between touch and release"""
     press: Curve
@@ -56,7 +56,7 @@ class Manipulation:
         return np.asarray(self.hold.opened + closed * (self.hold.closed + pressed - self.hold.opened))
 
     def pressed(self, points: np.ndarray, time: float) -> np.ndarray:
-        """(n, 3) points of the thing in its own frame, squeezed between thumb and fingers."""
+        """(n, 3) points of the obj in its own frame, squeezed between thumb and fingers."""
         amount = float(self.press.at(time)[0])
         across = self.hold.T_obj_palm[:3, 0] * (1, 1, 0)
         across /= max(float(np.linalg.norm(across)), 1e-9)
@@ -67,7 +67,7 @@ class Manipulation:
 
 
 def manipulate(affordance: str, object_type: str, model: ObjectModel, rng: np.random.Generator) -> Manipulation:
-    """The thing used so by a hand."""
+    """The obj used so by a hand."""
     return MANIPULATIONS[affordance](model, affordance_rule(object_type, affordance).grips, rng)
 
 
@@ -217,21 +217,21 @@ def _waypoints(first: Pose, start: float, *stops: tuple[Pose, float]) -> list[tu
 
 def _rigid(hold: Hold, segments: list[tuple[float, float, PoseAt]], rng: np.random.Generator, *, press: Curve | None = None,
            start: np.ndarray | None = None, turned: bool = True) -> Manipulation:  # fmt: skip
-    """The hand holds the thing and goes with it."""
-    thing = Track(hold.stand, [])
+    """The hand holds the obj and goes with it."""
+    obj = Track(hold.stand, [])
     for begin, stop, path in segments:
-        thing.add(begin, stop, path)
+        obj.add(begin, stop, path)
 
     def held(time: float) -> Pose:
-        out = thing.at(time) @ hold.T_obj_palm
+        out = obj.at(time) @ hold.T_obj_palm
         if not turned:
             out[:3, :3] = hold.palm[:3, :3]
         return out
 
-    return _with_approach(hold, thing, held, press or Curve(np.zeros(1), []), rng, start)
+    return _with_approach(hold, obj, held, press or Curve(np.zeros(1), []), rng, start)
 
 
-def _with_approach(hold: Hold, thing: Track, held: Callable[[float], Pose], press: Curve, rng: np.random.Generator,
+def _with_approach(hold: Hold, obj: Track, held: Callable[[float], Pose], press: Curve, rng: np.random.Generator,
           start: np.ndarray | None) -> Manipulation:  # fmt: skip
     """The act, with a way in and a way out."""
     first, last = held(TOUCH), held(RELEASE)
@@ -244,4 +244,4 @@ def _with_approach(hold: Hold, thing: Track, held: Callable[[float], Pose], pres
     left = pose(last[:3, 3] + go, last[:3, :3])
     for palm in (opened, left):
         palm[2, 3] = max(palm[2, 3], 0.055)
-    return Manipulation(hold, thing, held, press, opened, left)
+    return Manipulation(hold, obj, held, press, opened, left)

@@ -25,7 +25,7 @@ from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, Intera
 HAND, THING = 0, 1
 TRIES = 40
 LEAST_SHARE, MOST_HIDDEN, MARGIN = 0.004, 0.12, 0.02
-"""In the last frame the label covers this share of the picture at least, and the hand hides at most so much of it; the thing
+"""In the last frame the label covers this share of the picture at least, and the hand hides at most so much of it; the obj
 keeps so far from the border, as a share of the picture."""
 SAME_M = 0.004
 """A surface that is seen again is nearer than this to where it should be."""
@@ -46,11 +46,11 @@ class Interaction:
 
     def instances(self, time: float) -> list[Instance]:
         """All that can be seen at a time."""
-        return [*self.studio.still, *self.thing(time), *self.hand(time)]
+        return [*self.studio.still, *self.obj(time), *self.hand(time)]
 
-    def thing(self, time: float) -> list[Instance]:
-        """The thing that is used."""
-        at = self.act.thing.at(time)
+    def obj(self, time: float) -> list[Instance]:
+        """The obj that is used."""
+        at = self.act.obj.at(time)
         shown = self.act.hold.model.instances(at, THING)
         if not self.act.press.steps:
             return shown
@@ -97,12 +97,12 @@ def plan_sequence(spec: InteractionSpec, clutter: int, size_px: int) -> tuple[In
 
 def label_last_frame(take: Interaction) -> np.ndarray | None:
     """(h, w) uint8 label of the last frame, or None where too little of it is seen."""
-    whole = SurfaceHits.of(take, [*take.studio.still, *take.thing(LENGTH)])
+    whole = SurfaceHits.of(take, [*take.studio.still, *take.obj(LENGTH)])
     last = SurfaceHits.of(take, take.instances(LENGTH))
     free, marked = whole.marks(take), last.marks(take)
-    thing = whole.entity() == THING
-    edge = max(1, round(MARGIN * len(thing)))
-    inner = thing[edge:-edge, edge:-edge].sum() == thing.sum()
+    obj = whole.entity() == THING
+    edge = max(1, round(MARGIN * len(obj)))
+    inner = obj[edge:-edge, edge:-edge].sum() == obj.sum()
     if not inner or marked.sum() < LEAST_SHARE * marked.size or marked.sum() < (1 - MOST_HIDDEN) * free.sum():
         return None
     return np.where(marked, np.uint8(AFFORDANCES.index(take.spec.affordance)), np.uint8(BACKGROUND))
@@ -168,11 +168,11 @@ class SurfaceHits:
         return np.asarray(np.einsum("hwk,hwkj->hwj", self.weights, corners[self.view.scene.faces[self.face]]))
 
     def marks(self, take: Interaction) -> np.ndarray:
-        """(h, w) bool: pixels of the thing that the label marks."""
+        """(h, w) bool: pixels of the obj that the label marks."""
         rule, hold = affordance_rule(take.spec.object_type, take.spec.affordance), take.act.hold
         named = np.array([bool(name) and (not rule.parts or name in rule.parts) for name in self.parts])
         out = (self.entity() == THING) & named[self.view.scene.part[self.face]]
-        at = np.linalg.inv(take.act.thing.at(LENGTH)) @ take.studio.camera.T_world_cam
+        at = np.linalg.inv(take.act.obj.at(LENGTH)) @ take.studio.camera.T_world_cam
         points = self.points(self.corners)[out] @ at[:3, :3].T + at[:3, 3]
         out[out] = rule.marks(points, float(hold.model.points[:, 2].max()), _hand_direction(take))
         return out
@@ -204,7 +204,7 @@ def _slope(depth_m: np.ndarray) -> np.ndarray:
 
 
 def _hand_direction(take: Interaction) -> np.ndarray:
-    """(2,) the direction from the thing to the palm, against that in which the palm faces, frame of the thing."""
+    """(2,) the direction from the obj to the palm, against that in which the palm faces, frame of the obj."""
     return np.asarray(-take.act.hold.T_obj_palm[:2, 2])
 
 

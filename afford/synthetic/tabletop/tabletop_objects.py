@@ -1,4 +1,4 @@
-"""The things that are used, by type, and what each is used on. Frames and grips as in `afford.synthetic.assets.object_model`."""
+"""The objects that are used, by type, and what each is used on. Frames and grips as in `afford.synthetic.assets.object_model`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from afford.render.mesh import moved
 from afford.render.solids import box, lathe, tube
 from afford.synthetic.assets import crockery, kitchenware, library
 from afford.synthetic.assets.object_model import ObjectModel, Part, along, around, over
-from afford.synthetic.kitchens.trajectories import rolled
+from afford.synthetic.kitchens.trajectories import roll_grip
 from schemas.interaction import OBJECT_TYPES
 
 Builder = Callable[[np.random.Generator], ObjectModel]
@@ -61,7 +61,7 @@ def _tool(kind: str) -> Builder:
         model = library.build(kind, rng)
         grips = [g for g in model.grips if g.kind == "handle_wrap"]
         turn = np.radians(FROM_ABOVE_DEG[kind])
-        turned = tuple(rolled(g, turn if g.side == "right" else -turn, 0.012) for g in grips)
+        turned = tuple(roll_grip(g, turn if g.side == "right" else -turn, 0.012) for g in grips)
         return replace(model, grips=turned)
 
     return build
@@ -96,7 +96,7 @@ BUILDERS: dict[str, Builder] = {
 
 
 def build(object_type: str, seed: int) -> ObjectModel:
-    """The thing of a type that this seed makes; KeyError lists the types."""
+    """The obj of a type that this seed makes; KeyError lists the types."""
     if object_type not in BUILDERS:
         raise KeyError(f"InteractionSpec.object_type: expected one of {', '.join(OBJECT_TYPES)}, got {object_type!r}")
     return BUILDERS[object_type](np.random.default_rng([seed, OBJECT_TYPES.index(object_type)]))

@@ -57,18 +57,18 @@ def hand_of(subject: int, side: str) -> HandModel:
 def build_scene(
     act: Manipulation, object_type: str, subject: int, clutter: int, size_px: int, rng: np.random.Generator
 ) -> TabletopScene:
-    """The table with what lies beside the thing, and the camera on the middle of what will happen."""
+    """The table with what lies beside the obj, and the camera on the middle of what will happen."""
     top = _top(rng)
     beside = BESIDE.get(object_type, (0.0, 0.0))
     shift = ahead_inside(act.hold) @ np.array(beside)
-    middle = 0.5 * (act.thing.at(0)[:3, 3] + act.thing.end()[:3, 3] + 0.8 * shift)
+    middle = 0.5 * (act.obj.at(0)[:3, 3] + act.obj.end()[:3, 3] + 0.8 * shift)
     still = [*_table(rng, top), *_torso(subject), *_companion(act, object_type, rng), *_clutter(act, middle, clutter, rng)]
     light = _light(rng, float(linear(top.image[::4, ::4]).mean()))
     return TabletopScene(tuple(still), light, _camera(middle, float(act.hold.model.points[:, 2].max()), subject, size_px, rng))
 
 
 def _camera(middle: np.ndarray, tall_m: float, subject: int, size_px: int, rng: np.random.Generator) -> Camera:
-    """On the middle of what will happen; farther from tall things."""
+    """On the middle of what will happen; farther from tall objects."""
     azimuth = np.radians(VIEWS_DEG[camera_view(subject)]) + rng.uniform(-0.1, 0.1)
     height, far = rng.uniform(0.88, 1.05), rng.uniform(0.51, 0.58) + 0.8 * max(0.0, tall_m - 0.12)
     out = np.array([np.sin(azimuth) * np.cos(height), np.cos(azimuth) * np.cos(height), np.sin(height)])
@@ -117,7 +117,7 @@ def _companion(act: Manipulation, object_type: str, rng: np.random.Generator) ->
 
 
 def _clutter(act: Manipulation, middle: np.ndarray, most: int, rng: np.random.Generator) -> list[Instance]:
-    """Up to `most` other things, out of the way of hand and thing: at the other side, or nearer to the camera."""
+    """Up to `most` other objects, out of the way of hand and obj: at the other side, or nearer to the camera."""
     out: list[Instance] = []
     flip = 1.0 if act.hold.side == "right" else -1.0
     for k in range(int(rng.integers(0, most + 1))):
