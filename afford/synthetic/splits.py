@@ -80,12 +80,12 @@ def object_kinds(setting: str, asks: str, split: str) -> tuple[str, ...]:
     return (*TEST_KINDS[setting], *NEW_KINDS) if asks == "new" else TEST_KINDS[setting]
 
 
-def is_new(verb: str, things: tuple[str, ...]) -> bool:
+def is_held_out(verb: str, things: tuple[str, ...]) -> bool:
     """Return True for a kind, or a pair of the verb and one of the kinds, that training never shows."""
     return any(kind not in TRAINED_KINDS for kind in things) or any((verb, kind) in NEW_PAIRS for kind in things)
 
 
-def is_asked(asks: str, new: bool) -> bool:
+def accepts_task(asks: str, new: bool) -> bool:
     """Return True when a task filter (`known`, `new` or `any`) accepts a task. Raises ValueError for another filter."""
     if asks not in ("known", "new", "any"):
         raise ValueError(f"StillSpec.asks: expected known, new or any, got {asks!r}")
