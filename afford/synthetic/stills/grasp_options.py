@@ -51,12 +51,12 @@ class GripOption:
 
     @property
     def side(self) -> str:
-        """left or right"""
+        """Side of the hand, left or right."""
         return self.grip.side
 
     @property
     def palm(self) -> Pose:
-        """T_world_palm"""
+        """T_world_palm of the hand."""
         return self.obj.T_world_obj @ self.grip.T_obj_palm
 
 
@@ -167,12 +167,12 @@ class GraspPlan:
 
     @property
     def options(self) -> tuple[GripOption | None, GripOption | None]:
-        """options of the (left, right) hand"""
+        """Options of the (left, right) hand."""
         return self.left, self.right
 
     @property
     def taxonomy(self) -> int:
-        """4-way taxonomy: 0 left, 1 right, 2 both on one object, 3 both on different objects"""
+        """4-way taxonomy: 0 left, 1 right, 2 both on one object, 3 both on different objects."""
         if self.left and self.right:
             return 2 if self.left.obj is self.right.obj else 3
         return 0 if self.left else 1
