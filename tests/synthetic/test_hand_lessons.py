@@ -111,5 +111,5 @@ def test_skin_and_cloth_of_an_arm_are_told_apart() -> None:
     one = PersonModel.sample(rng)
     while one.hands["left"].sleeve is None or one.hands["left"].watch is None:
         one = PersonModel.sample(rng)
-    drawn_arm = drawn._arm_instances(one, drawn.Deed("left", *free_hand_pose("left", rng)))
+    drawn_arm = drawn._arm_instances(one, drawn.HandAction("left", *free_hand_pose("left", rng)))
     assert [part.entity for part in drawn_arm] == [drawn.ENTITY["left"], drawn.CLOTH, drawn.ENTITY["left"]]

@@ -51,7 +51,7 @@ def room(*stills: Still, setting: str = "kitchen") -> Stills:
 
 def written(folder: Path, *rooms: Stills) -> Path:
     """The benchmark of some rooms."""
-    act_affordance.write(folder, rooms, "test", MARGIN, lambda done, total: None)
+    act_affordance.write_benchmark(folder, rooms, "test", MARGIN, lambda done, total: None)
     return folder
 
 
