@@ -13,7 +13,7 @@ import pytest
 import torch
 from torch import nn
 
-from afford.models.archive import read_tensors
+from afford.models.tensor_files import read_tensors
 
 
 class Trap:
