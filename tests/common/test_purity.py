@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
-from afford.common.worker import FONTS, use_kernel_cache
+from afford.common.worker import FONT_FOLDER, use_kernel_cache
 from runner import RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -63,7 +63,7 @@ class Probe:
         kernels.mkdir(parents=True, exist_ok=True)
         job = {"root": str(ROOT), "store": str(store), "work": str(work), "elsewhere": str(elsewhere),
                "sources": allowed, "tasks": tasks, "models": [model for task in tasks for model in models(task["params"])],
-               "environment": {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(store / ".cache" / FONTS)}}
+               "environment": {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}}
         (folder / "job.json").write_text(json.dumps(job))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
