@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow
-from afford.training.ablation import done
+from afford.training.ablation import seeds_cell
 from benchmarks import grasp_kept
 from benchmarks.pages import ROOT, head, into, make, took
 
@@ -96,7 +96,8 @@ def short(rows: Sequence[ResultRow]) -> str:
     for row in (row for policy in SHOWN for row in rows if (row.policy, row.engine) == (policy, MAIN)):
         succ, safe, hls, touch = (row.figures.get(name, float("nan")) for name in FIGURES)
         label = f"{row.policy.replace('_', ' ')} | {row.level.replace('_', ' ')}"
-        lines.append(f"| {label} | {PCT * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {done(row.seeds, row.planned)} |")
+        seeds = seeds_cell(row.seeds, row.planned)
+        lines.append(f"| {label} | {PCT * succ:.1f} | {safe:.1f} | {hls:.1f} | {touch:.2f} | {seeds} |")
     return "\n".join([*lines, ""])
 
 

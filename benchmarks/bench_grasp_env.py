@@ -22,9 +22,9 @@ from afford.grasping.env.metrics import MEANING
 from afford.grasping.env.observe import LAYOUTS, STATES, blocks
 from afford.grasping.env.task import Task, task
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.kinematics import driven, limits_u
+from afford.grasping.hand.kinematics import command_limits, commanded_joints
 from afford.grasping.imitation import imitation
-from afford.grasping.sim.scene import RANDOM, Physics
+from afford.grasping.sim.scene import DOMAIN_RANDOMIZATION, Physics
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
 from schemas.mesh import ObjectSpec
@@ -49,7 +49,7 @@ def main() -> None:
 
 def actions(hand: HandModel) -> str:
     """One row for each number of an action: how far it moves its target in a step, and how far it may in all."""
-    names = [hand.joints.name[k] for k in driven(hand.joints)]
+    names = [hand.joints.name[k] for k in commanded_joints(hand.joints)]
     both = {base: table(rates, len(names)) for base, rates in RATES.items()}
     units = ["m" if k < 3 else "rad" for k in range(len(names))]
     rows = [f"| {k} | {name} | {unit} | {both['none'][k, 0]:g} | {both['prior'][k, 0]:g} | {both['script'][k, 0]:g} "
@@ -62,8 +62,8 @@ def actions(hand: HandModel) -> str:
 
 def wrenches(hand: HandModel) -> str:
     """One row for each number of an action of the paper's mode: what a full one is, and where that comes from."""
-    names = [hand.joints.name[k] for k in driven(hand.joints)]
-    full, limits = wrench.table(limits_u(hand.joints))[:, 0], limits_u(hand.joints)
+    names = [hand.joints.name[k] for k in commanded_joints(hand.joints)]
+    full, limits = wrench.table(command_limits(hand.joints))[:, 0], command_limits(hand.joints)
     rows = ["| | of | unit | a full action | zero is | published |", "|--:|---|---|--:|--:|--:|"]
     for k, name in enumerate(names):
         what = f"force, {'xyz'[k]}" if k < 3 else f"torque, {'xyz'[k - 3]}" if k < 6 else f"target of {name}"
@@ -108,7 +108,7 @@ def report() -> str:
 
 def randomisation() -> str:
     """One row for each number of physics that varies."""
-    rows = [f"| {name} | {r.low:g} | {r.high:g} | {r.spread} |" for name, r in RANDOM.items()]
+    rows = [f"| {name} | {r.low:g} | {r.high:g} | {r.spread} |" for name, r in DOMAIN_RANDOMIZATION.items()]
     return "\n".join(["| of Physics | from | to | spread |", "|---|--:|--:|---|", *rows, ""])
 
 

@@ -21,18 +21,18 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.image_files import encode_jpeg
+from afford.common.image_files import jpeg
 from afford.common.masks import iou
 from afford.common.palette import HANDS, colours_of
 from afford.extraction.hands.network import find
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.outlines import rasterise
-from afford.models.hub import files
-from afford.render.batch import batch
-from afford.render.view import View
-from afford.synthetic.kitchens.play import LENGTH
-from afford.synthetic.kitchens.specs import standard_specs
+from afford.models.weights import weight_files
+from afford.render.raster import View
+from afford.render.scene import batch
+from afford.synthetic.kitchens.animation import LENGTH
 from afford.synthetic.kitchens.world import World, build_world
+from afford.synthetic.splits import standard_specs
 from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -67,7 +67,7 @@ class Scene:
     """A video to look at, and what is true of some of its frames."""
 
     name: str
-    files: FileTree
+    weight_files: FileTree
     viewpoint: Viewpoint
     shots: list[Shot]
 
@@ -246,7 +246,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(1)
     runner = open_runner(args.store, jobs=1)
-    finder = files(str(args.finder), digester(runner)) if args.finder else trained(runner)
+    finder = weight_files(str(args.finder), digester(runner)) if args.finder else trained(runner)
     tallies: dict[str, Tally] = {}
     strips: list[np.ndarray] = []
     for scene in itertools.chain(real(args.data, digester(runner)), rendered(args.seed, runner)):
@@ -254,7 +254,7 @@ def main() -> None:
         measure(scene, finder, tallies.setdefault(scene.name.partition(" ")[0], Tally()), tiles)
         strips.append(np.concatenate(tiles[:TILES], axis=1))
     print(page(tallies, args.seed))
-    PICTURE.write_bytes(encode_jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
+    PICTURE.write_bytes(jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
     PAGE.write_text(page(tallies, args.seed))
 
 

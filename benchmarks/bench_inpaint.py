@@ -28,7 +28,7 @@ from afford.extraction.inpaint.lama_network import Generator, LamaConfig
 from afford.extraction.inpaint.vidm_model import Vidm
 from afford.extraction.inpaint.vidm_model import fill as fill_vidm
 from afford.extraction.inpaint.vidm_unet import VidmConfig
-from afford.models.pretrained import device_of, dtype_of
+from afford.models.loading import device_of, dtype_of
 
 PAGE = Path(__file__).with_name("inpaint.md")
 ROOT = PAGE.parent.parent

@@ -15,11 +15,8 @@ import cv2
 import numpy as np
 import torch
 
-from afford.twohands.model.batch import Batch, Target
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
+from afford.twohands.model.interface import Batch, ModelConfig, Target, TwoHands, build
 from afford.twohands.model.losses import LossParams, losses
-from afford.twohands.model.model import TwoHands
 from afford.twohands.model.predictor import Predictor
 
 GOAL_MS, GOAL_PER_S = 60, 60

@@ -21,7 +21,7 @@ from afford.rgbd.model.config import VARIANTS, Sor3dConfig
 from afford.rgbd.model.inputs import Frames
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import Sor3d, build
-from afford.training.precision import mixed
+from afford.training.loop import autocast
 from stages.rgbd import sor3d_train
 
 PAGE = Path(__file__).with_name("sor3d_speed.md")
@@ -73,7 +73,7 @@ def learned_per_s(model: Sor3d, name: str, device: str) -> float:
     label, action = (torch.zeros(shape, dtype=torch.long, device=device) for shape in ((plan.batch, size, size), (plan.batch,)))
 
     def step() -> None:
-        with mixed(device, plan.bf16):
+        with autocast(device, plan.bf16):
             found = losses(model(frames), label, action, LossParams(dice=plan.dice_weight), 0.0)
         found["total"].backward()
         optimiser.step()
@@ -96,7 +96,7 @@ def row(name: str, device: str) -> list[str]:
 
 def precision(name: str, device: str) -> str:
     """What a plan multiplies while it learns, on a device of this machine."""
-    with mixed(device, PLANS[name].bf16):
+    with autocast(device, PLANS[name].bf16):
         return str((torch.ones(2, 2, device=device) @ torch.ones(2, 2, device=device)).dtype).removeprefix("torch.")
 
 

@@ -11,12 +11,12 @@ from rich.markup import escape
 
 from commands.errors import UsageError
 from commands.publish import FILES
-from commands.session import STORE, seen_runner
+from commands.session import STORE, open_existing
 from runner import LostError, is_store
 
 if TYPE_CHECKING:
     from afford.twohands.demo.examples import Example
-    from afford.twohands.predict.stored import Stored
+    from afford.twohands.model.model_folder import ModelFolder
 
 LAST_PORT = 65535
 
@@ -28,10 +28,10 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     from commands.predict import open_model
 
     stored, predictor = open_model(model, store, device)
-    from afford.twohands.demo.answer import Asker
     from afford.twohands.demo.server import Site
+    from afford.twohands.demo.service import PredictionService
 
-    ask = Asker(predictor, stored)
+    ask = PredictionService(predictor, stored)
     console = Console(stderr=True)
     try:
         site = Site(host, port, ask, ask.about(), _examples(stored, store or STORE, console))
@@ -50,7 +50,7 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
     return 0
 
 
-def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
+def _examples(model: ModelFolder, store: Path, console: Console) -> list[Example]:
     """Pictures to begin with: stills of a benchmark, else of the data set that the model learned from. What cannot be read is named
     and left out, and so it is said where there are none.
     """
@@ -67,7 +67,7 @@ def _examples(model: Stored, store: Path, console: Console) -> list[Example]:
     return found
 
 
-def _learned_from(model: Stored, store: Path) -> dict[str, Path]:
+def _learned_from(model: ModelFolder, store: Path) -> dict[str, Path]:
     """Name -> file of the data set that the card of a model names; nothing where the store does not hold it."""
     from afford.twohands.demo.examples import data_set
 
@@ -75,7 +75,7 @@ def _learned_from(model: Stored, store: Path) -> dict[str, Path]:
     if digest is None or not is_store(store):
         return {}
     try:
-        found = seen_runner(store).files(digest)
+        found = open_existing(store).files(digest)
     except LostError:
         return {}
     return {name.removeprefix(FILES): path for name, path in found.items() if name.startswith(FILES)}

@@ -14,14 +14,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import UsageError, unknown
-from commands.progress import Shown, observer
+from commands.progress import ProgressObserver, observer
 from commands.session import STORE
 from runner import Reason
 from schemas.video import SIDES
 
 if TYPE_CHECKING:
+    from afford.twohands.model.model_folder import ModelFolder
     from afford.twohands.model.predictor import Predictor
-    from afford.twohands.predict.stored import Stored
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ SHOWN = 20
 
 
 @dataclass
-class Done:
+class BatchResult:
     """What came of the pictures so far."""
 
     predictions: list[dict[str, Any]] = field(default_factory=list)
@@ -81,46 +81,45 @@ def predict(image: Path, task: str, options: Options) -> int:
     """
     _check(task, options)
     from afford.common.video.inputs import find
-    from afford.twohands.predict.ask import Question
-    from afford.twohands.predict.batch import answers, count
-    from afford.twohands.predict.write import claim
+    from afford.twohands.inference import Question, answer_all, picture_count
+    from afford.twohands.prediction_files import claim_folder
 
-    began, done = time.perf_counter(), Done()
+    began, done = time.perf_counter(), BatchResult()
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        stored, predictor = open_model(options.model, options.store, options.device)
-        claim(options.out, options.force)
+        model, predictor = open_model(options.model, options.store, options.device)
+        claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
     batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
     with observer(quiet=False) as shown:
         for source in sources:
-            for _ in range(count(source, options.every)):
+            for _ in range(picture_count(source, options.every)):
                 shown.planned(STAGE, source.name)
-        shown.started(STAGE, sources[0].name, Reason("forced", stored.name))
-        for item in answers(predictor, sources, question, options.every, batch):
-            _keep(item, stored, options, done, shown)
-    return _tell(_summary(question.task, stored, options, done, time.perf_counter() - began), options)
+        shown.started(STAGE, sources[0].name, Reason("forced", model.name))
+        for item in answer_all(predictor, sources, question, options.every, batch):
+            _keep(item, model, options, done, shown)
+    return _tell(_summary(question.task, model, options, done, time.perf_counter() - began), options)
 
 
-def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Stored, Predictor]:
+def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
     """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
+    from afford.twohands.model import model_folder
     from afford.twohands.model.predictor import Predictor
-    from afford.twohands.predict import stored
 
-    folder = given or stored.last((store or STORE) / "models")
+    folder = given or model_folder.latest_model((store or STORE) / "models")
     if folder is None:
         raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
     try:
-        found = stored.find(folder)
+        found = model_folder.find_model(folder)
         return found, Predictor(found.folder, usable(device))
     except ValueError as error:
         raise UsageError(str(error)) from error
 
 
 def _check(task: str, options: Options) -> None:
-    from afford.twohands.model.select import HANDS
+    from afford.twohands.model.hand_selection import HANDS
 
     if not task.strip():
         raise UsageError("TASK: expected words such as \"pour tea from kettle\", got none")
@@ -136,17 +135,16 @@ def _check(task: str, options: Options) -> None:
             raise UsageError(f"--{name} {value}: expected 1 or more")
 
 
-def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown) -> None:
+def _keep(item: Any, model: ModelFolder, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
     """Write an answer, or note what was refused."""
-    from afford.twohands.predict.batch import Refused
-    from afford.twohands.predict.record import brief
-    from afford.twohands.predict.write import write
+    from afford.twohands.inference import Refused
+    from afford.twohands.prediction_files import brief, write_prediction
 
     if isinstance(item, Refused):
         _failed(item.source, item.message, done, shown)
         return
     try:
-        folder = write(item, stored, options.out, options.all_hypotheses)
+        folder = write_prediction(item, model, options.out, options.all_hypotheses)
     except (ValueError, OSError) as error:
         _failed(item.picture.source, str(error), done, shown)
         return
@@ -155,26 +153,27 @@ def _keep(item: Any, stored: Stored, options: Options, done: Done, shown: Shown)
     shown.finished(STAGE, item.picture.name, "ran", item.wall_ms / 1000, item.cpu_ms / 1000, "")
 
 
-def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
+def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserver) -> None:
     done.failures.append({"source": source, "message": message})
     shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
 
 
-def _summary(task: str, stored: Stored, options: Options, done: Done, seconds: float) -> dict[str, Any]:
+def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
-    count = max(len(done.predictions), 1)
-    from afford.twohands.predict.stored import unknown_words
+    shown = max(len(done.predictions), 1)
+    from afford.twohands.model.model_folder import unknown_words
 
-    return {"task": task, "unknown_words": unknown_words(stored, task), "hands_asked": options.hands,
-            "model": {"name": stored.name, "digest": stored.digest}, "predictions": done.predictions, "failures": done.failures,
-            "ms_per_image": {"cpu": round(done.cpu_ms / count, 3), "wall": round(done.wall_ms / count, 3)},
+    return {"task": task, "unknown_words": unknown_words(model, task), "hands_asked": options.hands,
+            "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
+            "failures": done.failures,
+            "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},
             "seconds": round(seconds, 3)}  # fmt: skip
 
 
 def _tell(summary: dict[str, Any], options: Options) -> int:
-    from afford.twohands.predict.write import index
+    from afford.twohands.prediction_files import write_index
 
-    index(options.out, summary)
+    write_index(options.out, summary)
     console = Console(stderr=True)
     table = Table("picture", "taxonomy", *SIDES, box=None)
     for line in summary["predictions"][:SHOWN]:

@@ -19,7 +19,7 @@ from commands.session import STORE
 if TYPE_CHECKING:
     from afford.rgbd.model.predictor import Predictor
     from afford.rgbd.predict.footage import Footage
-    from afford.twohands.predict.stored import Stored
+    from afford.twohands.model.model_folder import ModelFolder
     from schemas.interaction import SceneFlow
 
 NAME = "sor3d"
@@ -32,9 +32,9 @@ def is_sequence_model(model: Path | None) -> bool:
     if model is None:
         return False
     from afford.rgbd.model.files import FORMAT
-    from afford.twohands.predict.stored import form_of
+    from afford.twohands.model.model_folder import format_of
 
-    return str(model) == NAME or form_of(model) == FORMAT
+    return str(model) == NAME or format_of(model) == FORMAT
 
 
 def predict(path: Path, task: str, options: Options) -> int:
@@ -42,11 +42,11 @@ def predict(path: Path, task: str, options: Options) -> int:
     _check(path, task, options)
     from afford.rgbd.predict.affordances import write
     from afford.rgbd.predict.footage import Lens, Sampling, read
-    from afford.twohands.predict.write import claim, index
+    from afford.twohands.prediction_files import claim_folder, write_index
 
     stored, predictor = open_model(options)
     try:
-        claim(options.out, options.force)
+        claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
     predictions, failures = [], []
@@ -59,23 +59,23 @@ def predict(path: Path, task: str, options: Options) -> int:
         failures.append({"source": str(path), "message": str(error)})
     summary: dict[str, Any] = {"model": {"name": stored.name, "digest": stored.digest}, "predictions": predictions,
                                "failures": failures}  # fmt: skip
-    index(options.out, summary)
+    write_index(options.out, summary)
     _tell(summary, options)
     return int(bool(failures))
 
 
-def open_model(options: Options) -> tuple[Stored, Predictor]:
+def open_model(options: Options) -> tuple[ModelFolder, Predictor]:
     """The model of `--model`, by the word the one that was trained last. UsageError when there is none."""
     from afford.rgbd.model.files import FORMAT
     from afford.rgbd.model.predictor import Predictor
-    from afford.twohands.predict import stored
+    from afford.twohands.model.model_folder import find_model, latest_model
 
     models = (options.store or STORE) / "models"
-    folder = stored.last(models, FORMAT) if str(options.model) == NAME else options.model
+    folder = latest_model(models, FORMAT) if str(options.model) == NAME else options.model
     if folder is None:
         raise UsageError(f"{models}: expected a model that `run sor3d` trained, got none; run it first or give --model DIR")
     try:
-        found = stored.find(folder)
+        found = find_model(folder)
         return found, Predictor(found.folder, usable(options.device))
     except ValueError as error:
         raise UsageError(str(error)) from error

@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from afford.codecs.identity import digest
-from afford.codecs.kinds import BUNDLES, encodings, kind_of, kinds, schema_version, shard_name
+from afford.codecs.kinds import BUNDLES, digest, encodings, kind_of, kinds, schema_version, shard_name
 from afford.codecs.pools import DECODERS, ENCODERS
 from afford.codecs.structure import load, load_folder, save
 

@@ -5,17 +5,92 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-from collections.abc import Iterable
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any, overload
 
+import numpy as np
 from blake3 import blake3
 
 from schemas.catalogue import SCHEMAS
 from schemas.spec import Schema
 
+
+class LazyTuple(Sequence[Any]):
+    """Stands where a schema says tuple. Every walk reads the files again and gives new, equal elements."""
+
+    def __init__(self, length: int, read: Callable[[], Iterator[Any]], files: tuple[Path, ...]) -> None:
+        self._length, self._read = length, read
+        self.files = files
+        """what a walk opens"""
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __iter__(self) -> Iterator[Any]:
+        return self._read()
+
+    @overload
+    def __getitem__(self, at: int) -> Any: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Any, ...]: ...
+
+    def __getitem__(self, at: int | slice) -> Any:
+        if isinstance(at, slice):
+            wanted = range(self._length)[at]
+            found = {i: item for i, item in enumerate(self) if i in wanted}
+            return tuple(found[i] for i in wanted)
+        return next(islice(self, range(self._length)[at], None))
+
+
+def digest(value: object) -> str:
+    """Hex digest of a schema, tuple, array, str, int, float, bool or None; TypeError for anything else."""
+    hasher = blake3()
+    _hash_value(hasher, value)
+    return hasher.hexdigest()
+
+
+def _hash_value(hasher: blake3, value: object) -> None:
+    if isinstance(value, np.ndarray):
+        _hash_tagged(hasher, "array", f"{value.dtype.str}{value.shape}".encode())
+        hasher.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data if value.size else b"")
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [field for field in dataclasses.fields(value) if field.type != "Path"]
+        _hash_tagged(hasher, "schema", f"{type(value).__name__}:{len(fields)}".encode())
+        for field in fields:
+            _hash_tagged(hasher, "field", field.name.encode())
+            _hash_value(hasher, getattr(value, field.name))
+    elif isinstance(value, (tuple, LazyTuple)):
+        _hash_tagged(hasher, "tuple", str(len(value)).encode())
+        for item in value:
+            _hash_value(hasher, item)
+    else:
+        _hash_tagged(hasher, *_scalar(value))
+
+
+def _scalar(value: object) -> tuple[str, bytes]:
+    if value is None or isinstance(value, bool):
+        return "word", str(value).encode()
+    if isinstance(value, str):
+        return "str", value.encode("utf-8", "surrogatepass")
+    if isinstance(value, int):
+        return "int", str(int(value)).encode()
+    if isinstance(value, float):
+        return "float", struct.pack("<d", value)
+    hint = ": keep paths in FileRef" if isinstance(value, Path) else ""
+    raise TypeError(f"no content digest for a {type(value).__name__}{hint}")
+
+
+def _hash_tagged(hasher: blake3, tag: str, data: bytes) -> None:
+    hasher.update(f"{tag}:{len(data)}:".encode() + data)
+
+
 BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
-SHELVES = {"Samples": "samples"}
+LAZY_FIELDS = {"Samples": "samples"}
 """schema -> its field that is a long list of large elements, which loading leaves on disk (`codecs/shelf.py`)"""
 
 

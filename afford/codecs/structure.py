@@ -1,6 +1,6 @@
 """A schema value as files: value.json for its tree, pooled arrays beside it; a FileTree as its files.
 
-Loading checks what building a schema checks; a list of `SHELVES` is read, and checked, when it is walked.
+Loading checks what building a schema checks; a list of `LAZY_FIELDS` is read, and checked, when it is walked.
 Nothing is ever unpickled.
 """
 
@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from afford.codecs.kinds import SHELVES, kinds
+from afford.codecs.kinds import LAZY_FIELDS, LazyTuple, kinds
 from afford.codecs.pools import Reader, Writer
-from afford.codecs.shelf import Shelf
 from schemas.files import FileRef, FileTree
 
 VALUE, FILES = "value.json", "files"
@@ -40,10 +39,10 @@ def load(kind: str, files: Mapping[str, Path]) -> Any:
     tree = json.loads(files[VALUE].read_text(encoding="ascii"))
     if not isinstance(tree, dict) or tree.get("of") != kind:
         raise ValueError(f"{VALUE}: expected a {kind}, got {tree.get('of') if isinstance(tree, dict) else type(tree).__name__}")
-    reader, left = Reader(files), SHELVES.get(kind, "")
+    reader, left = Reader(files), LAZY_FIELDS.get(kind, "")
     if not left:
         return _value(tree, reader, files)
-    shelf = Shelf(len(tree["fields"].pop(left)), partial(_walk, left, dict(files)), tuple(files.values()))
+    shelf = LazyTuple(len(tree["fields"].pop(left)), partial(_walk, left, dict(files)), tuple(files.values()))
     return kinds()[kind](**{name: _value(part, reader, files) for name, part in tree["fields"].items()}, **{left: shelf})
 
 
@@ -75,7 +74,7 @@ def _tree(value: object, writer: Writer, path: str, meta: Mapping[str, Any]) -> 
         fields = [field for field in dataclasses.fields(value) if field.type != "Path"]
         parts = {f.name: _tree(getattr(value, f.name), writer, f"{path}.{f.name}".lstrip("."), f.metadata) for f in fields}
         return {"of": type(value).__name__, "fields": parts}
-    if isinstance(value, (tuple, Shelf)):
+    if isinstance(value, (tuple, LazyTuple)):
         return [_tree(item, writer, f"{path}.{i}", meta) for i, item in enumerate(value)]
     if isinstance(value, float) and not math.isfinite(value):
         return {"float": repr(value)}

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 
 from afford.dataset import load, masks
-from afford.dataset.columns import MASKS
+from afford.dataset.table_schema import MASKS
 from schemas.affordance import TAXONOMY
 
 CONTOURS = ("aff_left", "aff_right", "obj_left", "obj_right")

@@ -17,8 +17,8 @@ import pyarrow as pa
 
 from afford.common.bounded import check_image
 from afford.dataset import masks
-from afford.dataset.columns import MASKS, PATHS
-from afford.dataset.parquet import opened, read_group, refused
+from afford.dataset.parquet_shards import damage_as_error, open_shard, read_group
+from afford.dataset.table_schema import MASKS, PATHS
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -90,13 +90,13 @@ def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, A
     """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
     for path in shards(root, split):
         for group in range(_groups(path)):
-            with refused(path):
+            with damage_as_error(path):
                 found = read_group(path, group, columns).to_pylist()
             yield from found
 
 
 def _groups(path: Path) -> int:
-    with opened(path) as file:
+    with open_shard(path) as file:
         return int(file.num_row_groups)
 
 
@@ -108,7 +108,7 @@ class Dataset(Sequence[Item]):
         lengths = [_lengths(path) for path in self.files]
         self.groups = [(n, group) for n, rows in enumerate(lengths) for group in range(len(rows))]
         self.ends = list(accumulate(length for rows in lengths for length in rows))
-        with opened(self.files[0]) as file, refused(self.files[0]):
+        with open_shard(self.files[0]) as file, damage_as_error(self.files[0]):
             self.features = json.loads(file.schema_arrow.metadata[b"huggingface"])["info"]["features"]
         self._group = lru_cache(maxsize=4)(self._read)
 
@@ -142,13 +142,13 @@ class Dataset(Sequence[Item]):
     def _read(self, group: int) -> _Group:
         number, inside = self.groups[group]
         path = self.files[number]
-        with refused(path):
+        with damage_as_error(path):
             return _Group(path, read_group(path, inside, NEEDED).combine_chunks())
 
 
 def _lengths(path: Path) -> list[int]:
     """Rows of each row group of a shard."""
-    with opened(path) as file:
+    with open_shard(path) as file:
         return [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
 
 
@@ -167,7 +167,7 @@ class _Group:
 
     def item(self, n: int) -> Item:
         """Sample `n`, decoded; SourceError when a picture of it is damaged."""
-        with refused(self.path):
+        with damage_as_error(self.path):
             return self._item(n)
 
     def _item(self, n: int) -> Item:

@@ -14,7 +14,7 @@ MOTION_TIME_NS = np.zeros(1, np.int64)
 """A still does not move: its motion is the one point where hands and things are."""
 
 
-def samples(stills: Stills, draws: int, seed: int) -> Samples:
+def sample_stills(stills: Stills, draws: int, seed: int) -> Samples:
     """Up to `draws` samples of each still. ValueError when `draws` is less than 1."""
     if draws < 1:
         raise ValueError(f"draws: expected 1 or more, got {draws}")

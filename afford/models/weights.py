@@ -1,29 +1,96 @@
-"""Where the weights of a stage lie: files among its inputs, or the folder that its parameters name."""
+"""Parameters of every backend that runs a pretrained model."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
-from schemas.files import FileTree
+from schemas.files import FileRef, FileTree
+
+
+@dataclass(frozen=True)
+class Pretrained:
+    """Which weights, on which device, as which type of numbers."""
+
+    model: str = ""
+    """local folder or file, or hub id, of the weights"""
+    device: str = "cpu"
+    """cpu, cuda or cuda:N; bytes differ between kinds of device"""
+    dtype: str = "float32"
+    """float32, bfloat16 or float16"""
+
+
+READ = (".json", ".safetensors", ".txt", ".model", ".jinja")
+"""endings of what is read of a published model"""
+ALSO = (".pt", ".pth", ".ckpt", ".bin")
+"""and of a local folder"""
+LABEL = "weights"
+HUB_ID = re.compile(r"(?P<id>[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?)(@(?P<revision>[A-Za-z0-9][\w./-]*))?")
+
+
+def weight_files(name: str, digest: Callable[[Path], str]) -> FileTree:
+    """The files of a model with their content digests, wherever they lie and whatever the folder is called. ValueError when
+    there are none.
+    """
+    place = find_model(name)
+    if place.is_file():
+        return FileTree(LABEL, (_ref(place, place.name, digest),))
+    found = sorted(path for path in place.rglob("*") if path.suffix in READ + ALSO and path.is_file())
+    if not found:
+        raise ValueError(f"model {name!r}: expected files of a model ({', '.join(READ + ALSO)}) in the folder, got none; "
+                         "name the folder that holds config.json and the weights")
+    return FileTree(LABEL, tuple(_ref(path, path.relative_to(place).as_posix(), digest) for path in found))
+
+
+def find_model(name: str) -> Path:
+    """Where a model lies. ValueError says what was tried."""
+    place = Path(name).expanduser()
+    if place.exists():
+        return place.absolute()
+    if not HUB_ID.fullmatch(name):
+        raise ValueError(f"model {name!r}: expected a local folder or file, or a hub id (OWNER/NAME or OWNER/NAME@REVISION), got "
+                         "nothing there; check the path")
+    from huggingface_hub import snapshot_download
+
+    repository, revision = split_revision(name)
+    try:
+        return Path(snapshot_download(repository, revision=revision, allow_patterns=[f"*{ending}" for ending in READ]))
+    except (OSError, ValueError) as error:
+        chosen = f"{repository} --revision {revision}" if revision else repository
+        raise ValueError(f"model {name!r}: expected a local folder, or a hub id that is in the cache of downloads or can be "
+                         f"reached, got neither ({type(error).__name__}); download it where there is a network "
+                         f"(hf download {chosen} --local-dir DIR) and name that folder") from error
+
+
+def split_revision(name: str) -> tuple[str, str | None]:
+    """The repository of a hub id, and the revision after its `@`, None for the newest."""
+    repository, _, revision = name.partition("@")
+    return repository, revision or None
+
+
+def _ref(path: Path, name: str, digest: Callable[[Path], str]) -> FileRef:
+    return FileRef(name, digest(path), path.stat().st_size, path)
+
 
 P = TypeVar("P")
 
 
-def placed(params: P, weights: FileTree | None, named: str = "model") -> P:
+def with_weights(params: P, weights: FileTree | None, named: str = "model") -> P:
     """Params of a stage whose `named` says where the files of `weights` lie on this machine; as they are when there are none.
 
     The place is in no key: the content of the files is.
     """
     if weights is None:
         return params
-    return replace(params, **{named: str(root(weights))})  # type: ignore[type-var]  # the Params of a stage are a dataclass
+    return replace(params, **{named: str(weights_root(weights))})  # type: ignore[type-var]  # the Params of a stage are a dataclass
 
 
-def root(weights: FileTree) -> Path:
+def weights_root(weights: FileTree) -> Path:
     """The folder in which the files have their names, or the file itself when there is only one.
 
     Where they lie under other names, as in the cache of a hub, it is a folder of links that lives as long as the process.
@@ -44,7 +111,7 @@ def _links(files: tuple[tuple[str, Path], ...]) -> TemporaryDirectory[str]:
     return folder
 
 
-def stamp(place: Path) -> Any:
+def file_stamps(place: Path) -> Any:
     """What changes when a file of the weights does: name, size and time of each, so that no stale model is kept in memory."""
     files = [place] if place.is_file() else sorted(path for path in place.rglob("*") if path.is_file())
     return tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns, path.stat().st_ino) for path in files)

@@ -20,8 +20,8 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from afford.common.image_files import jpeg
 from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
 from afford.grasping.env.studio import hand_colour
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Scalar
 from afford.recording.spatial import cloud, entity, loop, pose, scene, transforms, triangles
@@ -68,8 +68,9 @@ def _messages(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_
 def _links(hand: HandModel) -> Message:
     """The meshes of links, which do not change."""
     colour = hand_colour(hand)
-    return scene(SCENE, EPOCH_NS, [entity(_frame(hand, skin.link), _frame(hand, skin.link),
-                                          [triangles(skin.vertices, skin.faces, colour)]) for skin in skins(hand)])  # fmt: skip
+    return scene(SCENE, EPOCH_NS, [
+        entity(_frame(hand, mesh.link), _frame(hand, mesh.link), [triangles(mesh.vertices, mesh.faces, colour)])
+        for mesh in link_meshes(hand)])  # fmt: skip
 
 
 def _person(stage: str, motion: HandMotion, start: int) -> Iterator[Message]:
@@ -95,7 +96,7 @@ def _verdict(clip: Clip, start: int) -> Message:
 
 def _robot(motion: HandMotion, reference: HandReference, studio: MotionStudio, pictures_hz: float, start: int) -> Iterator[Message]:
     hand, theirs = studio.hand, keypoints_of(motion, reference)
-    T, every = forward(hand.joints, reference.q), max(1, round(reference.rate_hz / pictures_hz))
+    T, every = forward_kinematics(hand.joints, reference.q), max(1, round(reference.rate_hz / pictures_hz))
     for row in range(len(reference.q)):
         time_ns = start + round(row * SECOND_NS / reference.rate_hz)
         frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from afford.common.image_files import jpeg
 from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.trace_metrics import traced
+from afford.grasping.evaluate.trace_metrics import trace_metrics
 from afford.recording.content import Recording
 from afford.recording.of_grasp import times
 from afford.recording.of_training import Shown, at, record
@@ -33,7 +33,7 @@ def _frames(curves: TrainingLog, episodes: Sequence[Episode]) -> Iterator[Shown]
 
 def _words(one: Episode) -> str:
     """What the episode is about, and how it ends."""
-    how = traced(one.trace, one.task)
+    how = trace_metrics(one.trace, one.task)
     bad = ", ".join(one.task.negative) or "nothing"
     end = "reached the goal" if how.success[-1] else "never at the goal"
     return f"{one.task.name}: {one.task.use or 'any use'}; hold {one.task.hold or 'anything'}, not {bad}; {end}"

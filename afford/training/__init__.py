@@ -1,1 +1,1 @@
-"""One training loop: steps, checkpoints, resuming, curves, several processes, written files."""
+"""Training loop shared by all models: steps, checkpoints, resuming, curves, several processes, artifacts."""

@@ -1,4 +1,4 @@
-"""Scores of trained rows -> means and spreads over seeds, as numbers and as a table."""
+"""Ablation report: mean and standard deviation over seeds of each trained row, as numbers and as a Markdown table."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ MEASURES = ("iou", "precision", "map", "best_mode_iou", "taxonomy_accuracy")
 PROTOCOL, GROUP = "cropped", "kitchen"
 
 Values = dict[str, list[dict[str, float]]]
-"""row -> measures of each finished seed"""
+"""row -> scores of each finished seed"""
 
 
-def write(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores]) -> None:
-    """metrics.json, ablation.json and ablation.md; of nothing but what was planned, where nothing is finished yet. ValueError for
-    scores of another plan.
+def write_ablation(root: Path, recipes: Sequence[Recipe], scores: Sequence[MethodScores]) -> None:
+    """Write metrics.json, ablation.json and ablation.md; unfinished rows count in their plan only.
+
+    ValueError for scores that do not belong to `recipes`.
     """
-    done = {one.name: measures(one) for one in scores}
-    if strange := sorted(done.keys() - {recipe.name for recipe in recipes}):
-        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(strange)}")
+    done = {one.name: mean_scores(one) for one in scores}
+    if unknown := sorted(done.keys() - {recipe.name for recipe in recipes}):
+        raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(unknown)}")
     rows = {row: [done[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in done]
             for row in dict.fromkeys(recipe.row for recipe in recipes)}  # fmt: skip
     planned = {row: sum(recipe.row == row for recipe in recipes) for row in rows}
     write_json(root / "metrics.json", metrics(rows, planned))
     write_json(root / "ablation.json", done)
-    (root / "ablation.md").write_text(table(rows, planned), encoding="utf-8")
+    (root / "ablation.md").write_text(ablation_table(rows, planned), encoding="utf-8")
 
 
-def measures(one: MethodScores) -> dict[str, float]:
-    """Means over the cropped cases of kitchens; over all cropped cases where none is a kitchen's. Cases to which a measure does
-    not apply are left out.
+def mean_scores(one: MethodScores) -> dict[str, float]:
+    """Average each measure over the cropped kitchen cases; over all cropped cases when no case is from a kitchen.
+
+    Cases to which a measure does not apply are left out.
     """
     cropped = np.array([protocol == PROTOCOL for protocol in one.protocol])
     kitchen = cropped & np.array([GROUP in groups for groups in one.groups])
@@ -45,7 +47,7 @@ def measures(one: MethodScores) -> dict[str, float]:
 
 
 def metrics(rows: Values, planned: dict[str, int]) -> dict[str, float]:
-    """<row>.<measure> and <row>.<measure>.sd over finished seeds, <row>.seeds, <row>.unfinished."""
+    """Flat figures: <row>.<measure> and <row>.<measure>.sd over finished seeds, <row>.seeds, <row>.unfinished."""
     out: dict[str, float] = {}
     for row, seeds in rows.items():
         out |= {f"{row}.seeds": float(len(seeds)), f"{row}.unfinished": float(planned[row] - len(seeds))}
@@ -56,13 +58,13 @@ def metrics(rows: Values, planned: dict[str, int]) -> dict[str, float]:
 
 
 def spread(seeds: list[dict[str, float]], name: str) -> tuple[float, float]:
-    """Mean and sample standard deviation over the seeds; 0 for a single one."""
+    """Mean and sample standard deviation over the seeds; the deviation of a single seed is 0."""
     values = [seed[name] for seed in seeds if name in seed]
     return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
 
-def table(rows: Values, planned: dict[str, int]) -> str:
-    """Markdown, a line per row."""
+def ablation_table(rows: Values, planned: dict[str, int]) -> str:
+    """Markdown table with one line per row."""
     head = "# Ablation\n\nMean and standard deviation over seeds; strict measures of cropped kitchens "
     head += "(docs/twohands/benchmark.md).\n\n"
     lines = [f"| row | {' | '.join(MEASURES)} | seeds |", f"|---|{'--:|' * (len(MEASURES) + 1)}"]
@@ -71,11 +73,11 @@ def table(rows: Values, planned: dict[str, int]) -> str:
 
 def _line(row: str, seeds: list[dict[str, float]], planned: int) -> str:
     cells = [_cell(seeds, name) for name in MEASURES]
-    return f"| {row} | {' | '.join(cells)} | {done(len(seeds), planned)} |"
+    return f"| {row} | {' | '.join(cells)} | {seeds_cell(len(seeds), planned)} |"
 
 
-def done(seeds: int, planned: int) -> str:
-    """How many seeds of a row are finished, and that it is not where some are missing."""
+def seeds_cell(seeds: int, planned: int) -> str:
+    """Table cell with the number of finished seeds, marked when some are missing."""
     return str(seeds) if seeds >= planned else f"{seeds} of {planned}, not finished"
 
 

@@ -20,7 +20,7 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -58,19 +58,18 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Train
     from afford.extraction.hands import train as finder
     from afford.extraction.hands.network import HandsConfig
     from afford.training import curves
-    from afford.training.loop import seed_of, train
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import derive_seed, deterministic, train
 
-    with repeatable(THREADS, "cpu"):
-        model = finder.seeded(HandsConfig(), seed_of(params.seed))
+    with deterministic(THREADS, "cpu"):
+        model = finder.seeded(HandsConfig(), derive_seed(params.seed))
         task = finder.task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
         state = train(task, _plan(params), ctx.scratch, ctx.progress)
     root = network.write_network(ctx.scratch, model, finder.card_text(lessons, state))
-    return Trained(tree("hands-finder", root), curves.log("hands-finder", state))
+    return Trained(tree("hands-finder", root), curves.training_log("hands-finder", state.points, state.best_step, state.step))
 
 
 def _plan(p: Params) -> Plan:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,
                 validate_every=min(p.validate_every, p.steps))  # fmt: skip

@@ -74,14 +74,14 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
     from afford.grasping.policies import acting, teach
     from afford.grasping.policies.lessons import Lessons
     from afford.training import curves
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import deterministic
 
     expert = acting.load(teacher, {})
     mine = [of(one) for some in tasks for one in some]
     if not mine or expert.teacher is None:
         raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(mine)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
-    with repeatable(THREADS, "cpu"):
+    with deterministic(THREADS, "cpu"):
         chosen = [mine[k % len(mine)] for k in range(max(params.worlds, len(mine)))]
         core = Grasping(hand, chosen, _config(params, expert))
         try:
@@ -90,7 +90,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         finally:
             core.close()
     root = teach.write(ctx.scratch, model, _senses(params), {**expert.facts, "seed": params.seed})
-    return Trained(tree(params.name, root), curves.log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
 def _config(p: Params, expert):  # type: ignore[no-untyped-def]  # Policy and Config are leafs' types, and leafs load inside `run`

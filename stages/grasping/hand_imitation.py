@@ -80,21 +80,20 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     from afford.common.files import tree
     from afford.grasping.imitation import prior_files
     from afford.grasping.imitation.prior import train
-    from afford.training import curves, events
-    from afford.training.repeatable import repeatable
-    from afford.training.state import State
+    from afford.training import curves
+    from afford.training.loop import deterministic
 
     _check(params)
-    with repeatable(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
+    with deterministic(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
         lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
                                       params.proof_engines, params.worlds, params.seed)
         model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
         points = [*lessons.points, *train(lessons.core, model, _plan(params), ctx.scratch, ctx.progress)]
         lessons.core.close()
     root = prior_files.write(ctx.scratch / "out", model, lessons)
-    events.write(root / "tensorboard", points)
+    curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
-    return Trained(tree("prior", root), curves.log("prior", State(step=done, points=points, best_step=done)))
+    return Trained(tree("prior", root), curves.training_log("prior", points, best_step=done, steps=done))
 
 
 def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a leaf's type, and leafs load inside `run`

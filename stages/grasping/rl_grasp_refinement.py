@@ -76,7 +76,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
     from afford.grasping.policies import refine, residual
     from afford.grasping.rl import saved
     from afford.training import curves
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import deterministic
 
     mine = [of(one) for some in tasks for one in some]
     if not mine or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
@@ -84,11 +84,11 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
                          f"none elsewhere, got {len(mine)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
     known, facts = saved.read(prior[0]) if prior else (None, {})
     config = _config(params, tuple(facts.get("posture", ())))
-    with repeatable(THREADS, "cpu"):
+    with deterministic(THREADS, "cpu"):
         first = residual.Prior(known, params.layout) if known else None
         model, state = refine.train(hand, mine, first, config, _plan(params, len(mine)), ctx.scratch, ctx.progress)
     root = refine.write(ctx.scratch, model, first, config, params.seed)
-    return Trained(tree(params.name, root), curves.log(params.name, state))
+    return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
 def _config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # Config is a leaf's type

@@ -41,9 +41,9 @@ class Params(InteractionTraining):
 
 def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:
     """Train the detector."""
-    from afford.training.train import train
+    from afford.training.train import train_job
 
-    return train(_job(params), dataset, "boxes", ctx, THREADS, params.devices)
+    return train_job(_job(params), dataset, "boxes", ctx, THREADS, params.devices)
 
 
 def _job(p: Params) -> BoxesJob:

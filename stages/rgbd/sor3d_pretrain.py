@@ -45,9 +45,9 @@ PAPER = Params(variant="paper", height_px=300, steps=4000, batch=2, lr=2e-5, war
 
 def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:
     """Train the encoder."""
-    from afford.training.train import train
+    from afford.training.train import train_job
 
-    return train(_job(params), dataset, "sor3d_actions", ctx, THREADS, params.devices)
+    return train_job(_job(params), dataset, "sor3d_actions", ctx, THREADS, params.devices)
 
 
 def _job(p: Params) -> ActionsJob:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.surface.candidates import Regions, Sam, Windows
+from afford.surface.proposals import Regions, Sam, Windows
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
@@ -24,8 +24,8 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"sam": 6.0}
 
-BACKENDS = {"regions": "afford.surface.candidates.regions:propose", "sam": "afford.surface.candidates.sam:propose",
-            "grid": "afford.surface.candidates.grid:propose"}  # fmt: skip
+BACKENDS = {"regions": "afford.surface.proposals.regions:propose", "sam": "afford.surface.proposals.sam:propose",
+            "grid": "afford.surface.proposals.grid:propose"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartCandidates:
     """Propose parts."""
     from afford.common.registry import block, load
-    from afford.models.weights import placed
+    from afford.models.weights import with_weights
 
     if views.visible_area.shape != mesh.faces.shape[:1]:
         wanted, got = len(mesh.faces), len(views.visible_area)
         raise ValueError(f"views of {views.name}: expected {wanted} faces as {mesh.name} has, got {got}; render the views again")
-    own = placed(block(params, params.backend), weights)
+    own = with_weights(block(params, params.backend), weights)
     found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, own)
     return found

@@ -23,7 +23,7 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"clip": 3.0}
 
-BACKENDS = {"parts": "afford.surface.score.parts:score", "clip": "afford.surface.score.clip:score"}
+BACKENDS = {"parts": "afford.surface.score.part_scorer:score", "clip": "afford.surface.score.clip:score"}
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descri
         params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
     """Score every candidate."""
     from afford.common.registry import block, load
-    from afford.models.weights import placed
+    from afford.models.weights import with_weights
 
-    own = placed(block(params, params.backend), weights)
+    own = with_weights(block(params, params.backend), weights)
     found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, own)
     return found

@@ -19,7 +19,7 @@ from schemas.surface import PartLessons
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
@@ -49,24 +49,23 @@ class Params:
 def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.surface.parts import card as parts_card
-    from afford.surface.parts import files
-    from afford.surface.parts import train as parts
-    from afford.surface.parts.model import PartsConfig
+    from afford.surface.score import part_scorer
+    from afford.surface.score import train_scorer as parts
+    from afford.surface.score import train_scorer as parts_card
+    from afford.surface.score.part_scorer import PartScorerConfig
     from afford.training import curves
-    from afford.training.loop import seed_of, train
-    from afford.training.repeatable import repeatable
+    from afford.training.loop import derive_seed, deterministic, train
 
-    with repeatable(THREADS, "cpu"):
-        model = parts.seeded(PartsConfig(), seed_of(params.seed))
-        state = train(parts.task(model, lessons, params.seed, params.objects, params.candidates), _plan(params), ctx.scratch,
+    with deterministic(THREADS, "cpu"):
+        model = parts.init_scorer(PartScorerConfig(), derive_seed(params.seed))
+        state = train(parts.scorer_task(model, lessons, params.seed, params.objects, params.candidates), _plan(params), ctx.scratch,
                       ctx.progress)
-    root = files.write(ctx.scratch, model, parts_card.text(lessons, state))
-    return Trained(tree("part-scorer", root), curves.log("part-scorer", state))
+    root = part_scorer.save_scorer(ctx.scratch, model, parts_card.model_card(lessons, state))
+    return Trained(tree("part-scorer", root), curves.training_log("part-scorer", state.points, state.best_step, state.step))
 
 
 def _plan(p: Params) -> Plan:
-    from afford.training.task import Plan
+    from afford.training.params import Plan
 
     return Plan(steps=p.steps, lr=p.lr, warmup=min(p.warmup, p.steps), weight_decay=p.weight_decay, seed=p.seed,
                 validate_every=min(p.validate_every, p.steps))  # fmt: skip

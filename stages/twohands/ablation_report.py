@@ -39,5 +39,5 @@ def run(recipes: tuple[Recipe, ...], scores: tuple[MethodScores, ...], params: P
     from afford.training import ablation
 
     root = empty_folder(ctx.scratch / "ablation")
-    ablation.write(root, recipes, (*scores, *others))
+    ablation.write_ablation(root, recipes, (*scores, *others))
     return tree("ablation", root)

@@ -29,8 +29,8 @@ BACKENDS = {
     "whole_object": "afford.twohands.benchmark.baselines:whole_object",
     "object_box": "afford.twohands.benchmark.baselines:object_box",
     "centre": "afford.twohands.benchmark.baselines:centre",
-    "class_mean": "afford.twohands.benchmark.class_mean:class_mean",
-    "extraction": "afford.twohands.benchmark.extracted:extraction",
+    "class_mean": "afford.twohands.benchmark.dataset_baselines:class_mean",
+    "extraction": "afford.twohands.benchmark.dataset_baselines:extraction",
 }
 
 
@@ -44,13 +44,13 @@ def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> Fil
     """Ask the baseline about every case; a case it has nothing to say of gets no row."""
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import load
-    from afford.dataset import layout
-    from afford.twohands.benchmark import stored
+    from afford.dataset import act_affordance
+    from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import read
 
     root = copy_folder(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
     answer = load(BACKENDS, params.backend)(root)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         for n, files in enumerate(listed):
@@ -60,5 +60,5 @@ def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> Fil
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")
-    stored.write(out / stored.NAME, rows())
+    predictions_file.write_predictions(out / predictions_file.FILE_NAME, rows())
     return tree(params.backend, out)

@@ -24,7 +24,7 @@ from schemas.spec import Context
 from schemas.training import Recipe, Trained
 
 if TYPE_CHECKING:
-    from afford.twohands.train.hands_job import HandsJob
+    from afford.twohands.train.job import TwoHandsJob
 
 LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py",
              "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
@@ -97,21 +97,21 @@ class Params(Optimisation):
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
         weights: FileTree | None = None) -> Trained:  # fmt: skip
     """Train the model."""
-    from afford.models.weights import placed
-    from afford.training.train import train
+    from afford.models.weights import with_weights
+    from afford.training.train import train_job
 
-    job = _job(placed(params, weights, "backbones"), recipe)
-    return train(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
+    job = _job(with_weights(params, weights, "backbones"), recipe)
+    return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
 
 
-def _job(p: Params, recipe: Recipe | None = None) -> HandsJob:
+def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     """What the parameters say, where a recipe does not say otherwise."""
-    from afford.training.task import plan_of
-    from afford.twohands.model.config import ModelConfig
+    from afford.training.params import plan_of
+    from afford.twohands.model.interface import ModelConfig
     from afford.twohands.model.losses import LossParams
-    from afford.twohands.train.divide import Division
-    from afford.twohands.train.hands_job import HandsJob
-    from afford.twohands.train.views import Views
+    from afford.twohands.train.augment import Augmentation
+    from afford.twohands.train.job import TwoHandsJob
+    from afford.twohands.train.samples import Split
 
     if p.backbones and not (recipe or p.variant != "small"):
         raise ValueError(f"model_train: expected no backbones for variant {p.variant}, which starts from nothing, got "
@@ -120,14 +120,14 @@ def _job(p: Params, recipe: Recipe | None = None) -> HandsJob:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
                     target=recipe.target, seed=recipe.seed)
     small = p.variant == "small"
-    return HandsJob(
+    return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
                            size_px=(p.height_px, p.width_px if small else p.height_px), frozen=bool(p.backbones)),
         plan=plan_of(p, _parallel(p)),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
                         object_weight=p.object_weight, centre_weight=p.centre_weight),
-        division=Division(p.split_by, p.val_fraction, p.seed),
-        views=Views(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
+        division=Split(p.split_by, p.val_fraction, p.seed),
+        views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
                     colour_share=p.colour_share),
         coarse_share=p.coarse_share if small else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip

@@ -47,21 +47,22 @@ class Params:
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
     from afford.common.files import copy_folder, empty_folder, tree
-    from afford.dataset import layout
-    from afford.twohands.benchmark import stored, words
+    from afford.dataset import act_affordance
+    from afford.twohands.benchmark import cases as cases_module
+    from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import picture, task
     from afford.twohands.model.predictor import Predictor
 
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
                           params.mirror)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
-        told = words.tasks([task(files) for files in listed], params.text, params.seed)
+        told = cases_module.prompts([task(files) for files in listed], params.text, params.seed)
         for n, (files, said) in enumerate(zip(listed, told, strict=True)):
             yield files.where, predictor.predict(picture(files), said, params.hands, params.looks)
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")
-    stored.write(out / stored.NAME, rows())
+    predictions_file.write_predictions(out / predictions_file.FILE_NAME, rows())
     return tree(params.name or model.name, out)

@@ -45,14 +45,14 @@ class Params:
 
 def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
     """Score one method; its name is that of its tree."""
-    from afford.dataset import layout
-    from afford.twohands.benchmark import methods, score, sheet
+    from afford.dataset import act_affordance
+    from afford.twohands.benchmark import answers, case_sheets, score
     from afford.twohands.benchmark.cases import read
     from afford.twohands.benchmark.toras import of_tree
 
     outlines = of_tree(cases) if params.truth == "toras" else None
-    method = methods.open_method(predictions, params.levels, params.level, params.protocol, params.proposals)
-    listed = {files.where: files for files in layout.cases(cases)}
+    method = answers.open_method(predictions, params.levels, params.level, params.protocol, params.proposals)
+    listed = {files.where: files for files in act_affordance.cases(cases)}
 
     def answer(case: Case) -> Answer:
         said = method.answer(case)
@@ -65,4 +65,4 @@ def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
     name = f"{predictions.name}_swapped" if params.swap else predictions.name
     found = (read(files, outlines) for files in listed.values())
     return score.score(name, found, method.levels, answer, params.calibration_floor,
-                       lambda ids, iou: sheet.sheets(ids, iou, fetch))
+                       lambda ids, iou: case_sheets.sheets(ids, iou, fetch))

@@ -11,12 +11,11 @@ from pathlib import Path
 import pytest
 
 from afford.extraction.tracks import Sam2
-from afford.models.hub import files, find
-from afford.models.weights import placed, root, stamp
+from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
-from commands.weights import reads_weights, weighed
+from commands.weights import reads_weights, resolve_weights
 from maps.common import weights
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -39,20 +38,20 @@ def model(tmp_path: Path) -> Path:
 
 def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
     """By name and content; words about it do not count, and neither does where it lies."""
-    found = files(str(model), digest)
-    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and root(found) == model
+    found = weight_files(str(model), digest)
+    assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and weights_root(found) == model
     (model / "README.md").write_text("other words")
     moved = Path(shutil.copytree(model, tmp_path / "elsewhere"))
-    other = files(str(moved), digest)
+    other = weight_files(str(moved), digest)
     assert [(one.name, one.digest) for one in other.files] == [(one.name, one.digest) for one in found.files]
-    assert other.name == found.name and root(other) == moved
-    single = files(str(model / "config.json"), digest)
-    assert root(single) == model / "config.json"
+    assert other.name == found.name and weights_root(other) == moved
+    single = weight_files(str(model / "config.json"), digest)
+    assert weights_root(single) == model / "config.json"
 
 
 def test_params_say_where_the_files_lie(model: Path) -> None:
     params = Sam2("label")
-    assert placed(params, None) is params and placed(params, files(str(model), digest)).model == str(model)
+    assert with_weights(params, None) is params and with_weights(params, weight_files(str(model), digest)).model == str(model)
 
 
 def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
@@ -60,34 +59,34 @@ def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
     for name in ("0a1b", "2c3d"):
         (tmp_path / name).write_text(name)
     refs = (FileRef("config.json", "0", 4, tmp_path / "0a1b"), FileRef("sub/x.safetensors", "1", 4, tmp_path / "2c3d"))
-    folder = root(FileTree("weights", refs))
+    folder = weights_root(FileTree("weights", refs))
     assert (folder / "config.json").read_text() == "0a1b" and (folder / "sub" / "x.safetensors").read_text() == "2c3d"
-    assert root(FileTree("weights", refs)) == folder
-    assert root(FileTree("weights", refs[:1])).read_text() == "0a1b"
+    assert weights_root(FileTree("weights", refs)) == folder
+    assert weights_root(FileTree("weights", refs[:1])).read_text() == "0a1b"
 
 
 def test_a_stamp_tells_changed_files(model: Path) -> None:
-    before = stamp(model)
+    before = file_stamps(model)
     (model / "sub" / "model.safetensors").write_bytes(b"weightz")
-    assert stamp(model) != before and stamp(model) == stamp(model)
+    assert file_stamps(model) != before and file_stamps(model) == file_stamps(model)
 
 
 def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
     chosen = settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={model}", f"object_completion.sam2.model={model}",
                        "part_describe.backend=endpoint", "part_describe.endpoint.model=gpt"], None)  # fmt: skip
-    found = weighed(chosen, digest)
+    found = resolve_weights(chosen, digest)
     assert [stage for stage, _ in found.weights] == ["mask_densify"]
     assert (found.extraction.mask_densify.sam2.model, found.surface.part_describe.endpoint.model) == ("model", "gpt")
     assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
-    assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
+    assert resolve_weights(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
 
 
 def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
     """A changed checkpoint is another training; where it lies is none. A backend without pretrained parts refuses it."""
     plain = build("train", Origin("x"), Settings())
     chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
-    found = weighed(chosen, digest)
+    found = resolve_weights(chosen, digest)
     assert found.twohands.model_train.backbones == found.rgbd.sor3d_train.backbones == "model"
     for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
         every = build(target, Origin("x"), found).stages()
@@ -95,7 +94,7 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
         assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
     assert not any("weights" in dict(node.inputs) for node in plain.stages())
     with pytest.raises(UsageError, match=r"sor3d_train\.backbones: .*got nothing there"):
-        weighed(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
+        resolve_weights(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
 @pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
@@ -103,19 +102,19 @@ def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: P
     """The parameter is named."""
     name = str(tmp_path) if name == "EMPTY" else name
     with pytest.raises(UsageError, match=f"mask_densify.sam2.model: .*{said}"):
-        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
+        resolve_weights(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
 
 
 def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
     """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
     with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.sam2.model=MODEL, a Sam2VideoModel"):
-        weighed(settings(["mask_densify.backend=sam2"], None), digest)
-    assert reads_weights(Settings.grasping.grasp_judge) and weighed(Settings(), digest) == Settings()
+        resolve_weights(settings(["mask_densify.backend=sam2"], None), digest)
+    assert reads_weights(Settings.grasping.grasp_judge) and resolve_weights(Settings(), digest) == Settings()
 
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     """What was downloaded before is found; what was not says how to get it."""
-    code = ("from afford.models.hub import find\ntry:\n    find('some-owner/some-model')\n"
+    code = ("from afford.models.weights import find\ntry:\n    find('some-owner/some-model')\n"
             "except ValueError as error:\n    print(error)")  # fmt: skip
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
@@ -145,7 +144,7 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
         return str(model)
 
     monkeypatch.setattr("huggingface_hub.snapshot_download", download)
-    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
+    chosen = resolve_weights(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
     assert called == [(repository, revision)] and chosen.extraction.mask_densify.sam2.model == name
 
 
@@ -153,7 +152,7 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
 def test_what_is_no_revision_is_no_hub_id(name: str) -> None:
     """Refused before anything is downloaded."""
     with pytest.raises(ValueError, match=r"OWNER/NAME or OWNER/NAME@REVISION\), got nothing there"):
-        find(name)
+        find_model(name)
 
 
 def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,4 +166,4 @@ def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monk
 
 
 def test_local_places_are_taken_as_they_are(model: Path) -> None:
-    assert find(str(model)) == model
+    assert find_model(str(model)) == model

@@ -168,5 +168,5 @@ def sources(traces: list[Trace]) -> list[str]:
     modules = Modules(ROOT)
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
     found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
-              fingerprint(modules, "afford.codecs:CODEC", {}, apart=modules.schemas).files]  # fmt: skip
+              fingerprint(modules, "afford.codecs:CODEC", {}, excluded=modules.schemas).files]  # fmt: skip
     return sorted({path for paths in found for path in paths})

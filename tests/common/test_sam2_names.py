@@ -11,8 +11,16 @@ import torch
 from torch import Tensor
 from transformers import Sam2VideoConfig, Sam2VideoModel
 
-from afford.models.sam2_names import SIZES, config, filled, our_name, read, renamed, size_of
-from afford.models.sam2_video import load_model
+from afford.models.sam2 import (
+    SIZES,
+    fill_published,
+    load_model,
+    our_name,
+    our_state_dict,
+    published_config,
+    published_size,
+    read_published,
+)
 from tests.helpers.tiny_models import save_sam2_video
 
 COUNTS = {"tiny": 38_962_498, "small": 46_060_354, "base_plus": 80_850_178, "large": 224_446_642}
@@ -25,13 +33,13 @@ Shapes = dict[str, tuple[int, ...]]
 def test_the_published_sizes(size: str) -> None:
     """Every parameter counted, without memory; the name map reaches all of them and nothing else."""
     with torch.device("meta"):
-        model = Sam2VideoModel(config(size))
+        model = Sam2VideoModel(published_config(size))
     count = sum(parameter.numel() for parameter in model.parameters())
     assert count == COUNTS[size] and int(count / 1e5) / 10 == PUBLISHED_M[size]
     given = {name: torch.empty(shape, device="meta") for name, shape in published(model.config).items()}
-    found = {name: tuple(tensor.shape) for name, tensor in renamed(given).items()}
+    found = {name: tuple(tensor.shape) for name, tensor in our_state_dict(given).items()}
     assert found == {name: tuple(tensor.shape) for name, tensor in model.state_dict().items()}
-    assert size_of(given, "x") == size
+    assert published_size(given, "x") == size
 
 
 def linear(name: str, out: int, inner: int) -> Shapes:
@@ -52,8 +60,8 @@ def perceptron(name: str, *widths: int) -> Shapes:
 
 
 def attention(name: str, width: int, inner: int, memory: int = 0) -> Shapes:
-    read = {"q_proj": width, "k_proj": memory or width, "v_proj": memory or width}
-    found = {key: shape for part, wide in read.items() for key, shape in linear(f"{name}.{part}", inner, wide).items()}
+    read_published = {"q_proj": width, "k_proj": memory or width, "v_proj": memory or width}
+    found = {key: shape for part, wide in read_published.items() for key, shape in linear(f"{name}.{part}", inner, wide).items()}
     return found | linear(f"{name}.out_proj", width, inner)
 
 
@@ -176,7 +184,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Sam2VideoModel:
 def test_values_arrive_where_they_belong(tiny: Sam2VideoModel) -> None:
     """Each tensor by its own name; rows of points together; the frequencies of positions twice."""
     given = drawn(tiny)
-    state = filled(tiny, given, "x").state_dict()
+    state = fill_published(tiny, given, "x").state_dict()
     for name, tensor in given.items():
         if "point_embeddings" not in name:
             assert torch.equal(state[our_name(name)], tensor), name
@@ -193,7 +201,7 @@ def test_what_does_not_fit_is_named_tensor_by_tensor(tiny: Sam2VideoModel) -> No
     given["image_encoder.trunk.extra"] = torch.zeros(2)
     given["memory_encoder.fuser.layers.0.gamma"] = torch.zeros(3)
     with pytest.raises(ValueError, match=r"3 of \d+ tensors do not fit") as caught:
-        filled(tiny, given, "x.pt")
+        fill_published(tiny, given, "x.pt")
     for said in ("missing temporal_positional_encoding_projection_layer.bias", "extra vision_encoder.backbone.extra",
                  "misshaped memory_encoder.memory_fuser.layers.0.scale: expected (128,), got (3,)"):  # fmt: skip
         assert said in str(caught.value)
@@ -203,12 +211,12 @@ def test_what_does_not_fit_is_named_tensor_by_tensor(tiny: Sam2VideoModel) -> No
 def test_a_published_file_is_read_whole(tmp_path: Path) -> None:
     """sam2.1_hiera_tiny.pt with random values: the size is told from the tensors."""
     with torch.device("meta"):
-        model = Sam2VideoModel(config("tiny"))
+        model = Sam2VideoModel(published_config("tiny"))
     given = drawn(model)
     torch.save({"model": given}, tmp_path / "sam2.1_hiera_tiny.pt")
     found = load_model(str(tmp_path / "sam2.1_hiera_tiny.pt"))
     assert torch.equal(found.state_dict()["no_object_pointer"], given["no_obj_ptr"])
-    fresh = dict(Sam2VideoModel(config("tiny")).named_buffers())  # what is computed, and in no file
+    fresh = dict(Sam2VideoModel(published_config("tiny")).named_buffers())  # what is computed, and in no file
     assert all(torch.equal(buffer, fresh[name]) for name, buffer in found.named_buffers() if name not in found.state_dict())
 
 
@@ -217,10 +225,10 @@ def test_other_files_are_refused_in_a_sentence(tmp_path: Path) -> None:
     file = tmp_path / "x.pt"
     torch.save({"a": torch.zeros(1)}, file)
     with pytest.raises(ValueError, match=r'expected \{"model": .* got a'):
-        read(file)
+        read_published(file)
     torch.save({"model": {"image_encoder.trunk.blocks.0.norm1.weight": torch.zeros(7)}}, file)
     with pytest.raises(ValueError, match=r"expected a checkpoint of SAM 2 .* got 1 blocks of width 0"):
-        read(file)
+        read_published(file)
     torch.save({"model": Path("x")}, file)
     with pytest.raises(ValueError, match="expected tensors by name, got none"):
-        read(file)
+        read_published(file)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.models.sam2_video import load_model, track
+from afford.models.sam2 import load_model, track
 from tests.helpers.tiny_models import save_sam2_video
 
 

@@ -13,8 +13,8 @@ from safetensors.torch import load_file, save_file
 
 from afford.extraction.hands import Sam3
 from afford.extraction.hands.sam3 import PHRASES, find
-from afford.models.hub import files
-from afford.models.sam3_concepts import load_model, see
+from afford.models.sam3 import load_model, see
+from afford.models.weights import weight_files
 from stages.extraction import hand_detect
 from stages.extraction.hand_detect import Params
 from tests.extraction.test_hand_detect import clip_of
@@ -71,7 +71,7 @@ def test_a_clip_goes_through_the_stage(model: Path) -> None:
     """With the model among its inputs, wherever it lies."""
     frames = toy(7).frames
     chosen = Params(backend="sam3", batch=3, sam3=params(Path("elsewhere")))
-    found = hand_detect.run(clip_of(frames), frames, chosen, files(str(model), digest))
+    found = hand_detect.run(clip_of(frames), frames, chosen, weight_files(str(model), digest))
     assert len(found.key_frames) >= 2
 
 

@@ -12,10 +12,9 @@ import torch
 from afford.extraction.hands import network
 from afford.extraction.hands import train as finder
 from afford.extraction.hands.network import SIDE, HandsConfig, segment
-from afford.models.weights import root
-from afford.training.loop import train
-from afford.training.repeatable import repeatable
-from afford.training.task import Plan
+from afford.models.weights import weights_root
+from afford.training.loop import deterministic, train
+from afford.training.params import Plan
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 from stages.extraction import hands_train
 from tests.helpers.made_finder import SMALL_TRAINING, made_up
@@ -45,7 +44,7 @@ def test_it_learns(tmp_path: Path) -> None:
         before = new.validate()
     for name in ("one", "two"):
         mine = task()
-        with repeatable(1, "cpu"):
+        with deterministic(1, "cpu"):
             train(mine, Plan(steps=80, lr=6e-3, warmup=5, validate_every=80), tmp_path / name, lambda done, total: None)
         ends.append(mine)
     mine = ends[0]
@@ -76,7 +75,7 @@ def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
     assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
     assert {"train.hand", "train.side", "train.touched", "train.sleeve", "val.iou", "val.sides", "val.touched_iou",
             "val.sleeve_iou"} <= {curve.name for curve in trained.log.curves}  # fmt: skip
-    folder = root(trained.files)
+    folder = weights_root(trained.files)
     assert "16 rendered pictures of 2 rooms" in (folder / "card.md").read_text()
     assert segment(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 4)
     assert network.read_network(folder).config == HandsConfig()

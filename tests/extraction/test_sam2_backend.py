@@ -15,7 +15,7 @@ from safetensors.torch import load_file, save_file
 from afford.codecs import CODEC
 from afford.extraction.tracks import BACKGROUND, Sam2
 from afford.extraction.tracks.sam2 import propagate
-from afford.models.sam2_video import follow, full_size, load_model, session, track
+from afford.models.sam2 import follow, full_size, load_model, session, track
 from runner.store import Store
 from runner.traces import Traces
 from tests.helpers.command import Called, Made
@@ -153,9 +153,9 @@ def test_device_and_dtype_are_checked(model: Path) -> None:
 
 def test_no_torchvision(model: Path) -> None:
     """Nothing that a learned backend loads brings it."""
-    code = ("import sys\nfrom afford.surface.candidates import sam\nfrom afford.extraction.complete import sam2\n"
+    code = ("import sys\nfrom afford.surface.proposals import sam\nfrom afford.extraction.complete import sam2\n"
             "from afford.surface.describe import vlm\nfrom afford.surface.score import clip\n"
-            "from afford.models.sam2_video import load_model\n"
+            "from afford.models.sam2 import load_model\n"
             f"load_model({str(model)!r})\nprint('torchvision' in sys.modules)")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "False", done.stderr

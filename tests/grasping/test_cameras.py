@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from afford.common.files import tree
 from afford.grasping.hand import read_urdf
-from afford.grasping.hand.export import save
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import solid
+from afford.grasping.hand.export import save_hand
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import shape_mesh
 from afford.grasping.policies.cameras import HAND, NOTHING, OBJECT, Images, Rig, shoot, spots
 from afford.grasping.policies.depth_noise import RANDOM_DEPTH, DepthNoise, drawn, noisy
 from afford.grasping.policies.shapes import body_shape, hand_shape
 from afford.render.raster import project
-from afford.render.views.rays import Rays
+from afford.render.views.surface import Rays
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_students import worlds
 
@@ -30,9 +30,9 @@ def scene(tmp_path_factory):  # type: ignore[no-untyped-def]
     state, body = core.state(), core.tasks[0].body
     core.close()
     folder = tmp_path_factory.mktemp("hand")
-    save(shadow(), folder)
-    read, T = read_urdf.read(tree("hand", folder)), forward(shadow().joints, state.q[:1])[0]
-    links = [solid(shape, read, 48).apply_transform(T[shadow().links.index(link.name)])
+    save_hand(shadow(), folder)
+    read, T = read_urdf.read(tree("hand", folder)), forward_kinematics(shadow().joints, state.q[:1])[0]
+    links = [shape_mesh(shape, read, 48).apply_transform(T[shadow().links.index(link.name)])
              for link in read.links for shape in link.collisions]  # fmt: skip
     turn = Rotation.from_quat(state.body[0, 3:])
     hulls = [trimesh.convex.convex_hull(turn.apply(np.array(hull)) + state.body[0, :3]) for hull in body.hulls()]

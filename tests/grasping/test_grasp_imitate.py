@@ -11,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward
+from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.imitation.imitate_env import ID, HandImitation, HandImitationVector
 from afford.grasping.imitation.imitation import PATIENCE_S, REWARDS, Tracking, failed, rewards, tolerance_m
 from tests.helpers.made_grasps import reference
@@ -109,7 +109,7 @@ def test_the_palms_velocity_is_how_its_pose_changes() -> None:
     for action in ACTIONS[:, 0]:
         made.step(action)
     state, hand = made.core.state(), shadow()
-    before, after = (forward(hand.joints, q)[0, hand.palm] for q in (state.q - h * state.qd, state.q + h * state.qd))
+    before, after = (forward_kinematics(hand.joints, q)[0, hand.palm] for q in (state.q - h * state.qd, state.q + h * state.qd))
     linear = (after[:3, 3] - before[:3, 3]) / (2 * h)
     angular = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec() / (2 * h)
     assert np.linalg.norm(angular) > 0.05

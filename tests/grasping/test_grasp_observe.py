@@ -88,12 +88,12 @@ def test_negative_points_are_seen_by_the_teacher_alone() -> None:
 
 def test_fingertips_move_as_their_velocity_says() -> None:
     """Of the paper's block, by differences of kinematics, turned into the yaw of the palm."""
-    from afford.grasping.hand.kinematics import forward, points
+    from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 
     now = moment()
     hand, h = now.scenery.hand, 1e-6
-    poses = [forward(hand.joints, q) for q in (now.state.q, now.state.q + h * now.state.qd)]
-    tips = [points(T, hand.fingers.tip_link, hand.fingers.tip_m) for T in poses]
+    poses = [forward_kinematics(hand.joints, q) for q in (now.state.q, now.state.q + h * now.state.qd)]
+    tips = [points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m) for T in poses]
     speed = to_frame((tips[1] - tips[0]) / h, now.palm_yaw)[0]
     block = observe(blocks("paper", "prior"), now)[0, 66:131].reshape(5, 13)
     assert block[:, 7:10] == pytest.approx(speed, abs=1e-4)

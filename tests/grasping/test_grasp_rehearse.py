@@ -12,7 +12,7 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.observe import blocks
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.env.task import task
-from afford.grasping.hand.kinematics import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.proof import held
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import PHASES
@@ -167,7 +167,7 @@ def test_the_prior_begins_over_the_aim() -> None:
     posture = np.arange(24) / 100
     for yaw in (0.0, 0.7):
         made.grasping.begin(0, targets()[0].object_pose, Aim(np.array([0.1, 0.2, 0.03]), yaw), tuple(posture))
-        u = made.state().q[0][commanded(shadow().joints)]
+        u = made.state().q[0][commanded_columns(shadow().joints)]
         wrist = Rotation.from_euler("z", yaw).apply(posture[:3]) + (0.1, 0.2, 0.03)
         assert u[:3] == pytest.approx(wrist)
         assert u[3] == pytest.approx(posture[3] + yaw)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from afford.grasping.env.studio import GROUND, HAND, NEGATIVE, RING, THING, Studio, colour_of, matrix, pieces, view
-from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from tests.helpers.made_hands import PINCER, hand_of, shadow, written
 from tests.helpers.made_traces import grasped, hammer
 
@@ -24,7 +24,7 @@ def studio() -> Studio:
 def test_a_skin_for_each_link_that_has_a_shape() -> None:
     """Meshes of the hand where it names them; closed enough to be lit from outside; fingertips lie on the last link."""
     hand = shadow()
-    found = {skin.link: skin for skin in skins(hand)}
+    found = {skin.link: skin for skin in link_meshes(hand)}
     assert hand.palm in found and set(hand.fingers.tip_link.tolist()) <= set(found)
     for link, tip in zip(hand.fingers.tip_link.tolist(), hand.fingers.tip_m, strict=True):
         assert np.linalg.norm(found[link].vertices - tip, axis=1).min() < 0.012
@@ -33,7 +33,7 @@ def test_a_skin_for_each_link_that_has_a_shape() -> None:
 
 def test_a_hand_without_visuals_shows_what_it_collides_with(tmp_path: Path) -> None:
     """Boxes of the small hand: 12 triangles a link."""
-    found = skins(hand_of(written(tmp_path, PINCER)))
+    found = link_meshes(hand_of(written(tmp_path, PINCER)))
     assert [len(skin.faces) for skin in found] == [12] * 4
 
 
@@ -67,7 +67,7 @@ def test_the_end_shows_the_object_higher(studio: Studio) -> None:
 def test_links_stand_where_the_engine_has_them() -> None:
     """Forward kinematics of the trace's joints gives its palm and fingertips."""
     trace, hand = grasped()[0], shadow()
-    T = forward(hand.joints, trace.q)
+    T = forward_kinematics(hand.joints, trace.q)
     assert np.abs(T[:, hand.palm, :3, 3] - trace.palm[:, :3]).max() < 1e-6
     tips = np.einsum("tfij,fj->tfi", T[:, hand.fingers.tip_link][..., :3, :3], hand.fingers.tip_m)
     assert np.abs(tips + T[:, hand.fingers.tip_link][..., :3, 3] - trace.tips).max() < 1e-6
@@ -94,7 +94,7 @@ def test_rows_are_judged_as_metrics_judge() -> None:
     """The last row of a trace has the figures of its episode."""
     for told in ({}, {"start": "anywhere"}):
         trace, figures = grasped(3, **told)
-        how = traced(trace, hammer())
+        how = trace_metrics(trace, hammer())
         assert how.goal_m[-1] == pytest.approx(figures["goal_m"], abs=1e-9)
         assert how.as_violation_pct[-1] == figures["as_violation_pct"] and how.as_safe_count[-1] == figures["as_safe_count"]
         assert float(how.success[-1]) == figures["success"]
@@ -103,10 +103,10 @@ def test_rows_are_judged_as_metrics_judge() -> None:
 def test_moments_tell_the_story() -> None:
     """Nothing touched before the reach, the object on the table until the close, half-way at the lift."""
     trace, _ = grasped()
-    found = phases(trace, hammer())
+    found = key_frames(trace, hammer())
     assert len(found) == len(PHASES) and list(found) == sorted(found) and found[0] == 0 and found[-1] == len(trace.q) - 1
     _, reach, close, lift, _ = found
-    rise = traced(trace, hammer()).centre[:, 2] - traced(trace, hammer()).centre[0, 2]
+    rise = trace_metrics(trace, hammer()).centre[:, 2] - trace_metrics(trace, hammer()).centre[0, 2]
     assert not trace.force[:reach].any() and trace.force[reach].sum() > 0
     assert rise[close] <= 0.01 < rise[close + 1] and 0.05 < rise[lift] < 0.15
 
@@ -115,9 +115,10 @@ def test_a_hand_that_never_lifts_has_moments_too() -> None:
     """Spread evenly from the touch on."""
     trace, _ = grasped()
     still = replace(trace, body=np.repeat(trace.body[:1], len(trace.q), axis=0))
-    assert list(phases(still, hammer())) == sorted(phases(still, hammer())) and phases(still, hammer())[-1] == len(trace.q) - 1
+    frames = list(key_frames(still, hammer()))
+    assert frames == sorted(frames) and frames[-1] == len(trace.q) - 1
 
 
 def test_the_task_of_another_trace_is_refused() -> None:
     with pytest.raises(ValueError, match="expected its task hammer/drive a nail, got other"):
-        traced(grasped()[0], replace(hammer(), name="other"))
+        trace_metrics(grasped()[0], replace(hammer(), name="other"))

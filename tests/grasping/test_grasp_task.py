@@ -12,8 +12,8 @@ from afford.grasping.env.config import Config
 from afford.grasping.env.core import Grasping
 from afford.grasping.env.scenery import scenery
 from afford.grasping.env.task import NEGATIVE_POINTS, placed, spread_points, task
-from afford.grasping.sim.engine import world
-from afford.grasping.sim.rest_poses import drops, laid
+from afford.grasping.sim.engine import make_world
+from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
 from afford.grasping.sim.scene import centre
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block, scene, tool
@@ -65,12 +65,12 @@ def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
 def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
     """Put down flat, and dropped at three orientations: a second later they have not moved, and touch the table."""
     where = scene(tool("spatula", 12))
-    made = world(engine, where)
+    made = make_world(engine, where)
     q = np.zeros(28)
     q[:3] = 1.0
     u = np.zeros(24)
     u[:3] = 1.0
-    poses = [laid(made, where), *drops(made, where, 0, 3)]
+    poses = [placed_rest_pose(made, where), *dropped_rest_poses(made, where, 0, 3)]
     for pose in poses:
         made.reset(q, pose)
         after = made.step(u, 1.0).body

@@ -15,15 +15,15 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.evaluate import play
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.env.wrench_script import Script
-from afford.grasping.hand.kinematics import limits_u
-from afford.grasping.sim.engine import State, World, world
-from afford.grasping.sim.scene import STRICT, Physics, Scene, held
+from afford.grasping.hand.kinematics import command_limits
+from afford.grasping.sim.engine import State, World, make_world
+from afford.grasping.sim.scene import STRICT, Physics, Scene, hold_command
 from tests.helpers.made_grasps import env, held_by_handle
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import tool
 
 ENGINES = ("bullet", "mujoco")
-LIMITS = limits_u(shadow().joints)
+LIMITS = command_limits(shadow().joints)
 PALM_M = (0.0907065702865, -0.0322338893096, 0.2487902976383, 0.1425599214398, -0.7731875409529, -0.6155167648123, 0.0547431050383)
 """of a hand in rates, before there were wrenches"""
 
@@ -31,10 +31,10 @@ PALM_M = (0.0907065702865, -0.0322338893096, 0.2487902976383, 0.1425599214398, -
 def wrenched(engine: str, **physics: Any) -> tuple[World, np.ndarray]:
     """A world whose wrist takes forces, far above its object; the command that keeps it there."""
     scene = Scene(shadow(), tool("screwdriver"), Physics(**physics), "wrench")
-    made, q = world(engine, scene), np.zeros(28)
+    made, q = make_world(engine, scene), np.zeros(28)
     q[2] = 0.8
     made.reset(q, np.array([0.9, 0.9, 0.02, 0, 0, 0, 1.0]))
-    return made, held(scene, q)
+    return made, hold_command(scene, q)
 
 
 def after(made: World, u: np.ndarray, steps: int) -> State:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.files import save
+from afford.twohands.model.interface import ModelConfig, build
+from afford.twohands.model.model_folder import save_model
 from maps.settings import Origin, Settings
 from maps.twohands import compare
 from runner import Graph, Runner, RunReport
@@ -25,7 +24,7 @@ def inputs(folder: Path) -> tuple[FileTree, FileTree, FileTree, FileTree]:
     cases = as_tree(write_benchmark(folder / "bench"))
     made = tuple(clip(f"P{n:02d}_01", 5, split=("train", "val")[n]) for n in range(2))
     data = dataset_pack.run(made, dataset_pack.Params(), Scratch(folder / "data"))
-    save(build(TINY, 0), folder / "trained" / "model")
+    save_model(build(TINY, 0), folder / "trained" / "model")
     write_mask(folder / "lisa" / "P01_01" / "0000140" / "aff_left.png", box(10, 10, 30, 30))
     return cases, data, as_tree(folder / "trained"), as_tree(folder / "lisa")
 

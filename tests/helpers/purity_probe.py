@@ -171,9 +171,9 @@ def blobs(store: Any, digest: str) -> list[list[str]]:
 
 def freeze(value: Any) -> list[Path]:
     """Make the arrays of a value read-only; the files that it refers to."""
-    from afford.codecs.shelf import Shelf
+    from afford.codecs.kinds import LazyTuple
 
-    if isinstance(value, Shelf):
+    if isinstance(value, LazyTuple):
         return list(value.files)
     if isinstance(value, tuple):
         return [path for item in value for path in freeze(item)]

@@ -11,11 +11,11 @@ from pathlib import Path
 from afford.common.files import tree as files_of
 from afford.common.video.frames import write_video
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.judge.question import question
-from afford.twohands.train.recipes import recipes
+from afford.grasping.judge import prompt
 from commands.origin import origin
 from maps.rgbd import interactions
 from maps.settings import Origin, Settings
+from maps.twohands import recipes
 from pipeline import build
 from runner import Graph, Runner
 from schemas.scene import SceneSpec
@@ -198,7 +198,7 @@ def grasps(store: Path, folder: Path) -> None:
 
 def judged(store: Path, folder: Path) -> None:
     """Two grasps were shown to a tiny model."""
-    graph, model = Graph(), save_parrot(folder / "parrot", question(2), '{"score": 7}')
+    graph, model = Graph(), save_parrot(folder / "parrot", prompt(2), '{"score": 7}')
     params = changed(grasp_judge.Params(frames=2, width=64, height=48), model=str(model), new_tokens=16)
     hand, tasks, found = graph.leaf("hand", shadow()), graph.leaf("tasks", (hammer(),)), graph.leaf("found", episodes())
     graph.target("judged", graph.add(grasp_judge.run, hand=hand, tasks=(tasks,), episodes=found, params=params))

@@ -8,9 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.files import save
+from afford.twohands.model.interface import ModelConfig, build
+from afford.twohands.model.model_folder import save_model
 from afford.twohands.model.predictor import Predictor
 from schemas.benchmark import Prediction
 
@@ -38,7 +37,7 @@ def write_model(folder: Path) -> Path:
     least, most = max(float(one.min()) for one in best), min(float(one.max()) for one in best)
     assert least < most, "the random model has no threshold at which both regions are partly filled; take another seed"
     model.config = replace(CONFIG, threshold=round((least + most) / 2, 6))
-    save(model, folder)
+    save_model(model, folder)
     return folder
 
 

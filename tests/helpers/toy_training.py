@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from afford.training.task import Plan
+from afford.training.params import Plan
 
 WIDTH, SAMPLES = 6, 8
 PLAN = Plan(steps=24, lr=0.02, warmup=4, validate_every=5, log_every=2, seed=3)
@@ -16,7 +16,7 @@ PLAN = Plan(steps=24, lr=0.02, warmup=4, validate_every=5, log_every=2, seed=3)
 class Toy:
     """Regression with dropout and batch statistics, so that random state and buffers matter."""
 
-    judged_by = "fit"
+    monitor = "fit"
 
     def __init__(self, size: int = SAMPLES, dropout: float = 0.2, norm: bool = True) -> None:
         torch.manual_seed(1)

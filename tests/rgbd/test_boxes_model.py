@@ -19,7 +19,7 @@ from afford.rgbd.model import files
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.predictor import sequence_of
 from afford.rgbd.model.sequence_batches import Learned, last, stack
-from afford.training.job import read
+from afford.training.job import read_job
 from schemas.files import FileTree
 from schemas.interaction import BACKGROUND
 from schemas.training import Trained
@@ -127,7 +127,7 @@ def test_trained_by_the_one_loop(packed: FileTree, trained: Trained, tmp_path: P
     assert {"train.box", "train.mask", "train.thing", "val.iou", "val.true_boxes.iou"} <= curves
     assert "after AffordanceNet" in trained.files.find("card.md").path.read_text()
     job = boxes_train._job(PARAMS)
-    assert read(job.to_json()) == job
+    assert read_job(job.to_json()) == job
 
 
 def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from afford.rgbd.model.files import FORMAT
 from afford.rgbd.model.predictor import Predictor, last, until
 from afford.rgbd.predict import footage
 from afford.rgbd.predict.footage import Lens, Sampling
-from afford.twohands.predict import stored
+from afford.twohands.model import model_folder
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import scene_flow
 from tests.helpers import tiny_asked
@@ -140,8 +140,8 @@ def test_confidence_is_a_threshold(store: Path, shown: Path) -> None:
 
 def test_each_word_finds_its_own_kind_of_model(store: Path) -> None:
     """The one published last, of the kind that is asked for."""
-    assert stored.last(store / "models", FORMAT) == store / "models" / "sor3d"
-    assert stored.last(store / "models") == store / "models" / "small"
+    assert model_folder.latest_model(store / "models", FORMAT) == store / "models" / "sor3d"
+    assert model_folder.latest_model(store / "models") == store / "models" / "small"
 
 
 def test_the_camera_of_the_square(shown: Path) -> None:

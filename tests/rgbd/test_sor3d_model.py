@@ -20,7 +20,7 @@ from afford.rgbd.model.losses import LossParams, losses, of_pixels, written_out
 from afford.rgbd.model.lstm import ConvLSTM
 from afford.rgbd.model.model import Said, Sor3d, build
 from afford.rgbd.model.pretrain import head
-from afford.training.repeatable import repeatable
+from afford.training.loop import deterministic
 from schemas.interaction import BACKGROUND
 from tests.helpers.made_sequences import SIZE, STILL, seen
 
@@ -163,7 +163,7 @@ def test_a_training_step_on_a_gpu_gives_the_same_bytes_twice() -> None:
     """Every operation of the model and of its losses has a kernel that does."""
     grads = []
     for _ in range(2):
-        with repeatable(1, "cuda"):
+        with deterministic(1, "cuda"):
             made = build(TINY, 0).cuda()
             clip, label = frames([seen(n, 3, SIZE) for n in range(2)], TINY).to("cuda"), torch.full((2, SIZE, SIZE), BACKGROUND)
             losses(made(clip), label.cuda(), torch.tensor([0, 1]).cuda(), LossParams(dice=1.0), 0.0)["total"].backward()

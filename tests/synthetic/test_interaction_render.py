@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from afford.dataset.sor3d.rules import USES, use
-from afford.render.batch import batch
-from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
-from afford.synthetic.tabletop.sensor import holes, sense, steps
+from afford.dataset.affordance_rules import AFFORDANCE_RULES, affordance_rule
+from afford.render.scene import batch
+from afford.synthetic.sensor import depth_holes, measure_depth, quantize_depth
+from afford.synthetic.tabletop.render_interaction import HAND, THING, SurfaceHits, plan_sequence
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 from stages.rgbd import interaction_read
 from stages.synthetic import interaction_render
@@ -41,7 +41,7 @@ def test_the_same_spec_gives_the_same_bytes(tmp_path) -> None:
 
 def test_another_seed_is_another_sequence() -> None:
     """The same thing elsewhere, another label."""
-    (take, label), (other, another) = (plan(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
+    (take, label), (other, another) = (plan_sequence(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
     assert not np.array_equal(label, another)
     assert np.array_equal(take.act.hold.model.points, other.act.hold.model.points)
 
@@ -73,19 +73,19 @@ def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
 
 def test_a_pushed_thing_moves_and_comes_to_rest() -> None:
     """It is somewhere else at the end, it does not leave the table, and the hand has left it."""
-    take, label = plan(SPEC, 0, 64)
+    take, label = plan_sequence(SPEC, 0, 64)
     start, end = take.act.thing.at(0.0), take.act.thing.at(27.0)
     assert 0.06 < np.linalg.norm(end[:3, 3] - start[:3, 3]) < 0.13
     assert end[2, 3] == pytest.approx(start[2, 3])
-    last = Seen.of(take, take.instances(27.0))
+    last = SurfaceHits.of(take, take.instances(27.0))
     assert set(np.unique(label)) == {AFFORDANCES.index("push"), BACKGROUND}
     assert (last.entity()[label != BACKGROUND] == THING).all()
 
 
 def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
     """In the picture it lies on the side that the thing was pushed away from."""
-    take, label = plan(SPEC, 0, 96)
-    last = Seen.of(take, take.instances(27.0))
+    take, label = plan_sequence(SPEC, 0, 96)
+    last = SurfaceHits.of(take, take.instances(27.0))
     thing = np.argwhere(last.entity() == THING)
     moved = take.act.thing.at(27.0)[:3, 3] - take.act.thing.at(0.0)[:3, 3]
     ahead = (take.studio.camera.T_world_cam[:3, :3].T @ moved)[:2]
@@ -94,12 +94,12 @@ def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
     assert 0.2 < (label != BACKGROUND).sum() / len(thing) < 0.8
 
 
-@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in USES for name in USES[kind]])
+@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in AFFORDANCE_RULES for name in AFFORDANCE_RULES[kind]])
 def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
     """A label on the thing that is seen in the last frame; the thing at rest before the touch and after the release; the hand
     close to it between.
     """
-    take, label = plan(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
+    take, label = plan_sequence(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
     act = take.act
     assert (label == AFFORDANCES.index(affordance)).sum() >= 10
     for still in ((0.0, 5.0), (22.0, 27.0)):
@@ -120,7 +120,7 @@ def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
 def test_what_a_thing_is_not_used_for_is_refused() -> None:
     """In one sentence that lists what it is used for."""
     with pytest.raises(ValueError, match="expected one of grasp, lift, cut for a knife, got 'type'"):
-        use("knife", "type")
+        affordance_rule("knife", "type")
 
 
 def test_depth_steps_and_holes() -> None:
@@ -128,15 +128,15 @@ def test_depth_steps_and_holes() -> None:
     K = np.array([[136.0, 0, 55.5], [0, 136, 55.5], [0, 0, 1]])
     rng = np.random.default_rng(0)
     plane = np.full((112, 112), 0.8, np.float32)
-    seen = sense(plane, K, 1.0, rng)
-    assert np.array_equal(seen, steps(seen)) and (seen == 0).mean() < 0.02
-    far = sense(np.full((112, 112), 3.0, np.float32), K, 1.0, rng)
+    seen = measure_depth(plane, K, 1.0, rng)
+    assert np.array_equal(seen, quantize_depth(seen)) and (seen == 0).mean() < 0.02
+    far = measure_depth(np.full((112, 112), 3.0, np.float32), K, 1.0, rng)
     assert far[far > 0].std() > 4 * seen[seen > 0].std()
     edge = plane.copy()
     edge[:, 56:] = 1.2
-    gone = holes(edge, K, 1.0, rng)
+    gone = depth_holes(edge, K, 1.0, rng)
     assert gone[:, 54:58].mean() > 0.25 > 10 * gone[:, :50].mean()
-    exact = sense(edge, K, 0.0, rng)
+    exact = measure_depth(edge, K, 0.0, rng)
     np.testing.assert_allclose(exact, edge, atol=6e-4)
 
 

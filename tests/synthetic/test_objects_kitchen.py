@@ -10,16 +10,24 @@ import pytest
 
 from afford.render.mesh import merge
 from afford.render.motion import about, pose
-from afford.synthetic.kitchens.cast import plain_name
+from afford.synthetic.assets import library
+from afford.synthetic.assets.object_model import ObjectModel
+from afford.synthetic.human_hand.skeleton import distance_to
+from afford.synthetic.kitchens.scene_builder import plain_name
 from afford.synthetic.kitchens.vocabulary import FIRST_NEW_NOUN, noun_class
-from afford.synthetic.people.hand_grasp import distance_to
-from afford.synthetic.stills.still_layout import Placed
-from afford.synthetic.stills.still_plans import plans
-from afford.synthetic.stills.still_sets import KNOWN, MORE, NEW, POOLS, TRAINED, is_asked, is_new, kinds
-from afford.synthetic.stills.still_tasks import acts
-from afford.synthetic.stills.still_ways import Reach
-from afford.synthetic.things import objects
-from afford.synthetic.things.asset import ObjectModel
+from afford.synthetic.splits import (
+    EXTRA_TRAINED_KINDS,
+    KNOWN_KINDS,
+    NEW_KINDS,
+    TEST_KINDS,
+    TRAINED_KINDS,
+    is_asked,
+    is_new,
+    object_kinds,
+)
+from afford.synthetic.stills.grasp_options import ReachModel, grasp_plans
+from afford.synthetic.stills.table_layout import Placed
+from afford.synthetic.stills.task_catalogue import tasks_for
 
 CLASSES = Path(__file__).resolve().parents[3] / "shared" / "data" / "epic_P03_101" / "EPIC_100_noun_classes_v2.csv"
 STICKS = ("ladle", "fork", "whisk", "brush")
@@ -27,7 +35,7 @@ STICKS = ("ladle", "fork", "whisk", "brush")
 
 def thing(kind: str, seed: int = 3) -> ObjectModel:
     """One object of this kind."""
-    return objects.build(kind, np.random.default_rng(seed))
+    return library.build(kind, np.random.default_rng(seed))
 
 
 def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> Placed:
@@ -42,8 +50,8 @@ def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> Placed:
 def asked(verb: str, *things: Placed) -> list[tuple[str, set[int], set[str]]]:
     """(sentence, taxonomies, parts that are taken) of everything that can be done with this verb and all of these things."""
     names = {placed.number: plain_name(placed.model.noun) for placed in things}
-    wanted = [act for act in acts(things, names) if act.verb == verb and len(act.things) == len(things)]
-    found = [(act.text, plans(act, Reach(things))) for act in wanted]
+    wanted = [act for act in tasks_for(things, names) if act.verb == verb and len(act.things) == len(things)]
+    found = [(act.text, grasp_plans(act, ReachModel(things))) for act in wanted]
     return [(text, {plan.taxonomy for plan in made}, {way.grip.name for plan in made for way in plan.ways if way})
             for text, made in found if made]
 
@@ -51,7 +59,7 @@ def asked(verb: str, *things: Placed) -> list[tuple[str, set[int], set[str]]]:
 # -- the things ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 @pytest.mark.parametrize("seed", range(4))
 def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) -> None:
     """Lowest point on the table, no larger than a kitchen thing, faces and normals sound."""
@@ -62,7 +70,7 @@ def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) 
         np.testing.assert_allclose(np.linalg.norm(part.mesh.normals, axis=1), 1, atol=1e-3)
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_surfaces_look_outwards(kind: str) -> None:
     """Seen from afar most of what is nearest faces the eye: parts are not inside out."""
     model = thing(kind)
@@ -73,7 +81,7 @@ def test_surfaces_look_outwards(kind: str) -> None:
         assert float(np.sum(normal * (corners.mean(axis=1) - middle))) > 0, part.name
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
     """The part of that name, or the body, is within a finger's reach of the palm, and the palm is not inside the thing."""
@@ -86,7 +94,7 @@ def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
         assert distance_to(whole, np.linalg.inv(grip.T_obj_palm), side, samples=3000)(np.zeros((1, 3)))[0] > -0.012, grip.name
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_either_hand_takes_its_own_side(kind: str) -> None:
     """Right palms are not to the left of left palms in the thing's frame: grips are mirror images."""
     model = thing(kind)
@@ -100,15 +108,16 @@ def test_either_hand_takes_its_own_side(kind: str) -> None:
 
 def test_only_training_kitchens_have_them() -> None:
     """The benchmark's rooms draw from what they always drew from; nothing that is new to training is among them."""
-    assert len(set(TRAINED)) == 20 and not set(MORE) & {*KNOWN, *NEW, *(kind for pool in POOLS.values() for kind in pool)}
-    assert kinds("kitchen", "known", "train") == kinds("kitchen", "known", "val") == TRAINED
-    for setting, pool in POOLS.items():
-        assert kinds(setting, "any", "test") == pool and kinds(setting, "new", "test") == (*pool, *NEW)
-    assert all(is_asked("known", is_new("take", (kind,))) for kind in MORE)
+    others = {*KNOWN_KINDS, *NEW_KINDS, *(kind for pool in TEST_KINDS.values() for kind in pool)}
+    assert len(set(TRAINED_KINDS)) == 20 and not set(EXTRA_TRAINED_KINDS) & others
+    assert object_kinds("kitchen", "known", "train") == object_kinds("kitchen", "known", "val") == TRAINED_KINDS
+    for setting, pool in TEST_KINDS.items():
+        assert object_kinds(setting, "any", "test") == pool and object_kinds(setting, "new", "test") == (*pool, *NEW_KINDS)
+    assert all(is_asked("known", is_new("take", (kind,))) for kind in EXTRA_TRAINED_KINDS)
     assert is_new("stir", ("ladle", "pan")) and not is_new("stir", ("ladle", "pot"))
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_every_kind_is_taken_in_the_middle(kind: str) -> None:
     """By one hand, and by the part that people take."""
     part = {"glass": {"body", "rim"}, "grinder": {"body"}}.get(kind, {"handle"})
@@ -139,7 +148,7 @@ def test_one_hand_uses_it_and_the_other_holds_what_it_is_used_on(verb: str, tool
 # -- their names --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_nouns_are_classes_of_epic(kind: str) -> None:
     """With EPIC's id, key and category, and a word that EPIC's map has."""
     if not CLASSES.exists():

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.synthetic.objects import build as library
-from afford.synthetic.objects.look import MARGIN, Dressed, dressed
-from afford.synthetic.objects.solids import Solid
+from afford.synthetic.objects import library
+from afford.synthetic.objects.solid_shapes import Solid
+from afford.synthetic.objects.texture import MARGIN, TexturedSurface, texture_surface
 from schemas.mesh import ObjectSpec
 
 ATLAS_PX = 256
 
 
-def worn(look: str, seed: int = 0, category: str = "hammer") -> Dressed:
+def worn(look: str, seed: int = 0, category: str = "hammer") -> TexturedSurface:
     thing = library.shape(category, 1, edge_m=0.02)
-    return dressed(thing.vertices, thing.faces, look, ATLAS_PX, np.random.default_rng(seed))
+    return texture_surface(thing.vertices, thing.faces, look, ATLAS_PX, np.random.default_rng(seed))
 
 
-def tiles(found: Dressed) -> np.ndarray:
+def tiles(found: TexturedSurface) -> np.ndarray:
     """Tile of each corner of an atlas of two by two."""
     return (np.floor(found.uv * 2) @ [1, 2]).astype(int)
 
@@ -54,7 +54,7 @@ def test_regions_and_parts_are_independent() -> None:
     thing = library.shape("hammer", 1, edge_m=0.02)
     same = []
     for seed in range(20):
-        found = dressed(thing.vertices, thing.faces, "mixed", ATLAS_PX, np.random.default_rng(seed))
+        found = texture_surface(thing.vertices, thing.faces, "mixed", ATLAS_PX, np.random.default_rng(seed))
         region, part = tiles(found)[:, 0], thing.part[found.source]
         for k in np.unique(region):
             same += [((region == k) & (part == p)).sum() / ((region == k) | (part == p)).sum() for p in range(len(thing.names))]
@@ -86,4 +86,4 @@ def test_unknown_looks_and_sizes_are_refused() -> None:
         worn("shiny")
     thing = library.shape("knife", 1, edge_m=0.02)
     with pytest.raises(ValueError, match="expected a power of two of at least 64, got 500"):
-        dressed(thing.vertices, thing.faces, "plain", 500, np.random.default_rng(0))
+        texture_surface(thing.vertices, thing.faces, "plain", 500, np.random.default_rng(0))

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from afford.codecs import load
-from afford.synthetic.kitchens import polygons
-from afford.synthetic.kitchens.play import LENGTH
+from afford.synthetic.kitchens import epic_files
+from afford.synthetic.kitchens.animation import LENGTH
 from afford.synthetic.kitchens.scripts import SCRIPTS
-from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
 from afford.synthetic.kitchens.world import build_world, elbow
+from afford.synthetic.splits import dataset_specs, hard_specs, standard_specs
 from schemas.scene import SceneSpec
 from schemas.video import SIDES
 from stages.synthetic import scene_render
@@ -71,7 +71,8 @@ def test_annotations_are_the_visible_masks(clip, truth):
     for point in points:
         t = int(point["image"]["name"][-14:-4]) - 1
         for row in point["annotations"]:
-            np.testing.assert_array_equal(polygons.draw(row["segments"], 456, 256), truth.visible[names.index(row["name"]), t])
+            drawn = epic_files.polygons_to_mask(row["segments"], 456, 256)
+            np.testing.assert_array_equal(drawn, truth.visible[names.index(row["name"]), t])
 
 
 def test_contacts_point_to_masks_of_the_same_image(clip, truth):

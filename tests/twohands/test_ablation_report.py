@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from afford.training.ablation import MEASURES
-from afford.twohands.train.recipes import ROWS, recipes
+from maps.twohands import ROWS, recipes
 from schemas.benchmark import MethodScores
 from stages.twohands import ablation_report
 from tests.helpers.made_samples import Scratch

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.twohands.benchmark import summary, tables
+from afford.twohands.benchmark import tables
 from afford.twohands.benchmark.score import MEASURES
 from runner import RunReport
 from schemas.benchmark import MethodScores
@@ -86,7 +86,7 @@ def made_scores(name: str, iou: list[float], groups: list[tuple[str, ...]]) -> M
 def test_groups_are_means_of_their_own_cases() -> None:
     """Kitchens have no prefix; a measure that applies to no case has no number."""
     scores = made_scores("m", [0.2, 0.4, 0.9], [("all", "kitchen"), ("all", "kitchen"), ("all", "shift")])
-    metrics = summary.metrics(summary.rows((scores,), 10, 0))
+    metrics = tables.metrics(tables.rows((scores,), 10, 0))
     assert (metrics["m.iou"], metrics["shift.m.iou"], metrics["all.m.iou"]) == pytest.approx((0.3, 0.9, 0.5))
     assert "m.precision" not in metrics and not any(name.startswith("compat") for name in metrics)
 
@@ -94,6 +94,6 @@ def test_groups_are_means_of_their_own_cases() -> None:
 def test_confusion_counts_true_by_row() -> None:
     """One left told left, one right told left; a case without a told class does not count."""
     scores = made_scores("m", [0, 0, 0], [("all", "kitchen")] * 3)
-    counts = summary.confusion(scores, np.ones(3, bool))
+    counts = tables.confusion(scores, np.ones(3, bool))
     assert counts is not None and counts[0, 0] == counts[1, 0] == 1 and counts.sum() == 2
-    assert "| **right** | 1 | 0 | 0 | 0 |" in tables.confusion("m", counts)
+    assert "| **right** | 1 | 0 | 0 | 0 |" in tables.confusion_table("m", counts)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import directed_hausdorff
 
-from afford.common.statistics import bootstrap_interval
-from afford.twohands.benchmark import calibration, compat, measures, modes
+from afford.common import statistics
+from afford.twohands.benchmark import compat, measures
 from tests.helpers.made_cases import box
 
 MASKS = arrays(bool, (9, 11), elements=st.booleans())
@@ -122,15 +122,15 @@ def test_modes_by_hand() -> None:
     none = np.zeros_like(left)
     truth = np.stack([np.stack([left, none]), np.stack([none, right])])
     said = np.stack([np.stack([left, none]), np.stack([none, box(50, 20, 70, 30)])])
-    table = modes.agreement(said, truth)
+    table = measures.agreement(said, truth)
     assert table.tolist() == [[1, 0], [0, 0.5]]
-    assert modes.best_mode_iou(table) == 0.75 and modes.best_hypothesis_iou(table) == 1
-    assert modes.best_mode(right, truth) == 1
+    assert measures.best_mode_iou(table) == 0.75 and measures.best_hypothesis_iou(table) == 1
+    assert measures.best_mode(right, truth) == 1
 
 
 def test_one_hypothesis_cannot_cover_two_modes() -> None:
     """K = 1 is at best right for one of two disjoint modes."""
-    assert modes.best_mode_iou(np.array([[1.0, 0.0]])) == 0.5
+    assert measures.best_mode_iou(np.array([[1.0, 0.0]])) == 0.5
 
 
 def test_calibration_by_hand() -> None:
@@ -139,15 +139,15 @@ def test_calibration_by_hand() -> None:
     probability[:, :10] = 0.8
     truth = np.zeros((10, 20), np.uint8)
     truth[:6, :10] = 1
-    table = calibration.reliability(probability, truth, 1, 0.05)
-    assert table.sum(axis=1) == pytest.approx([100, 80, 60]) and calibration.expected_error(table) == pytest.approx(0.2)
+    table = measures.reliability(probability, truth, 1, 0.05)
+    assert table.sum(axis=1) == pytest.approx([100, 80, 60]) and measures.expected_error(table) == pytest.approx(0.2)
 
 
 def test_calibration_knows_several_ways() -> None:
     """A pixel that one of two valid ways holds is right at 0.5."""
-    table = calibration.reliability(np.full((4, 4), 128 / 255, np.float32), np.ones((4, 4), np.uint8), 2, 0.05)
-    assert calibration.expected_error(table) == pytest.approx(0.5 / 255, abs=1e-6)
-    assert math.isnan(calibration.expected_error(np.zeros((3, calibration.BINS))))
+    table = measures.reliability(np.full((4, 4), 128 / 255, np.float32), np.ones((4, 4), np.uint8), 2, 0.05)
+    assert measures.expected_error(table) == pytest.approx(0.5 / 255, abs=1e-6)
+    assert math.isnan(measures.expected_error(np.zeros((3, measures.BINS))))
 
 
 def test_intervals_are_seeded_and_hold_the_mean() -> None:
@@ -155,8 +155,8 @@ def test_intervals_are_seeded_and_hold_the_mean() -> None:
     rng = np.random.default_rng(1)
     half = np.where(np.arange(400) < 200, np.nan, 1.0)
     values = np.stack([rng.normal(5, 1, 400), np.full(400, 2.0), half, np.full(400, np.nan)], axis=1)
-    low, high = bootstrap_interval(values, 500, seed=3)
-    assert np.array_equal((low, high), bootstrap_interval(values, 500, seed=3), equal_nan=True)
-    assert not np.array_equal(low[0], bootstrap_interval(values, 500, seed=4)[0][0])
+    low, high = statistics.bootstrap_interval(values, 500, seed=3)
+    assert np.array_equal((low, high), statistics.bootstrap_interval(values, 500, seed=3), equal_nan=True)
+    assert not np.array_equal(low[0], statistics.bootstrap_interval(values, 500, seed=4)[0][0])
     assert low[0] < values[:, 0].mean() < high[0] and high[0] - low[0] == pytest.approx(2 * 1.96 / 20, rel=0.2)
     assert (low[1], high[1], low[2], high[2]) == (2, 2, 1, 1) and np.isnan(low[3])

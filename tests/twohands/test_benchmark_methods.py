@@ -10,8 +10,9 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.common.files import tree
-from afford.dataset import layout
-from afford.twohands.benchmark import class_mean, extracted, methods, stored, words
+from afford.dataset import act_affordance
+from afford.twohands.benchmark import answers, dataset_baselines, predictions_file
+from afford.twohands.benchmark import cases as cases_module
 from afford.twohands.benchmark.answers import nothing, of_prediction
 from afford.twohands.benchmark.score import MEASURES
 from schemas.benchmark import MethodScores, Prediction
@@ -80,15 +81,15 @@ def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tm
 def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     """None at all, a folder above that is no threshold, and thresholds mixed with none."""
     with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got none"):
-        methods.Masks(as_tree(tmp_path), 0.5, "cropped")
+        answers.Masks(as_tree(tmp_path), 0.5, "cropped")
     write_mask(tmp_path / "a" / "v" / "1" / "aff_left.png", LEFT)
     with pytest.raises(SourceError, match="end in its number"):
-        methods.Masks(as_tree(tmp_path), 0.5, "cropped")
+        answers.Masks(as_tree(tmp_path), 0.5, "cropped")
     mixed = tmp_path / "mixed"
     write_mask(mixed / "v" / "1" / "aff_left.png", LEFT)
     write_mask(mixed / "0.5" / "v" / "1" / "aff_left.png", LEFT)
     with pytest.raises(ValueError, match="use one way for all"):
-        methods.Masks(as_tree(mixed), 0.5, "cropped")
+        answers.Masks(as_tree(mixed), 0.5, "cropped")
 
 
 def made_prediction() -> Prediction:
@@ -132,11 +133,11 @@ def test_stored_predictions_come_back(tmp_path: Path) -> None:
     """To 1/255; a case that was not asked has none; the same bytes every time."""
     said = made_prediction()
     for name in ("a", "b"):
-        stored.write(tmp_path / name, [("cropped/v/1", said), ("cropped/v/2", said)])
-    back = stored.Stored(tmp_path / "a").get("cropped/v/2")
+        predictions_file.write_predictions(tmp_path / name, [("cropped/v/1", said), ("cropped/v/2", said)])
+    back = predictions_file.PredictionFile(tmp_path / "a").get("cropped/v/2")
     assert back is not None and np.abs(back.probability - said.probability).max() <= 0.5 / 255 + 1e-6
     assert np.array_equal(back.score, said.score) and np.array_equal(back.hands, said.hands) and back.threshold == said.threshold
-    assert stored.Stored(tmp_path / "a").get("cropped/v/3") is None
+    assert predictions_file.PredictionFile(tmp_path / "a").get("cropped/v/3") is None
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
@@ -172,7 +173,8 @@ def test_taxonomy_is_open_where_the_words_do_not_tell(bench: FileTree, tmp_path:
     """`take mug` is done with the right hand in one picture and with the left in another; `open jar` is always the same."""
     told = Prediction("", np.zeros((2, 1, *SIZE), np.float32), np.ones((2, 1), np.float32),
                       np.array([0.1, 0.7, 0.1, 0.1], np.float32), np.array([False, True]), 0.5)
-    stored.write(tmp_path / stored.NAME, [(files.where, told) for files in layout.cases(bench)])
+    rows = [(files.where, told) for files in act_affordance.cases(bench)]
+    predictions_file.write_predictions(tmp_path / predictions_file.FILE_NAME, rows)
     scores = score_cases.run(bench, tree("told", tmp_path), score_cases.Params())
     assert value(scores, "cropped/P01_01/0000150", "taxonomy_open_accuracy") == 1
     assert value(scores, "cropped/P02_03/0000007", "taxonomy_open_accuracy") == 0
@@ -185,11 +187,11 @@ def test_taxonomy_is_open_where_the_words_do_not_tell(bench: FileTree, tmp_path:
 def test_words_are_exchanged_or_removed() -> None:
     """Nobody keeps the own task; seeded; one wording cannot be shuffled."""
     given = ["take mug", "open jar", "take mug", "cut bread"]
-    told = words.tasks(given, "shuffled", 0)
-    assert all(a != b for a, b in zip(given, told, strict=True)) and told == words.tasks(given, "shuffled", 0)
-    assert words.tasks(given, "removed", 0) == [""] * 4 and words.tasks(given, "given", 0) == given
+    told = cases_module.prompts(given, "shuffled", 0)
+    assert all(a != b for a, b in zip(given, told, strict=True)) and told == cases_module.prompts(given, "shuffled", 0)
+    assert cases_module.prompts(given, "removed", 0) == [""] * 4 and cases_module.prompts(given, "given", 0) == given
     with pytest.raises(ValueError, match="at least two different tasks"):
-        words.tasks(["take mug"] * 3, "shuffled", 0)
+        cases_module.prompts(["take mug"] * 3, "shuffled", 0)
 
 
 def packed(folder: Path) -> FileTree:
@@ -200,11 +202,11 @@ def packed(folder: Path) -> FileTree:
 def test_class_mean_learns_where_hands_go(bench: FileTree, tmp_path: Path) -> None:
     """A mean has the mean area at 0.5 and the class's usual hands; without a data set it is refused."""
     said = baseline_cases.run(bench, packed(tmp_path / "data"), baseline_cases.Params("class_mean"), Scratch(tmp_path / "out"))
-    found = stored.Stored(said.files[0].path).get("cropped/P01_01/0000140")
+    found = predictions_file.PredictionFile(said.files[0].path).get("cropped/P01_01/0000140")
     assert found is not None and np.isfinite(found.taxonomy).all() and found.taxonomy.sum() == pytest.approx(1)
     assert (found.probability[found.hands] > 0.5).any()
     with pytest.raises(ValueError, match="class_mean: expected a data set"):
-        class_mean.class_mean(None)
+        dataset_baselines.class_mean(None)
 
 
 def test_the_extraction_answers_for_its_own_frames(tmp_path: Path) -> None:
@@ -213,12 +215,12 @@ def test_the_extraction_answers_for_its_own_frames(tmp_path: Path) -> None:
     write_case(tmp_path / "b", "masks/P00_01/0000001", "open jar", "left", {"aff_left": box(0, 90, 9, 96, (96, 96))})
     write_case(tmp_path / "b", "masks/P77_01/0000001", "open jar", "left", {"aff_left": box(0, 90, 9, 96, (96, 96))})
     said = baseline_cases.run(as_tree(tmp_path / "b"), data, baseline_cases.Params("extraction"), Scratch(tmp_path / "out"))
-    table = stored.Stored(said.files[0].path)
+    table = predictions_file.PredictionFile(said.files[0].path)
     found = table.get("masks/P00_01/0000001")
     truth = clip("P00_01", 9, split="train").samples[0].masks[:2]
     assert found is not None and table.get("masks/P77_01/0000001") is None
     assert np.array_equal(found.probability[:, 0, 32:] > 0.5, truth) and not found.probability[:, 0, :32].any()
-    assert np.array_equal(extracted.place(truth[0], (64, 96)), truth[0])
+    assert np.array_equal(dataset_baselines.to_case_grid(truth[0], (64, 96)), truth[0])
 
 
 def test_methods_of_one_name_or_of_other_cases_cannot_be_compared(bench: FileTree, tmp_path: Path) -> None:

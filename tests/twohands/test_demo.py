@@ -23,16 +23,15 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from afford.codecs import identity
+from afford.codecs import kinds as kinds_module
 from afford.common.image_files import jpeg
 from afford.common.palette import HANDS
 from afford.twohands.demo import server
-from afford.twohands.demo.answer import MAX_SIDE_PX, Asker
 from afford.twohands.demo.examples import Example, examples
 from afford.twohands.demo.server import Site
-from afford.twohands.model import known
+from afford.twohands.demo.service import MAX_SIDE_PX, PredictionService
+from afford.twohands.model import model_folder
 from afford.twohands.model.predictor import Predictor
-from afford.twohands.predict import stored
 from commands import demo as commands_demo
 from commands.session import open_runner
 from stages.extraction import dataset_pack
@@ -47,14 +46,14 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tiny_asked.write_model(tmp_path_factory.mktemp("store") / "models" / "small" / "model")
-    known.write(known.of([(TASK, "pour", "kettle"), ("cut bread", "cut", "bread")]), folder)
+    model_folder.write_vocabulary(model_folder.vocabulary_of([(TASK, "pour", "kettle"), ("cut bread", "cut", "bread")]), folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def site(model: Path) -> Iterator[Site]:
     """A running page with one example."""
-    asker = Asker(Predictor(model), stored.find(model))
+    asker = PredictionService(Predictor(model), model_folder.find_model(model))
     made = Site("127.0.0.1", 0, asker, asker.about(), [Example("cut bread", jpeg(tiny_asked.picture(120, 200)))])
     threading.Thread(target=made.serve_forever, daemon=True).start()
     with made:
@@ -230,14 +229,14 @@ def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: P
     clips = tuple(clip(f"P01_0{n}", 8, split=split, height=180, width=320) for n, split in enumerate(("train", "val", "val")))
     packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))
     store, folder = tmp_path / "store", tmp_path / "store" / "models" / "small"
-    digest = identity.digest(packed)
+    digest = kinds_module.digest(packed)
     open_runner(store, 0).store.put_leaf(packed)
     shutil.copytree(model, folder / "model")
     console = Console(file=io.StringIO(), width=400)
-    assert commands_demo._examples(stored.find(folder), store, console) == []
+    assert commands_demo._examples(model_folder.find_model(folder), store, console) == []
     assert "holds neither stills of `run benchmark-set` nor pictures" in console.file.getvalue()  # type: ignore[attr-defined]
     (folder / "card.md").write_text(f"`stills`, content digest `{digest}`, divided by `given`")
-    found = commands_demo._examples(stored.find(folder), store, console)
+    found = commands_demo._examples(model_folder.find_model(folder), store, console)
     rows = [row for path in packed.files if path.name.startswith("data/val-") for row in pq.read_table(path.path).to_pylist()]
     assert sorted(one.task for one in found) == sorted({row["narration"] for row in rows}) and len(found) == 4
     assert cv2.imdecode(np.frombuffer(found[0].jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (180, 320, 3)

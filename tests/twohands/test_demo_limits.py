@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from afford.twohands.demo import crowd, server
+from afford.twohands.demo import bounded_server, server
 from afford.twohands.demo.server import Site
 
 MANY = 400
@@ -140,11 +140,11 @@ def test_a_crowd_waits_at_the_door() -> None:
     """A hundred connections before the server takes the first: none is lost."""
     site = Site("127.0.0.1", 0, lambda data, task, hands: {}, {}, [])
     with site, ExitStack() as stack:
-        crowd = [stack.enter_context(connected(site)) for _ in range(100)]
-        for one in crowd:
+        bounded_server = [stack.enter_context(connected(site)) for _ in range(100)]
+        for one in bounded_server:
             one.sendall(b"GET /model.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
         threading.Thread(target=site.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()
-        assert [reply(one) for one in crowd] == [(200, {})] * 100
+        assert [reply(one) for one in bounded_server] == [(200, {})] * 100
         site.shutdown()
 
 
@@ -153,7 +153,7 @@ HELLO = b"GET /model.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 def test_connections_at_once_are_bounded(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """One more than are served is 503 and a sentence; when one of them has its answer there is a place."""
-    monkeypatch.setattr(crowd, "MAX_CONNECTIONS", 3)
+    monkeypatch.setattr(bounded_server, "MAX_CONNECTIONS", 3)
     asked, may_end = threading.Semaphore(0), threading.Event()
 
     def slow(data: bytes, task: str, hands: str) -> dict[str, Any]:
@@ -179,7 +179,7 @@ def test_connections_at_once_are_bounded(monkeypatch: pytest.MonkeyPatch, capfd:
 def test_silent_connections_keep_nobody_out(sent: bytes, monkeypatch: pytest.MonkeyPatch,
                                             capfd: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     """Many more than may be open: the oldest of them give way, every visitor is answered, threads do not pile up."""
-    monkeypatch.setattr(crowd, "MAX_CONNECTIONS", 8)
+    monkeypatch.setattr(bounded_server, "MAX_CONNECTIONS", 8)
     before = threading.active_count()
     with serving() as site, ExitStack() as stack:
         for _ in range(60):

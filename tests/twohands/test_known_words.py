@@ -7,26 +7,27 @@ from pathlib import Path
 
 import pytest
 
-from afford.twohands.model import known
-from afford.twohands.model.known import KnownWords
+from afford.twohands.model import model_folder
+from afford.twohands.model.model_folder import Vocabulary
 from tests.helpers import tiny_asked
 from tests.helpers.command import call
 
-KNOWN = known.of([("Pour tea from kettle", "pour", "kettle"), ("cut bread", "cut", "bread"), ("cut  Bread!", "cut", "bread")])
+KNOWN = model_folder.vocabulary_of([("Pour tea from kettle", "pour", "kettle"), ("cut bread", "cut", "bread"),
+                                    ("cut  Bread!", "cut", "bread")])  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model with words."""
     folder = tiny_asked.write_model(tmp_path_factory.mktemp("store") / "models" / "small" / "model")
-    known.write(KNOWN, folder)
+    model_folder.write_vocabulary(KNOWN, folder)
     return folder
 
 
 def test_samples_give_verbs_things_and_words() -> None:
     """Each once, in order; a training mirrors pictures, and with them left and right."""
-    assert known.of([("use the left hand", "use", "")]).words == ("hand", "left", "right", "the", "use")
-    assert KnownWords(("cut", "pour"), ("bread", "kettle"), ("bread", "cut", "from", "kettle", "pour", "tea")) == KNOWN
+    assert model_folder.vocabulary_of([("use the left hand", "use", "")]).words == ("hand", "left", "right", "the", "use")
+    assert Vocabulary(("cut", "pour"), ("bread", "kettle"), ("bread", "cut", "from", "kettle", "pour", "tea")) == KNOWN
 
 
 @pytest.mark.parametrize(("task", "unknown"), [
@@ -40,13 +41,13 @@ def test_a_word_of_no_task_is_unknown(task: str, unknown: list[str]) -> None:
 
 def test_words_lie_beside_the_weights(tmp_path: Path) -> None:
     """The same again, to the byte; none where there are none."""
-    assert known.read(tmp_path) is None
-    known.write(KNOWN, tmp_path)
-    before = (tmp_path / known.FILE).read_bytes()
-    found = known.read(tmp_path)
+    assert model_folder.read_vocabulary(tmp_path) is None
+    model_folder.write_vocabulary(KNOWN, tmp_path)
+    before = (tmp_path / model_folder.VOCABULARY_FILE).read_bytes()
+    found = model_folder.read_vocabulary(tmp_path)
     assert found == KNOWN
-    known.write(found, tmp_path)
-    assert (tmp_path / known.FILE).read_bytes() == before
+    model_folder.write_vocabulary(found, tmp_path)
+    assert (tmp_path / model_folder.VOCABULARY_FILE).read_bytes() == before
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other"}', '{"format": "afford-words-1", "verbs": 3}', "[" * 10000,
@@ -56,7 +57,7 @@ def test_a_damaged_file_is_named(text: str, model: Path, tmp_path: Path) -> None
     folder = tmp_path / "model"
     folder.mkdir()
     for path in model.iterdir():
-        (folder / path.name).write_bytes(path.read_bytes() if path.name != known.FILE else text.encode("latin-1"))
+        (folder / path.name).write_bytes(path.read_bytes() if path.name != model_folder.VOCABULARY_FILE else text.encode("latin-1"))
     image = tiny_asked.write_picture(tmp_path / "kettle.png")
     refused = call("predict", image, "cut", "--out", tmp_path / "out", "--model", folder)
     assert refused.code == 2 and "words.json: expected" in refused.words and "Traceback" not in refused.err

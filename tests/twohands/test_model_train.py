@@ -12,12 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
-from afford.models.hub import files
+from afford.models.weights import weight_files
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
 from afford.recording.files import opened
-from afford.training import events, launch
-from afford.training.job import read
+from afford.training import curves, train
+from afford.training.job import read_job
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
@@ -87,7 +87,7 @@ def test_curves_are_the_same_everywhere(trained: Trained) -> None:
     said = [(step, curve.name, value) for curve in trained.log.curves for step, value in zip(curve.step, curve.value, strict=True)]
     assert [(row["step"], row["name"], row["value"]) for row in table] == said
     assert {"train.total", "train.lr", "val.iou", "val.threshold"} <= {name for _, name, _ in said}
-    found = read_events(trained.files.find(f"tensorboard/{events.NAME}").path.read_bytes())
+    found = read_events(trained.files.find(f"tensorboard/{curves.EVENTS_FILE}").path.read_bytes())
     assert sorted(found) == sorted((step, name.replace(".", "/", 1), pytest.approx(value, rel=1e-6)) for step, name, value in said)
 
 
@@ -126,7 +126,7 @@ def test_where_pretrained_parts_lie_changes_nothing_and_what_they_hold_does(data
     params = replace(PARAMS, variant="clip", steps=1, warmup=1, validate_every=0, val_samples=2, height_px=64, backbones="both")
 
     def made(place: str, seed: int) -> dict[str, str]:
-        weights = files(str(save_backbones(tmp_path / place, seed=seed)), digest)
+        weights = weight_files(str(save_backbones(tmp_path / place, seed=seed)), digest)
         found = model_train.run(dataset, params, Scratch(tmp_path / f"{place}-scratch"), weights=weights)
         return {file.name: digest(file.path) for file in found.files.files if file.name.startswith("model/")}
 
@@ -137,7 +137,7 @@ def test_where_pretrained_parts_lie_changes_nothing_and_what_they_hold_does(data
 def test_a_job_travels_as_text() -> None:
     """What a process reads is what was sent."""
     job = model_train._job(PARAMS)
-    assert read(job.to_json()) == job
+    assert read_job(job.to_json()) == job
 
 
 def test_the_recording_plots_and_shows(trained: Trained, tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_two_devices_train_one_model(dataset: FileTree, tmp_path: Path) -> None:
     assert made[0] == made[1]
     job = replace(model_train._job(params), batch=0)
     with pytest.raises(RuntimeError, match=r"2 processes of torch\.distributed\.run: exit code"):
-        launch.launch(job, tmp_path, 2, lambda done, total: None)
+        train.launch(job, tmp_path, 2, lambda done, total: None)
 
 
 def dataset_licence(dataset: FileTree) -> str:

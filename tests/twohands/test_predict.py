@@ -15,17 +15,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from afford.common import image_files
 from afford.common.bounded import TooLargeError
 from afford.common.drawing import overlay
 from afford.common.errors import SourceError
-from afford.common.image_files import Picture, decode_image, read_image
+from afford.common.image_files import Picture, decode_image
 from afford.common.palette import HANDS
 from afford.common.video.frames import decode_video, every_nth
 from afford.common.video.inputs import find
+from afford.twohands.inference import Question, ask
+from afford.twohands.model import model_folder
 from afford.twohands.model.predictor import Predictor
-from afford.twohands.predict import stored
-from afford.twohands.predict.ask import Question, ask
-from afford.twohands.predict.record import record
+from afford.twohands.prediction_files import record
 from schemas.affordance import TAXONOMY
 from tests.helpers import tiny_asked
 from tests.helpers.command import Called, call
@@ -93,7 +94,7 @@ def test_a_picture_gives_masks_an_overlay_and_an_object(store: Path, model: Path
     assert said["taxonomy"]["label"] == TAXONOMY[expected.taxonomy.argmax()]
     assert said["task"] == TASK and said["threshold"] == pytest.approx(expected.threshold) and said["hands_asked"] == "both"
     assert said["timing_ms"]["cpu"] > 0 and said["timing_ms"]["wall"] > 0 and (said["width_px"], said["height_px"]) == (90, 60)
-    assert said["model"] == {"name": "small", "digest": stored.find(model).digest} == done.json["model"]
+    assert said["model"] == {"name": "small", "digest": model_folder.find_model(model).digest} == done.json["model"]
 
 
 def test_hands_and_threshold_are_the_users(store: Path, tmp_path: Path) -> None:
@@ -304,7 +305,8 @@ def test_the_model_published_last_answers(model: Path, tmp_path: Path) -> None:
         place.mkdir(parents=True)
         (place / "config.json").write_bytes((model / "config.json").read_bytes())
         os.utime(place.parent, (1000 + n, 1000 + n))
-    assert stored.last(tmp_path / "models") == tmp_path / "models" / "new" and stored.last(tmp_path / "none") is None
+    assert model_folder.latest_model(tmp_path / "models") == tmp_path / "models" / "new"
+    assert model_folder.latest_model(tmp_path / "none") is None
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
@@ -315,7 +317,7 @@ def test_a_picture_is_turned_as_its_file_says(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(tiny_asked.picture(60, 90)).save(tmp_path / "phone.jpg", exif=exif)
-    assert read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
+    assert image_files.read_image(tmp_path / "phone.jpg").shape == (90, 60, 3)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGBA", "P", "I;16", "1"])
@@ -324,7 +326,7 @@ def test_any_kind_of_pixels_becomes_rgb(mode: str, tmp_path: Path) -> None:
     grey = Image.fromarray(tiny_asked.picture()[..., 0])
     made = Image.fromarray(np.asarray(grey).astype(np.uint16) * 257) if mode == "I;16" else grey.convert(mode)
     made.save(tmp_path / "one.png")
-    found = read_image(tmp_path / "one.png")
+    found = image_files.read_image(tmp_path / "one.png")
     assert found.shape == (60, 90, 3) and found.dtype == np.uint8
     assert mode == "1" or np.abs(found[..., 0].astype(int) - np.asarray(grey)).max() <= 1
 
@@ -379,6 +381,6 @@ def test_the_object_is_strict_json(model: Path) -> None:
     """No NaN, no numpy; a frame of a video says which."""
     shot = Picture("clip/frame_0000011", "clip.mp4", tiny_asked.picture(), 11, 1.0)
     answer = ask(Predictor(model), [shot], Question(TASK, threshold=0.9999))[0]
-    said = json.loads(json.dumps(record(answer, stored.find(model)), allow_nan=False))
+    said = json.loads(json.dumps(record(answer, model_folder.find_model(model)), allow_nan=False))
     assert said["frame"] == 11 and said["threshold"] == 0.9999
     assert all(h["box_px"] is None and h["area_share"] == 0 for h in said["left"]["hypotheses"])

@@ -13,11 +13,12 @@ from PIL import Image
 
 from afford.dataset import export_2hands
 from afford.dataset.load import Dataset, Item
-from afford.training.order import Order
-from afford.twohands.train import cache, divide, sources
-from afford.twohands.train.batches import Batches, Boxes
-from afford.twohands.train.scores import THRESHOLDS, scores
-from afford.twohands.train.views import Views, centre, cropped, unnamed, view, whole
+from afford.training.sampler import BalancedSampler
+from afford.twohands.train import sample_cache
+from afford.twohands.train import samples as data
+from afford.twohands.train.augment import Augmentation, augment, centre, cropped, replace_nouns, whole
+from afford.twohands.train.task import Batches, InputSize
+from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
 
@@ -33,25 +34,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def packed(folder: Path) -> sources.Files:
-    return sources.below(folder)
+def packed(folder: Path) -> data.Files:
+    return data.files_below(folder)
 
 
-def test_our_own_data_set(packed: sources.Files, folder: Path) -> None:
+def test_our_own_data_set(packed: data.Files, folder: Path) -> None:
     """The same items as `afford.dataset.load` gives, but for the motion."""
-    found, wanted = list(sources.items(packed, "train")), list(Dataset(folder, "train"))
-    assert len(found) == len(wanted) == 24 and sources.splits(packed) == ["train", "val"]
+    found, wanted = list(data.read_items(packed, "train")), list(Dataset(folder, "train"))
+    assert len(found) == len(wanted) == 24 and data.splits(packed) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
         assert np.array_equal(a.image, b.image) and np.array_equal(a.masks, b.masks)
         assert (a.sample_id, a.narration, a.taxonomy, a.video, a.verb) == (b.sample_id, b.narration, b.taxonomy, b.video, b.verb)
 
 
-def test_the_released_form(packed: sources.Files, folder: Path, tmp_path: Path) -> None:
+def test_the_released_form(packed: data.Files, folder: Path, tmp_path: Path) -> None:
     """h5 and json of 2HANDS: the words, the taxonomy, the outer contours."""
     export_2hands.export(folder, tmp_path)
-    made = sources.below(tmp_path)
-    found, wanted = list(sources.items(made, "train")), list(sources.items(packed, "train"))
-    assert sources.splits(made) == ["train", "val"]
+    made = data.files_below(tmp_path)
+    found, wanted = list(data.read_items(made, "train")), list(data.read_items(packed, "train"))
+    assert data.splits(made) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
         assert (a.narration, a.taxonomy, a.verb, a.noun, a.video) == (b.narration, b.taxonomy, b.verb, b.noun, b.video)
         assert np.array_equal(a.image, b.image) and not (b.masks & ~a.masks).any()
@@ -71,51 +72,51 @@ def test_any_folder_of_datasets(form: str, tmp_path: Path) -> None:
         datasets.DatasetDict({"train": made, "validation": made}).save_to_disk(str(tmp_path))
     else:
         made.to_parquet(tmp_path / "train.parquet")
-    found = list(sources.items(sources.below(tmp_path), "train"))
+    found = list(data.read_items(data.files_below(tmp_path), "train"))
     assert [(item.narration, item.taxonomy) for item in found] == [("open jar", 0), ("lift pot", 2)]
     assert found[0].masks.sum((1, 2)).tolist() == [16, 0, 0, 0] and found[0].image[0, 0, 0] > 190
-    assert sources.splits(sources.below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
+    assert data.splits(data.files_below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     """No files, a missing column, a mask of another size, a picture that is none."""
     with pytest.raises(ValueError, match=r"expected \*.parquet or \*.arrow files"):
-        sources.splits(sources.below(tmp_path))
+        data.splits(data.files_below(tmp_path))
     datasets.Dataset.from_dict({"image": ["x"], "narration": ["y"]}).to_parquet(tmp_path / "train.parquet")
     with pytest.raises(ValueError, match=r"train.parquet: expected the columns .* found no mask_left, mask_right"):
-        list(sources.items(sources.below(tmp_path), "train"))
+        list(data.read_items(data.files_below(tmp_path), "train"))
     good = {"bytes": b"no picture", "path": ""}
     with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 bytes that are none"):
-        sources.item({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
+        data.item_of_row({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
     with pytest.raises(ValueError, match="P1: expected image with the bytes of a picture"):
-        sources.item({"sample_id": "P1", "narration": "open jar", "image": {"bytes": None, "path": "a.jpg"}})
+        data.item_of_row({"sample_id": "P1", "narration": "open jar", "image": {"bytes": None, "path": "a.jpg"}})
 
 
-def test_parts_never_meet(packed: sources.Files) -> None:
+def test_parts_never_meet(packed: data.Files) -> None:
     """Divided by video or by object, no group is in both parts, nothing is lost, and the hash decides for each group alone."""
-    everything = {item.sample_id for split in ("train", "val") for item in sources.items(packed, split)}
+    everything = {item.sample_id for split in ("train", "val") for item in data.read_items(packed, split)}
     for by, label in (("video", "video"), ("object", "noun")):
-        division = next(d for d in (divide.Division(by, 0.4, seed) for seed in range(99)) if all(parts(packed, d)))
+        division = next(d for d in (data.Split(by, 0.4, seed) for seed in range(99)) if all(parts(packed, d)))
         train, val = parts(packed, division)
         assert not {getattr(item, label) for item in train} & {getattr(item, label) for item in val}
         assert {item.sample_id for item in [*train, *val]} == everything
     with pytest.raises(ValueError, match="expected given, video or object, got 'luck'"):
-        divide.Division("luck")
+        data.Split("luck")
 
 
-def parts(files: sources.Files, division: divide.Division) -> tuple[list[Item], list[Item]]:
-    return list(divide.part(files, division, "train")), list(divide.part(files, division, "val"))
+def parts(files: data.Files, division: data.Split) -> tuple[list[Item], list[Item]]:
+    return list(data.read_split(files, division, "train")), list(data.read_split(files, division, "val"))
 
 
-def test_the_cache_is_the_samples(packed: sources.Files, tmp_path: Path) -> None:
+def test_the_cache_is_the_samples(packed: data.Files, tmp_path: Path) -> None:
     """Nothing is lost at full size; a complete cache is not written again; larger samples are made smaller at the same aspect."""
-    wanted = list(sources.items(packed, "train"))
-    cache.write(iter(wanted), tmp_path / "c", (64, 96))
-    cache.write(iter([]), tmp_path / "c", (64, 96))
-    for a, b in zip(cache.Cache(tmp_path / "c"), wanted, strict=True):
+    wanted = list(data.read_items(packed, "train"))
+    sample_cache.write_cache(iter(wanted), tmp_path / "c", (64, 96))
+    sample_cache.write_cache(iter([]), tmp_path / "c", (64, 96))
+    for a, b in zip(sample_cache.SampleCache(tmp_path / "c"), wanted, strict=True):
         assert np.array_equal(a.image, b.image) and np.array_equal(a.masks, b.masks) and a.narration == b.narration
-    cache.write(iter(wanted), tmp_path / "small", (16, 96))
-    small = cache.Cache(tmp_path / "small")[0]
+    sample_cache.write_cache(iter(wanted), tmp_path / "small", (16, 96))
+    small = sample_cache.SampleCache(tmp_path / "small")[0]
     assert small.image.shape == (16, 24, 3) and small.masks.shape == (4, 16, 24)
     assert abs(small.masks[2].mean() - wanted[0].masks[2].mean()) < 0.02
 
@@ -123,11 +124,12 @@ def test_the_cache_is_the_samples(packed: sources.Files, tmp_path: Path) -> None
 def test_order_is_a_function_of_seed_and_position() -> None:
     """Asked in any order; without balance an epoch is a permutation; other epochs and seeds are others."""
     labels = ["a"] * 50 + ["b"] * 7
-    one, two = Order(labels, 0.0, 1), Order(labels, 0.0, 1)
+    one, two = BalancedSampler(labels, 0.0, 1), BalancedSampler(labels, 0.0, 1)
     forward = [one.sample(n) for n in range(150)]
     assert [two.sample(n) for n in reversed(range(150))] == forward[::-1]
     assert sorted(index for epoch, index in forward if epoch == 0) == list(range(57))
-    assert forward[:57] != [(0, i) for _, i in forward[57:114]] and forward != [Order(labels, 0.0, 2).sample(n) for n in range(150)]
+    assert forward[:57] != [(0, i) for _, i in forward[57:114]]
+    assert forward != [BalancedSampler(labels, 0.0, 2).sample(n) for n in range(150)]
 
 
 def test_balance_makes_classes_equal() -> None:
@@ -135,7 +137,7 @@ def test_balance_makes_classes_equal() -> None:
     labels = ["common"] * 90 + ["rare"] * 10
     share = {}
     for balance in (0.0, 0.5, 1.0):
-        order = Order(labels, balance, 0)
+        order = BalancedSampler(labels, balance, 0)
         drawn = Counter(order.sample(n)[1] for n in range(100 * 40))
         share[balance] = sum(count for index, count in drawn.items() if index >= 90) / 4000
         assert len(drawn) == 100 and max(drawn[i] for i in range(90)) - min(drawn[i] for i in range(90)) <= 40
@@ -143,11 +145,11 @@ def test_balance_makes_classes_equal() -> None:
     assert share[1.0] == pytest.approx(0.5, abs=0.01)
 
 
-def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
+def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
-    samples = list(sources.items(packed, "train"))
-    order = Order([item.taxonomy for item in samples], 0.5, 3)
-    batches = Batches(samples, order, Views(), Boxes(SIZE), 4, 3)
+    samples = list(data.read_items(packed, "train"))
+    order = BalancedSampler([item.taxonomy for item in samples], 0.5, 3)
+    batches = Batches(samples, order, Augmentation(), InputSize(SIZE), 4, 3)
     first = batches(7)
     batches(2)
     again = batches(7)
@@ -158,10 +160,10 @@ def test_batches_are_a_function_of_their_number(packed: sources.Files) -> None:
     assert first.image.shape == (4, *SIZE, 3) and first.masks.dtype == bool and first.taxonomy.dtype == np.int64
 
 
-def test_coarse_batches_come_first_and_lose_no_sample(packed: sources.Files) -> None:
+def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> None:
     """Twice as many samples at half the size, then the rest of the same sequence; sizes that have no half are refused."""
-    samples = list(sources.items(packed, "train"))
-    fine = Batches(samples, Order([0] * len(samples), 0, 3), Views(), Boxes((64, 96)), 4, 3)
+    samples = list(data.read_items(packed, "train"))
+    fine = Batches(samples, BalancedSampler([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
     assert [coarse(n).image.shape for n in (1, 2)] == [(8, 32, 48, 3), (4, 64, 96, 3)]
     wanted = [fine(n) for n in range(6)]
@@ -171,57 +173,58 @@ def test_coarse_batches_come_first_and_lose_no_sample(packed: sources.Files) -> 
     areas = [coarse(0).masks.mean((2, 3)), np.concatenate([batch.masks.mean((2, 3)) for batch in wanted[:2]])]
     assert np.allclose(*areas, atol=0.01)
     with pytest.raises(ValueError, match="expected multiples of 32 when some steps come at half the size"):
-        replace(coarse, boxes=Boxes((48, 96)))(0)
+        replace(coarse, boxes=InputSize((48, 96)))(0)
 
 
-def test_views_are_seeded_and_keep_picture_and_masks_together(packed: sources.Files) -> None:
+def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files) -> None:
     """The same position gives the same view; a mirrored view swaps sides and words; a crop holds the objects whole."""
-    samples = list(sources.items(packed, "train"))
-    plain = Views(colour_share=0, stretch_share=0)
+    samples = list(data.read_items(packed, "train"))
+    plain = Augmentation(colour_share=0, stretch_share=0)
     for n, item in enumerate(samples):
         painted = replace(item, image=np.where(item.masks[2:].any(0)[..., None], np.uint8(255), np.uint8(0)).repeat(3, 2))
-        seen = view(painted, plain, 1, n).item
-        assert np.array_equal(seen.image, view(painted, plain, 1, n).item.image)
+        seen = augment(painted, plain, 1, n).item
+        assert np.array_equal(seen.image, augment(painted, plain, 1, n).item.image)
         assert np.array_equal(seen.image[..., 0] > 0, seen.masks[2:].any(0))
         assert sorted(seen.masks.sum((1, 2))) == sorted(item.masks.sum((1, 2)))
-    mirrored = view(samples[0], Views(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
+    mirrored = augment(samples[0], Augmentation(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
     assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
     assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
-    box = cropped(samples[0], Views(margin=0)).item.masks[2:].any(0)
+    box = cropped(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
     assert box[0].any() and box[-1].any() and box[:, 0].any() and box[:, -1].any()
     nothing = replace(samples[0], masks=np.zeros_like(samples[0].masks))
-    found = cropped(nothing, Views())
+    found = cropped(nothing, Augmentation())
     assert found.item.image.shape == nothing.image.shape and np.isnan(found.centre).all()
 
 
-def test_stretched_views_stay_whole(packed: sources.Files) -> None:
+def test_stretched_views_stay_whole(packed: data.Files) -> None:
     """As high, wider or narrower by at most the factors, with the same share of every mask."""
-    item = next(iter(sources.items(packed, "train")))
+    item = next(iter(data.read_items(packed, "train")))
     for n in range(8):
-        seen = view(item, Views(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0), 1, n).item
+        widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0)
+        seen = augment(item, widened, 1, n).item
         (height, width), (before, across) = seen.image.shape[:2], item.image.shape[:2]
         assert height == before and across // 2 <= width <= 2 * across and seen.masks.shape == (4, height, width)
         assert np.allclose(seen.masks.mean((1, 2)), item.masks.mean((1, 2)), atol=0.02)
 
 
-def test_a_view_knows_where_it_is_in_the_picture(packed: sources.Files) -> None:
+def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
     """The centre is that of the objects in the whole picture, cropped or not, and is mirrored with it."""
     assert centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
-    for n, item in enumerate(sources.items(packed, "train")):
+    for n, item in enumerate(data.read_items(packed, "train")):
         wanted = whole(item).centre
-        assert np.array_equal(cropped(item, Views()).centre, wanted)
-        mirrored = view(item, Views(flip_share=1), 1, n).centre
+        assert np.array_equal(cropped(item, Augmentation()).centre, wanted)
+        mirrored = augment(item, Augmentation(flip_share=1), 1, n).centre
         assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
 
 
-def test_what_has_no_name_is_cropped(packed: sources.Files) -> None:
+def test_what_has_no_name_is_cropped(packed: data.Files) -> None:
     """Every name of a thing becomes a word of its own, all other words stay, and only its surroundings are shown."""
-    item = replace(next(iter(sources.items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
+    item = replace(next(iter(data.read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
-    words = unnamed(item, np.random.default_rng(0)).narration.split()
+    words = replace_nouns(item, np.random.default_rng(0)).narration.split()
     assert words[:2] + words[3:4] + words[5:] == ["pour", "from", "into", "canned"]
     assert words[2] != words[4].rstrip(",") and not {"can", "mug"} & {words[2], words[4].rstrip(",")}
-    seen = view(item, Views(0, 0, nameless_share=1, colour_share=0, stretch_share=0), 1, 0).item
+    seen = augment(item, Augmentation(0, 0, nameless_share=1, colour_share=0, stretch_share=0), 1, 0).item
     assert seen.image.size < item.image.size and "mug" not in seen.narration.split()
 
 
@@ -229,12 +232,12 @@ def test_scores_are_the_definitions() -> None:
     """IoU and precision of the union at every threshold, against the plain definitions; an empty prediction has none."""
     rng = np.random.default_rng(0)
     region, truth = rng.random((2, 9, 11), np.float32), rng.random((2, 9, 11)) > 0.7
-    found = scores(region, truth)
+    found = iou_and_precision(region, truth)
     for n, threshold in enumerate(THRESHOLDS):
         said, true = (region > np.float32(threshold)).any(0), truth.any(0)
         assert found[0, n] == pytest.approx((said & true).sum() / (said | true).sum())
         assert found[1, n] == pytest.approx((said & true).sum() / said.sum() if said.any() else 0)
-    assert scores(np.zeros((2, 4, 4), np.float32), truth[:, :4, :4]).max() == 0
+    assert iou_and_precision(np.zeros((2, 4, 4), np.float32), truth[:, :4, :4]).max() == 0
 
 
 def test_a_flipped_bit_is_not_learned(tmp_path: Path) -> None:
@@ -245,4 +248,4 @@ def test_a_flipped_bit_is_not_learned(tmp_path: Path) -> None:
     flipped[flipped.index(b"JFIF") + 700] ^= 1  # in a picture
     path.write_bytes(bytes(flipped))
     with pytest.raises(ValueError, match=r"train-00000-of-00001\.parquet: expected a whole shard of a data set"):
-        list(sources.items({f"data/{path.name}": path}, "train"))
+        list(data.read_items({f"data/{path.name}": path}, "train"))

@@ -8,12 +8,8 @@ import torch
 from torch.nn.functional import avg_pool2d
 
 from afford.common.masks import BORDER
-from afford.twohands.model.batch import Batch, Output
-from afford.twohands.model.closer import joined, window
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.model import TwoHands
-from afford.twohands.model.predictor import Predictor
-from afford.twohands.model.told import Told
+from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
+from afford.twohands.model.predictor import Predictor, Told, joined, window
 
 SIZE = (64, 96)
 

@@ -9,21 +9,18 @@ import numpy as np
 import pytest
 
 from afford.dataset.load import Item
-from afford.training.loop import train
-from afford.training.order import Order
-from afford.training.repeatable import repeatable
-from afford.training.task import Plan
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
+from afford.training.loop import deterministic, train
+from afford.training.params import Plan
+from afford.training.sampler import BalancedSampler
+from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.losses import LossParams
-from afford.twohands.train.batches import Batches, Boxes
-from afford.twohands.train.hands import Hands, judged_batches
-from afford.twohands.train.sources import NO_MOTION
-from afford.twohands.train.views import Views, whole
+from afford.twohands.train.augment import Augmentation, whole
+from afford.twohands.train.samples import NO_MOTION
+from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validation_batches
 
 SIZE = (96, 128)
 TASKS = ("take red cup", "take blue cup", "lift red tray", "open the jar")
-AS_IT_IS = Views(flip_share=0, crop_share=0, stretch_share=0, nameless_share=0, colour_share=0)
+AS_IT_IS = Augmentation(flip_share=0, crop_share=0, stretch_share=0, nameless_share=0, colour_share=0)
 
 
 def sample(n: int) -> Item:
@@ -50,14 +47,14 @@ def sample(n: int) -> Item:
 @pytest.mark.parametrize("hypotheses", [1, 3])
 def test_eight_samples_by_heart(hypotheses: int, tmp_path: Path) -> None:
     """IoU above 0.95 of the top-ranked regions, every taxonomy right, in a few hundred steps from nothing."""
-    samples, boxes = [sample(n) for n in range(8)], Boxes(SIZE)
+    samples, boxes = [sample(n) for n in range(8)], InputSize(SIZE)
     config = ModelConfig(size_px=SIZE, widths=(16, 32, 64), text_buckets=512, hypotheses=hypotheses)
-    batches = Batches(samples, Order([0] * 8, 0, 0), AS_IT_IS, boxes, 8, 0)
-    judged = judged_batches([whole(item) for item in samples], boxes, 8)
+    batches = Batches(samples, BalancedSampler([0] * 8, 0, 0), AS_IT_IS, boxes, 8, 0)
+    judged = validation_batches([whole(item) for item in samples], boxes, 8)
     loss = LossParams(mask="bce", mask_weight=1.0, dice_weight=2.0)
-    hands = Hands(build(config, 0), batches, judged, loss, "affordance", "cpu")
+    hands = TwoHandsTask(build(config, 0), batches, judged, loss, "affordance", "cpu")
     plan = Plan(steps=250, lr=3e-3, warmup=20, validate_every=250)
-    with repeatable(1, "cpu"):
+    with deterministic(1, "cpu"):
         state = train(hands, plan, tmp_path, lambda done, total: None)
     found = {point.name: point.value for point in state.points if point.step == plan.steps}
     assert found["val.iou"] > 0.95 and found["val.taxonomy"] == 1.0

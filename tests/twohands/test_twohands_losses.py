@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from afford.twohands.model.batch import Output, Target
+from afford.twohands.model.interface import Output, Target
 from afford.twohands.model.losses import LossParams, bce, best_hypothesis, centre_loss, dice, focal, losses, shares, taxonomy_loss
 
 

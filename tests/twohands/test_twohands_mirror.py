@@ -7,11 +7,8 @@ import pytest
 import torch
 
 from afford.common.text import swap_sides
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.mirror import agreed, mirrored
-from afford.twohands.model.predictor import Predictor
-from afford.twohands.model.told import Told
+from afford.twohands.model.interface import ModelConfig, build
+from afford.twohands.model.predictor import Predictor, Told, agreed, mirrored
 from schemas.affordance import MIRRORED
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 16, 32), depth=1, decoder_depth=1, text_buckets=64, threshold=0.5)

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from afford.twohands.model.batch import Batch, Output
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.files import save
+from afford.twohands.model.hand_selection import select_hands, taking, three_way
+from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands, build
 from afford.twohands.model.letterbox import content_size, letterbox, letterbox_masks, unletterbox
-from afford.twohands.model.model import TwoHands
+from afford.twohands.model.model_folder import save_model
 from afford.twohands.model.predictor import Predictor, ranked
-from afford.twohands.model.select import select_hands, taking, three_way
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 16, 32), depth=1, decoder_depth=1, text_buckets=64, threshold=0.4)
 
@@ -72,7 +69,7 @@ def test_unletterbox_is_the_identity_on_its_own_size() -> None:
 
 def test_a_folder_is_enough_and_batches_say_the_same(tmp_path: Path) -> None:
     """Images of two sizes in one batch, and each alone; scores and taxonomy sum to 1, threshold from the config."""
-    save(build(TINY, 0), tmp_path)
+    save_model(build(TINY, 0), tmp_path)
     predictor, rng = Predictor(tmp_path), np.random.default_rng(0)
     images = [rng.integers(0, 255, (*size, 3), np.uint8) for size in ((256, 456), (100, 60))]
     tasks = ["open jar", "pour tea from kettle"]

@@ -13,10 +13,7 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from afford.twohands.model.batch import Batch
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.model import TwoHands
+from afford.twohands.model.interface import Batch, ModelConfig, TwoHands, build
 from afford.twohands.model.published import load_published, our_names, read_weights
 
 TINY = ModelConfig(variant="vlm", size_px=(64, 64), widths=(16, 16, 32), depth=1, decoder_depth=1, heads=2)

@@ -10,8 +10,7 @@ from torch import nn
 from transformers import CLIPVisionConfig, LlamaConfig, LlavaConfig, SamConfig
 
 from afford.models.tokens import HashedTokens
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
+from afford.twohands.model.interface import ModelConfig, build
 
 VOCABULARY = 32003
 """Llama's 32000, and [SEG] and the two marks around the image"""

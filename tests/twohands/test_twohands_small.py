@@ -9,12 +9,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate
 
-from afford.models.words import pieces
-from afford.twohands.model.batch import Batch, Output, Target
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
+from afford.models.word_vectors import subwords
+from afford.twohands.model.interface import Batch, ModelConfig, Output, Target, TwoHands, build
 from afford.twohands.model.losses import LossParams, losses
-from afford.twohands.model.model import TwoHands
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512)
 
@@ -97,7 +94,7 @@ def test_one_decoder_says_the_same_for_both_hands() -> None:
 
 def test_unseen_words_share_pieces_with_seen_ones() -> None:
     """'kettles' is nearer to 'kettle' than 'drawer' is, also from random vectors; the hash does not change between runs."""
-    assert pieces("pan", 1 << 30)[0] == 986118291
+    assert subwords("pan", 1 << 30)[0] == 986118291
     words = build(TINY, 0).get_submodule("words")
     (kettle, kettles, drawer), _ = words(("kettle", "kettles", "drawer"))
     assert (kettle - kettles).norm() < 0.7 * (kettle - drawer).norm()

@@ -10,16 +10,13 @@ import pytest
 import torch
 from transformers import CLIPTextConfig, LlavaForConditionalGeneration, SamModel
 
-from afford.models.clip_text import text_ends
-from afford.models.sam import Regions
-from afford.models.tokens import FileTokens, HashedTokens, read_tokens
-from afford.twohands.model.batch import Batch, Output, Target
-from afford.twohands.model.build import build
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.dialogue import IGNORE, dialogue, seg_positions
-from afford.twohands.model.files import load, save
+from afford.models.tokens import FileTokens, HashedTokens, read_tokens, text_ends
+from afford.twohands.model.backbones import Regions
+from afford.twohands.model.interface import Batch, ModelConfig, Output, Target, build
 from afford.twohands.model.losses import LossParams, losses
+from afford.twohands.model.model_folder import load_model, save_model
 from afford.twohands.model.predictor import Predictor
+from afford.twohands.model.vlm import IGNORE, dialogue, seg_positions
 from tests.helpers.tiny_models import bytes_tokenizer, save_backbones
 
 TRAINED = ("lora_A", "lora_B", "vlm.lm_head.", ".embed_tokens.", "project.", "regions.decoders.", "regions.taxonomy.")
@@ -119,9 +116,9 @@ def test_trains_saves_loads_and_predicts_offline(backbones: Path, tmp_path: Path
     o = step(model, 12)
     assert losses(o, target(), LossParams())["total"] < first
     assert o.logits.shape == (2, 2, hypotheses, 16, 16) and (o.text_loss is not None) is (variant == "vlm")
-    save(model, tmp_path / "model")
+    save_model(model, tmp_path / "model")
     assert json.loads((tmp_path / "model" / "config.json").read_text())["backbones"] == ""
-    again, b = load(tmp_path / "model"), batch()
+    again, b = load_model(tmp_path / "model"), batch()
     with torch.inference_mode():
         one, two = model.eval()(b), again(b)
     assert torch.equal(one.logits, two.logits) and torch.equal(one.taxonomy, two.taxonomy)
@@ -172,8 +169,8 @@ def test_half_precision_backbones_are_trained_in_single(tmp_path: Path) -> None:
     model = build(config(folder), 0)
     assert {parameter.dtype for parameter in model.parameters()} == {torch.float32}
     step(model)
-    save(model, tmp_path / "model")
-    assert torch.equal(load(tmp_path / "model")(batch()).logits, model.eval()(batch()).logits)
+    save_model(model, tmp_path / "model")
+    assert torch.equal(load_model(tmp_path / "model")(batch()).logits, model.eval()(batch()).logits)
 
 
 def test_backbones_that_cannot_be_read_are_refused(tmp_path: Path, backbones: Path) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.extraction.complete import Completed, Sam2
-from afford.models.sam2_video import load_model, track
+from afford.models.sam2 import load_model, track
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 

@@ -18,8 +18,8 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-from afford.models.described import fill, read_config
-from afford.models.weights import stamp
+from afford.models.loading import fill_from_file, read_config
+from afford.models.weights import file_stamps
 from schemas.files import FileTree
 
 HAND, SIDE, TOUCHED, SLEEVE = range(4)
@@ -113,7 +113,7 @@ def read_network(where: Path | FileTree) -> Hands:
     sizes = read_config(config, HandsConfig, FORMAT, str(config), "train a finder with hands_train")
     with torch.device("meta"):
         model = Hands(sizes)
-    return fill(model, weights, str(weights))
+    return fill_from_file(model, weights, str(weights))
 
 
 def _file(where: Path | FileTree, name: str) -> Path:
@@ -142,7 +142,7 @@ def segment(pictures: np.ndarray, model: Path | FileTree) -> np.ndarray:
     hand, touched thing and sleeve; those of the two hands sum to at most 1.
     """
     found = np.zeros((*pictures.shape[:3], 4), np.float32)
-    network = _cached(model, stamp(model) if isinstance(model, Path) else None)
+    network = _cached(model, file_stamps(model) if isinstance(model, Path) else None)
     for zoom in ZOOMS:
         for at, small in _batches(pictures, size(pictures.shape[1], pictures.shape[2], network.config, zoom)):
             for n, answer in enumerate(said(network, small).permute(0, 2, 3, 1).numpy(), at):

@@ -19,7 +19,7 @@ from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
 from afford.extraction.hands.augment import Disguise, disguised
 from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
-from afford.training.state import State
+from afford.training.state import TrainingState
 from schemas import scene as truth_of
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 
@@ -76,9 +76,9 @@ Batch = tuple[np.ndarray, np.ndarray]
 
 
 class FinderTask:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "iou"
+    monitor = "iou"
 
     def __init__(self, model: Hands, learned: Shown, judged: Shown, seed: int, batch: int, size: tuple[int, int],
                  judging: int) -> None:
@@ -160,7 +160,7 @@ def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndar
     return drawn
 
 
-def card_text(lessons: Sequence[HandLessons], state: State) -> str:
+def card_text(lessons: Sequence[HandLessons], state: TrainingState) -> str:
     """The whole card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     rooms = Counter(one.split for one in lessons)

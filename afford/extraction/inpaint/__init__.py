@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from afford.common.registry import Own
-from afford.models.params import Pretrained
+from afford.models.weights import Pretrained
 
 if TYPE_CHECKING:
     import numpy as np

@@ -18,8 +18,7 @@ from afford.extraction.inpaint import Filled, LamaParams
 from afford.extraction.inpaint.lama_network import GIVEN, Generator, LamaConfig
 from afford.extraction.inpaint.windows import chunks, side_of, windows
 from afford.models.archive import read_tensors
-from afford.models.fitting import fit
-from afford.models.pretrained import device_of, dtype_of
+from afford.models.loading import device_of, dtype_of, fill_weights
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
@@ -38,7 +37,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype) -> Generator:
     given = generator_tensors(read_tensors(path))
     with torch.device("meta"):
         model = Generator(config_of(given, str(path)))
-    fit(model, given, str(path), f"give {NEEDED}")
+    fill_weights(model, given, str(path), f"give {NEEDED}")
     return model.to(device, dtype).eval()
 
 

@@ -15,7 +15,7 @@ from afford.common.masks import dilate
 from afford.extraction.inpaint import Filled, VidmParams
 from afford.extraction.inpaint.vidm_model import Vidm, ddim, fill, load
 from afford.extraction.inpaint.windows import Window, chunks, cut, cut_hole, paste, side_of, windows
-from afford.models.pretrained import device_of, dtype_of
+from afford.models.loading import device_of, dtype_of
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 

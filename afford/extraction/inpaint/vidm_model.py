@@ -15,7 +15,7 @@ from torch.nn.functional import interpolate
 
 from afford.extraction.inpaint.vidm_unet import LATENT, Unet, VidmConfig, config_text, read_config
 from afford.models.archive import read_tensors
-from afford.models.fitting import fit
+from afford.models.loading import fill_weights
 
 STEPS, BETAS = 1000, (0.0015, 0.0205)
 """of the diffusion that the model was trained on"""
@@ -119,7 +119,7 @@ def load(name: str, device: torch.device, dtype: torch.dtype, published: VidmCon
     with torch.device("meta"):
         model = Vidm(config)
     given = our_names(read_tensors(path / WEIGHTS if path.is_dir() else path), model.unet.state_dict(), config)
-    fit(model, given, str(path), f"give {NEEDED}")
+    fill_weights(model, given, str(path), f"give {NEEDED}")
     model.unet.to(dtype)
     return model.to(device).eval()
 

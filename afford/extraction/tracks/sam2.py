@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Propagated, Sam2
-from afford.models.sam2_video import Seen, follow, full_size, load_model, session
+from afford.models.sam2 import Seen, follow, full_size, load_model, session
 
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from afford.grasping.env.act import turned
-from afford.grasping.hand.kinematics import commanded, spread
+from afford.grasping.hand.kinematics import commanded_columns, coupling_matrix
 from afford.grasping.sim.scene import Scene
-from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, start, targets
+from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, grasp_commands, start_joints
 
 BASES = ("none", "script", "prior")
 
@@ -20,8 +20,8 @@ BASES = ("none", "script", "prior")
 def begin(scene: Scene, aim: Aim, posture: Sequence[float] = ()) -> np.ndarray:
     """(d,) joints at the beginning: as the script begins, or in a posture (m,) of the motors, whose wrist is meant from the aim."""
     if not posture:
-        return start(scene, aim, GRASP)
-    A, b = spread(scene.hand.joints)
+        return start_joints(scene, aim, GRASP)
+    A, b = coupling_matrix(scene.hand.joints)
     return A @ from_aim(np.asarray(posture, np.float64)[None], np.array([aim.yaw]), aim.place[None])[0] + b
 
 
@@ -37,7 +37,7 @@ def commands(base: str, scene: Scene, aim: Aim, steps: int, lift_m: float, postu
              wait: int = 0) -> np.ndarray:  # fmt: skip
     """(steps, m) targets, step by step; the script ends by holding. ValueError for an unknown base, or too few steps for it."""
     if base in ("none", "prior"):
-        u = begin(scene, aim, posture)[commanded(scene.hand.joints)]
+        u = begin(scene, aim, posture)[commanded_columns(scene.hand.joints)]
         return np.tile(u, (steps, 1))
     if base != "script":
         raise ValueError(f"base: expected {' or '.join(BASES)}, got {base!r}")
@@ -54,8 +54,8 @@ def scripted(scene: Scene, aim: Aim, steps: int, lift_m: float, wait: int = 0) -
     least = wait + script_steps(lift_m)
     if steps < least:
         raise ValueError(f"steps: expected {least} or more for a grasp by script that lifts {lift_m:g} m, got {steps}")
-    above = begin(scene, aim)[commanded(scene.hand.joints)]
-    closed = np.array([*[above] * wait, *targets(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
+    above = begin(scene, aim)[commanded_columns(scene.hand.joints)]
+    closed = np.array([*[above] * wait, *grasp_commands(scene, aim, GRASP)])[: wait + DESCEND + CLOSE]
     s = (np.arange(1, steps - len(closed) + 1) / _lift_steps(lift_m)).clip(max=1.0)
     lifted = np.repeat(closed[-1:], len(s), axis=0)
     lifted[:, 2] += lift_m * s * s * (3 - 2 * s)

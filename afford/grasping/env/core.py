@@ -22,11 +22,11 @@ from afford.grasping.env.observe import Now, blocks, observe
 from afford.grasping.env.reward import rewards, weights
 from afford.grasping.env.scenery import Episode, scenery
 from afford.grasping.env.task import Task, placed
-from afford.grasping.hand.kinematics import commanded, limits_u
+from afford.grasping.hand.kinematics import command_limits, commanded_columns
 from afford.grasping.sim.engine import CONTROL_S, State
-from afford.grasping.sim.rest_poses import drops, laid
-from afford.grasping.sim.scene import Scene, Sensing, centre, held, randomised, sensing
-from afford.grasping.sim.scripted import Aim, along, at_part
+from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
+from afford.grasping.sim.scene import Scene, Sensing, centre, hold_command, randomize_physics, sensing
+from afford.grasping.sim.scripted import Aim, aim_along_axis, aim_at_part
 from afford.grasping.sim.worlds import world_batch
 from schemas.hand import HandModel
 
@@ -49,8 +49,8 @@ class Grasping:
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
         self.scenery = scenery(hand, self.tasks)
         self.worlds = world_batch(config.engine, self.scenes, config.threads, config.processes, config.device)
-        self._of_motor = commanded(hand.joints)
-        self._limits = limits_u(hand.joints)
+        self._of_motor = commanded_columns(hand.joints)
+        self._limits = command_limits(hand.joints)
         self.rates = (wrench.table(self._limits) if config.action_mode == "paper"
                       else act.table(act.RATES[config.base], len(self._limits)))  # fmt: skip
         self._resting: dict[Any, list[np.ndarray]] = {}
@@ -198,7 +198,7 @@ class Grasping:
         q = [base.begin(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
         for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
             scene = self.scenes[k]
-            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, held(scene, joints),
+            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, hold_command(scene, joints),
                             base.commands(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait))  # fmt: skip
         if q:
             self.worlds.reset(np.stack(q), np.stack(poses), which)
@@ -207,8 +207,8 @@ class Grasping:
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         """Where the hand of world k begins and its base goes."""
         if self.config.start == "part":
-            return at_part(self.scenes[k], pose, self.tasks[k].hold)
-        return along(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
+            return aim_at_part(self.scenes[k], pose, self.tasks[k].hold)
+        return aim_along_axis(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
 
     def _pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
         """Where the object of world k begins."""
@@ -223,8 +223,8 @@ class Grasping:
     def _rest(self, k: int) -> list[np.ndarray]:
         world, scene = self.worlds.alone(k), self.scenes[k]
         if self.config.poses == "flat":
-            return [laid(world, scene)]
-        return drops(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
+            return [placed_rest_pose(world, scene)]
+        return dropped_rest_poses(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
 
     def _push(self, rngs: Sequence[np.random.Generator]) -> None:
         if not self.config.push_n:
@@ -257,7 +257,7 @@ class _Running:
 
 def _scene(hand: HandModel, one: Task, config: Config, k: int) -> Scene:
     scene = Scene(hand, one.body, config.physics, "wrench" if config.action_mode == "paper" else "servo")
-    return randomised(scene, config.seed + k) if config.randomise else scene
+    return randomize_physics(scene, config.seed + k) if config.randomise else scene
 
 
 def _sensing(config: Config, k: int) -> Sensing:

@@ -8,14 +8,13 @@ import numpy as np
 
 from afford.common.palette import Colour
 from afford.grasping.env.studio import LAMP, hand_colour
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from afford.grasping.motion.retarget import M
 from afford.render.draw import render
 from afford.render.mesh import mesh
-from afford.render.model import Camera, Instance, Material
+from afford.render.scene import Camera, Instance, Material, Textures
 from afford.render.solids import tube
-from afford.render.textures import Textures
 from schemas.hand import HandModel, HandMotion, HandReference
 
 PERSON: Colour = (213, 94, 0)
@@ -32,14 +31,14 @@ class MotionStudio:
 
     def __init__(self, hand: HandModel, width: int = 320, height: int = 240) -> None:
         self.hand, self.width, self.height = hand, width, height
-        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in skins(hand)]
+        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in link_meshes(hand)]
         self._look = {name: Material(np.full((1, 1, 3), colour, np.uint8), roughness=0.5)
                       for name, colour in (("hand", hand_colour(hand)), ("person", PERSON))}  # fmt: skip
         self._textures = Textures.of(self._look.values())
 
     def draw(self, reference: HandReference, theirs: np.ndarray, row: int) -> np.ndarray:
         """(height, width, 3) uint8 of a row; `theirs` (t, 21, 3) are the keypoints in the world of the reference."""
-        T = forward(self.hand.joints, reference.q[row : row + 1])[0]
+        T = forward_kinematics(self.hand.joints, reference.q[row : row + 1])[0]
         camera = self._camera(reference.tips_m[row].mean(axis=0))
         person = theirs[row] + BESIDE_M * camera.T_world_cam[:3, 0]
         shown = [Instance(shape, self._look["hand"], T[link]) for link, shape in self._links]

@@ -11,25 +11,25 @@ from afford.grasping.env.moment import Block, Now
 from afford.grasping.env.observe_small import fingers_q
 from afford.grasping.env.scenery import OBJECT_POINTS, about_z, to_frame
 from afford.grasping.env.task import NEGATIVE_POINTS
-from afford.grasping.hand.kinematics import ancestry, commanded, forward, jacobian, moving
+from afford.grasping.hand.kinematics import ancestry, commanded_columns, forward_kinematics, jacobian, moving_joints
 
 
 def _all_torques(now: Now) -> np.ndarray:
     """Of the motors; joints that are coupled have none and show 0."""
     joints = now.scenery.hand.joints
     out = np.zeros_like(now.state.q)
-    out[:, commanded(joints)] = now.state.torque
+    out[:, commanded_columns(joints)] = now.state.torque
     return 10.0 * out[:, 6:]
 
 
 def _tips(now: Now) -> np.ndarray:
     """(n, f, 13) pose, velocity and angular velocity, by the hand's kinematics."""
     hand, q, qd = now.scenery.hand, now.state.q, now.state.qd
-    T, links, yaw = forward(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
+    T, links, yaw = forward_kinematics(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
     turn = about_z(-yaw)
     quaternion = np.stack([(turn * Rotation.from_matrix(T[:, link, :3, :3])).as_quat() for link in links], axis=1)
     velocity = np.einsum("nfid,nd->nfi", jacobian(hand.joints, T, links, hand.fingers.tip_m), qd)
-    move = moving(hand.joints)
+    move = moving_joints(hand.joints)
     carried = hand.joints.child[move]
     axis = np.einsum("ndij,dj->ndi", T[:, carried, :3, :3], hand.joints.axis[move])
     turns = np.array([hand.joints.kind[k] == "revolute" for k in move])

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import NEGATIVE_POINTS, Task, spread_points
-from afford.grasping.hand.kinematics import forward, moving
+from afford.grasping.hand.kinematics import forward_kinematics, moving_joints
 from afford.grasping.sim.engine import State
 from schemas.hand import HandModel
 
@@ -142,7 +142,7 @@ def _apart(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:
 
 
 def _middle_of_palm(hand: HandModel) -> np.ndarray:
-    T = forward(hand.joints, np.zeros((1, len(moving(hand.joints)))))[0]
+    T = forward_kinematics(hand.joints, np.zeros((1, len(moving_joints(hand.joints)))))[0]
     names = hand.fingers.name
     knuckle = hand.fingers.base_link[names.index("middle") if "middle" in names else -1]
     found: np.ndarray = 0.5 * (np.linalg.inv(T[hand.palm]) @ T[knuckle])[:3, 3]

@@ -17,13 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from afford.common.palette import Colour
 from afford.grasping.env.reward import GOAL_M
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from afford.render.draw import render
 from afford.render.mesh import Mesh, merge, mesh, moved
-from afford.render.model import Camera, Instance, Light, Material, Rendered
+from afford.render.scene import Camera, Instance, Light, Material, Rendered, Textures
 from afford.render.solids import box, patch, tube
-from afford.render.textures import Textures
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel
@@ -78,7 +77,7 @@ class Studio:
     def __init__(self, hand: HandModel, task: GraspTask, width: int = 320, height: int = 240, supersample: int = 2) -> None:
         self.hand, self.task = hand, task
         self.width, self.height, self._supersample = width, height, supersample
-        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in skins(hand)]
+        self._links = [(skin.link, mesh(skin.vertices, skin.faces)) for skin in link_meshes(hand)]
         self._look = {key: Material(_image(colour), roughness=0.5) for key, colour in _colours(task, hand).items()}
         self._parts = [(colour, merge(*(mesh(piece.vertices, piece.faces, crease_deg=25) for piece in found)))
                        for colour, found in _by_colour(task).items()]  # fmt: skip
@@ -96,7 +95,7 @@ class Studio:
         return Episode(trace, self.task, cache(lambda row: self.shoot(trace, row).rgb))
 
     def _instances(self, trace: GraspTrace, row: int) -> list[Instance]:
-        T, body = forward(self.hand.joints, trace.q[row : row + 1])[0], matrix(trace.body[row])
+        T, body = forward_kinematics(self.hand.joints, trace.q[row : row + 1])[0], matrix(trace.body[row])
         circle = tube(ring(trace.goal), np.full(RING_CORNERS + 1, RING_M), 6)
         return [*(Instance(shape, self._look["hand"], T[link], HAND) for link, shape in self._links),
                 *(Instance(shape, self._look[colour], body, THING) for colour, shape in self._parts),

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import placed
-from afford.grasping.sim.engine import world
-from afford.grasping.sim.rest_poses import laid
+from afford.grasping.sim.engine import make_world
+from afford.grasping.sim.rest_poses import placed_rest_pose
 from afford.grasping.sim.scene import Scene
-from afford.grasping.sim.scripted import SLICE_M, along
+from afford.grasping.sim.scripted import SLICE_M, aim_along_axis
 from schemas.grasp import GraspObject
 from schemas.hand import GraspTarget, HandModel
 
@@ -25,10 +25,10 @@ def targets(hand: HandModel, body: GraspObject, engine: str, count: int, reach_m
     the object turned round. The world is the frame of an episode: the centre of mass above its origin, the object along x.
     """
     scene = Scene(hand, body)
-    made = world(engine, scene)
-    rest = laid(made, scene)
+    made = make_world(engine, scene)
+    rest = placed_rest_pose(made, scene)
     made.close()
-    yaw = along(scene, rest, 0.0).yaw
+    yaw = aim_along_axis(scene, rest, 0.0).yaw
     rng = np.random.default_rng(seed)
     for k in range(count):
         pose = placed(body, rest, np.zeros(2), (k % 2) * np.pi - yaw)
@@ -39,7 +39,7 @@ def targets(hand: HandModel, body: GraspObject, engine: str, count: int, reach_m
 def _target(scene: Scene, pose: np.ndarray, along_m: float, thick_m: tuple[float, float], name: str) -> GraspTarget:
     turn = Rotation.from_quat(pose[3:])
     spots = turn.apply(scene.body.points.astype(np.float64)) + pose[:3]
-    x = along(scene, pose, along_m).place[0]
+    x = aim_along_axis(scene, pose, along_m).place[0]
     slab = spots[np.abs(spots[:, 0] - x) <= SLICE_M]
     slab = slab if len(slab) else spots[np.abs(spots[:, 0] - x).argmin()][None]
     low, high = slab[:, 1:].min(0), slab[:, 1:].max(0)

@@ -7,7 +7,7 @@ import numpy as np
 from afford.grasping.env import wrench
 from afford.grasping.env.base import script_steps, scripted
 from afford.grasping.env.core import Grasping
-from afford.grasping.hand.kinematics import commanded, limits_u
+from afford.grasping.hand.kinematics import command_limits, commanded_columns
 from afford.grasping.sim.engine import CONTROL_S
 
 PULL_N_M, HOLD_N_S_M = 1600.0, 80.0
@@ -24,7 +24,7 @@ class Script:
 
     def act(self, now: Grasping) -> np.ndarray:
         """(n, m)."""
-        q = now.state().q[:, commanded(now.scenes[0].hand.joints)]
+        q = now.state().q[:, commanded_columns(now.scenes[0].hand.joints)]
         if self._path is None or not now.steps_done().any():
             lift_m = now.config.lift_m
             path = [scripted(scene, aim, script_steps(lift_m), lift_m) for scene, aim in zip(now.scenes, now.aims, strict=True)]
@@ -33,7 +33,7 @@ class Script:
         error = wanted[:, :6] - q[:, :6]
         pull, drag = np.repeat([PULL_N_M, PULL_NM_RAD], 3), np.repeat([HOLD_N_S_M, HOLD_NM_S_RAD], 3)
         efforts = pull * error + drag * speed[:, :6]
-        return wrench.action_for(efforts, wanted[:, 6:], q[:, :6], now.episode.yaw, limits_u(now.scenes[0].hand.joints))
+        return wrench.action_for(efforts, wanted[:, 6:], q[:, :6], now.episode.yaw, command_limits(now.scenes[0].hand.joints))
 
 
 def _at(path: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
 from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
+from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)
@@ -52,7 +52,7 @@ def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> Non
 
 
 def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[np.ndarray]:
-    words = [(label, one, traced(one.trace, one.task).success) for label, one in rows.items()]
+    words = [(label, one, trace_metrics(one.trace, one.task).success) for label, one in rows.items()]
     longest = max(len(one.trace.q) for one in rows.values())
     wide = min(columns, len(words))
     for row in (*range(longest), *[longest - 1] * still):
@@ -64,7 +64,7 @@ def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[n
 def _strip(label: str, one: Episode) -> np.ndarray:
     """Words, then the moments."""
     tiles = [cv2.copyMakeBorder(one.draw(row), 0, GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=PAPER)
-             for row in phases(one.trace, one.task)]  # fmt: skip
+             for row in key_frames(one.trace, one.task)]  # fmt: skip
     lines = [(label, INK), (one.trace.task, FAINT), *_verdict(one)]
     words = _page(WORDS_PX, tiles[0].shape[0], [(8, 10 + 22 * k, text, colour) for k, (text, colour) in enumerate(lines)])
     return np.concatenate([words, *tiles], axis=1)
@@ -72,7 +72,7 @@ def _strip(label: str, one: Episode) -> np.ndarray:
 
 def _verdict(one: Episode) -> list[tuple[str, Colour]]:
     """How it went, as metrics have it."""
-    how, trace = traced(one.trace, one.task), one.trace
+    how, trace = trace_metrics(one.trace, one.task), one.trace
     pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
     return [("reached the goal" if how.success[-1] else "never at the goal", GOOD if how.success[-1] else BAD),
             (f"{how.as_violation_pct[-1]:.0f} % of fingertips unsafe", BAD if how.as_violation_pct[-1] else GOOD),

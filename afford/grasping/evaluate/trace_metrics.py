@@ -20,7 +20,7 @@ RAISED_M = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Traced:
+class TraceMetrics:
     """The rows of a trace, judged as metrics judge them."""
 
     centre: np.ndarray
@@ -37,20 +37,20 @@ class Traced:
     """(t,) how many are"""
 
 
-def traced(trace: GraspTrace, task: GraspTask) -> Traced:
+def trace_metrics(trace: GraspTrace, task: GraspTask) -> TraceMetrics:
     """All rows. ValueError for the task of another trace."""
     if trace.task != task.name:
         raise ValueError(f"trace {trace.name}: expected its task {trace.task}, got {task.name}; give each trace its own task")
     centre = to_world(trace.body, task.body.com_m[None, None])[:, 0]
     goal_m, N_m = np.linalg.norm(centre - trace.goal, axis=1), _to_negative(trace, task)
-    return Traced(centre, goal_m, np.logical_or.accumulate(goal_m < GOAL_M), N_m, as_violation_pct(N_m), as_safe_count(N_m))
+    return TraceMetrics(centre, goal_m, np.logical_or.accumulate(goal_m < GOAL_M), N_m, as_violation_pct(N_m), as_safe_count(N_m))
 
 
-def phases(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
+def key_frames(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
     """The rows of PHASES: the first; where the hand first touches (or is nearest); the last before the object is raised; where it
     is half as high as it ever gets; the last. Where it is never raised, they are spread evenly from the touch on.
     """
-    rise, last = traced(trace, task).centre[:, 2], len(trace.q) - 1
+    rise, last = trace_metrics(trace, task).centre[:, 2], len(trace.q) - 1
     rise = rise - rise[0]
     touches = np.flatnonzero(trace.force.sum(axis=1) > TOUCH_N)
     near = nearest(trace.tips, to_world(trace.body, task.body.points[None].astype(float)))[0].mean(axis=1)

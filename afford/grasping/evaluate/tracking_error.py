@@ -28,7 +28,7 @@ Follower = Callable[[Rehearsing], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Asked:
+class TrackingParams:
     """Params of stages/grasping/imitation_evaluate.py say what each field means."""
 
     engine: str
@@ -40,8 +40,8 @@ class Asked:
     seed: int
 
 
-def followed(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree, asked: Asked,
-             progress: Callable[[int, int], None]) -> ClipsFollowed:  # fmt: skip
+def evaluate_tracking(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree,
+                      asked: TrackingParams, progress: Callable[[int, int], None]) -> ClipsFollowed:  # fmt: skip
     """Every clip once by each of FOLLOWERS, from where the clip begins. ValueError for files that are no prior, no clips, or a clip
     whose object is not among the bodies.
     """

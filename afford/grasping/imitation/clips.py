@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from afford.grasping.hand.kinematics import moving
+from afford.grasping.hand.kinematics import moving_joints
 from afford.grasping.imitation.imitation import REWARDS, STRICT_M
 from afford.grasping.sim.engine import CONTROL_S
 from afford.grasping.sim.scene import Physics
@@ -66,7 +66,7 @@ class Clips:
 
 
 def _check(hand: HandModel, one: HandReference) -> None:
-    d = len(moving(hand.joints))
+    d = len(moving_joints(hand.joints))
     if one.hand != hand.name or one.q.shape[1] != d:
         raise ValueError(f"reference {one.name}: expected {d} joints of the hand {hand.name}, got {one.q.shape[1]} of {one.hand}")
     if len(one.q) <= 2 * CONTROL_S * one.rate_hz:

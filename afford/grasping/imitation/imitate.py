@@ -18,7 +18,7 @@ from afford.grasping.env import act
 from afford.grasping.env.happened import Happened
 from afford.grasping.env.observe import LIMIT
 from afford.grasping.env.scenery import palm_yaw, to_frame
-from afford.grasping.hand.kinematics import commanded, forward, limits_u, moving
+from afford.grasping.hand.kinematics import command_limits, commanded_columns, forward_kinematics, moving_joints
 from afford.grasping.imitation.clips import Clips, ImitationConfig
 from afford.grasping.imitation.imitation import Tracking, failed, rewards
 from afford.grasping.imitation.track import FIELDS, Tracker
@@ -40,8 +40,8 @@ class Imitating:
         """ValueError for no references, or such of another hand."""
         self.hand, self.clips, self.config = hand, Clips(hand, references), config
         self.worlds = ThreadWorlds(config.engine, [Scene(hand, body, config.physics)] * count, config.threads)
-        self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
-        self._limits = limits_u(hand.joints)
+        self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
+        self._limits = command_limits(hand.joints)
         self.rates = act.table(act.RATES["none" if config.base == "none" else "script"], len(self._limits))
         self._now = _Following(count, len(self._limits))
         self._state: State | None = None
@@ -54,7 +54,7 @@ class Imitating:
     @property
     def width(self) -> int:
         """Of an observation: see `observe`."""
-        return (len(moving(self.hand.joints)) - 6) * 2 + 2 * self.motors + 12 + 6 * len(self.hand.fingers.name) + 1
+        return (len(moving_joints(self.hand.joints)) - 6) * 2 + 2 * self.motors + 12 + 6 * len(self.hand.fingers.name) + 1
 
     def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin in worlds `which`: a clip, and a frame of it."""
@@ -93,7 +93,7 @@ class Imitating:
         which turn it is off a step ahead; how far both levels of fingers are off; share of the clip that is over.
         """
         now, state = self._now, self.state()
-        T, joints = forward(self.hand.joints, state.q), state.q[:, self._of_motor]
+        T, joints = forward_kinematics(self.hand.joints, state.q), state.q[:, self._of_motor]
         palm, yaw = self._wanted("T_world_palm", ahead=1), palm_yaw(self.hand, state)
         turn = (Rotation.from_matrix(palm[:, :3, :3]) * Rotation.from_quat(state.palm[:, 3:]).inv()).as_rotvec()
         velocity = self._tracker.palm_velocity(T, state)

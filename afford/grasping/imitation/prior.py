@@ -19,9 +19,16 @@ from afford.grasping.env.vector import Learning, Many, means
 from afford.grasping.imitation.rehearse import Rehearsing
 from afford.grasping.rl import ppo
 from afford.grasping.rl.policy import ActorCritic
-from afford.training import checkpoint
-from afford.training.events import Point
-from afford.training.loop import seed_of
+from afford.training.curves import Point
+from afford.training.loop import derive_seed
+from afford.training.state import (
+    load_checkpoint,
+    optimizer_state,
+    restore_optimizer,
+    restore_weights,
+    save_checkpoint,
+    trained_weights,
+)
 
 FILE = "checkpoint.safetensors"
 SAVE_EVERY = 20
@@ -73,10 +80,10 @@ class Training:
 
     def save(self, folder: Path) -> None:
         """Put the training away."""
-        parts = {"now": checkpoint.weights(self.model), "moments": checkpoint.moments(self.optimiser),
+        parts = {"now": trained_weights(self.model), "moments": optimizer_state(self.optimiser),
                  "memory": {"seen": self.seen, "wanted": self.wanted}}  # fmt: skip
         tensors = {f"{part}/{name}": tensor for part, found in parts.items() for name, tensor in found.items()}
-        checkpoint.save(folder / FILE, tensors, {"update": self.update, "points": self.points})
+        save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
 
 
 def train(core: Rehearsing, model: ActorCritic, plan: Plan, folder: Path, progress: Progress) -> list[Point]:
@@ -85,7 +92,7 @@ def train(core: Rehearsing, model: ActorCritic, plan: Plan, folder: Path, progre
     total = plan.cloning + plan.ppo.updates
     envs = Learning(Many(core, len(core.grasping.tasks)), 0)
     while made.update < total:
-        torch.manual_seed(seed_of(plan.seed, made.update))
+        torch.manual_seed(derive_seed(plan.seed, made.update))
         if made.update < plan.cloning:
             _clone(core, made, plan)
         else:
@@ -102,13 +109,13 @@ def _resumed(model: ActorCritic, plan: Plan, folder: Path) -> Training:
     made = Training(model, ppo.adam(model, plan.lr), seen, wanted, [])
     if not (folder / FILE).exists():
         return made
-    tensors, words = checkpoint.load(folder / FILE)
+    tensors, words = load_checkpoint(folder / FILE)
     parts: dict[str, dict[str, Tensor]] = {"now": {}, "moments": {}, "memory": {}}
     for name, tensor in tensors.items():
         part, _, key = name.partition("/")
         parts[part][key] = tensor
-    checkpoint.restore(model, parts["now"])
-    checkpoint.restore_moments(made.optimiser, parts["moments"])
+    restore_weights(model, parts["now"])
+    restore_optimizer(made.optimiser, parts["moments"])
     made.seen, made.wanted = parts["memory"]["seen"], parts["memory"]["wanted"]
     made.update, made.points = words["update"], [Point(*point) for point in words["points"]]
     return made
@@ -168,7 +175,7 @@ def _nudges(plan: Plan, n: int, steps: int, rng: np.random.Generator) -> np.ndar
 def _reinforce(envs: Learning, made: Training, plan: Plan) -> None:
     """One rollout of PPO, which is one episode of every world."""
     number = made.update - plan.cloning
-    envs.seed = seed_of(plan.seed, made.update, 1) % 2**31
+    envs.seed = derive_seed(plan.seed, made.update, 1) % 2**31
     actor = (*made.model.actor.parameters(), made.model.log_std)
     for parameter in actor:
         parameter.requires_grad_(number >= plan.critic)

@@ -13,13 +13,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.task import task
-from afford.grasping.hand.kinematics import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.proof import held
 from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
 from afford.grasping.rl import saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig
-from afford.training.events import Point
-from afford.training.loop import seed_of
+from afford.training.curves import Point
+from afford.training.loop import derive_seed
 from schemas.grasp import GraspObject
 from schemas.hand import GraspTarget, HandModel, HandReference
 
@@ -62,7 +62,7 @@ def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequenc
     """
     places = {one.name: Rotation.from_quat(one.object_pose[3:]).apply(np.array(one.T_object_handle[:3, 3]))
               + one.object_pose[:3] for one in targets}  # fmt: skip
-    of_motor = commanded(hand.joints)
+    of_motor = commanded_columns(hand.joints)
     rows = list[np.ndarray]()
     for one in references:
         name = one.name.rpartition("_")[0]
@@ -76,7 +76,7 @@ def posture(hand: HandModel, targets: Sequence[GraspTarget], references: Sequenc
 
 def fresh(core: Rehearsing, hidden: tuple[int, ...], std: float, seed: int) -> ActorCritic:
     """A network whose weights are a function of the seed."""
-    torch.manual_seed(seed_of(seed))
+    torch.manual_seed(derive_seed(seed))
     return ActorCritic(PolicyConfig(core.width, core.motors, hidden, std=std))
 
 

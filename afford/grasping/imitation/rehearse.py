@@ -22,11 +22,11 @@ from afford.grasping.env.core import Grasping
 from afford.grasping.env.happened import Happened
 from afford.grasping.env.scenery import about_z
 from afford.grasping.env.task import Task
-from afford.grasping.hand.kinematics import commanded
+from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.clips import Clips
 from afford.grasping.imitation.imitation import REWARDS, STRICT_M, Tracking, failed, rewards
 from afford.grasping.imitation.track import FIELDS, Tracker
-from afford.grasping.sim.engine import CONTROL_S, State, stageable
+from afford.grasping.sim.engine import CONTROL_S, State, check_stage_engine
 from afford.grasping.sim.scene import Physics
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import HandModel, HandReference
@@ -60,7 +60,7 @@ class Rehearsal:
     """that compute worlds"""
 
     def __post_init__(self) -> None:
-        stageable(self.engine)
+        check_stage_engine(self.engine)
         if self.reward not in REWARDS:
             raise ValueError(f"reward: expected {' or '.join(REWARDS)}, got {self.reward!r}")
 
@@ -74,7 +74,7 @@ class Rehearsing:
         grasps, clips of another hand, or clips without an object.
         """
         self.hand, self.config, self.clips = hand, config, Clips(hand, references)
-        self._of_motor, self._tracker = commanded(hand.joints), Tracker(hand)
+        self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
         self._u = [self._steps(one) for one in self.clips.references]
         start = tuple(self._u[0][0].tolist())
         self.grasping = Grasping(hand, tasks, Config(

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import commanded, forward, jacobian, moving, points
+from afford.grasping.hand.kinematics import commanded_columns, forward_kinematics, jacobian, moving_joints, points_on_links
 from afford.grasping.imitation.imitation import Tracking
 from afford.grasping.sim.engine import State
 from schemas.hand import HandModel
@@ -22,17 +22,18 @@ class Tracker:
 
     def __init__(self, hand: HandModel) -> None:
         self.hand = hand
-        self._of_motor = commanded(hand.joints)
+        self._of_motor = commanded_columns(hand.joints)
 
     def levels(self, T: np.ndarray) -> dict[str, np.ndarray]:
         """(n, l, 4, 4) links -> level -> (n, f, 3) world."""
         fingers = self.hand.fingers
         zero = np.zeros((len(fingers.name), 3))
-        return {"level_1_m": points(T, fingers.base_link, zero), "level_2_m": points(T, fingers.middle_link, zero)}
+        return {"level_1_m": points_on_links(T, fingers.base_link, zero),
+                "level_2_m": points_on_links(T, fingers.middle_link, zero)}  # fmt: skip
 
     def compare(self, state: State, wanted: Mapping[str, np.ndarray]) -> Tracking:
         """States of n hands beside FIELDS of their references, (n, ...) each."""
-        T = forward(self.hand.joints, state.q)
+        T = forward_kinematics(self.hand.joints, state.q)
         palm = wanted["T_world_palm"]
         turn = Rotation.from_quat(state.palm[:, 3:]) * Rotation.from_matrix(palm[:, :3, :3]).inv()
         twist = self.palm_velocity(T, state) - wanted["palm_twist"]
@@ -50,5 +51,5 @@ class Tracker:
         linear = np.einsum("nkid,nd->nki", jacobian(hand.joints, T, np.array([hand.palm]), np.zeros((1, 3))), state.qd)[:, 0]
         wrist = [k for k, role in enumerate(hand.joints.role) if role == "wrist" and hand.joints.kind[k] == "revolute"]
         axes = np.einsum("nkij,kj->nki", T[:, hand.joints.child[wrist], :3, :3], hand.joints.axis[wrist])
-        columns = np.searchsorted(moving(hand.joints), wrist)
+        columns = np.searchsorted(moving_joints(hand.joints), wrist)
         return np.concatenate([linear, np.einsum("nki,nk->ni", axes, state.qd[:, columns])], axis=1)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.grasping.policies.shapes import BodyShape, HandShape
-from afford.render.model import Camera
+from afford.render.camera import facing
 from afford.render.raster import edges, fill, project
-from afford.render.views.cameras import facing
+from afford.render.scene import Camera
 
 PLACES_M = ((0.0, 0.0, 0.55), (0.5, 0.0, 0.15), (0.0, 0.5, 0.15), (-0.5, 0.0, 0.15), (0.0, -0.5, 0.15))
 """from the middle of the table's top: above, and from four sides"""

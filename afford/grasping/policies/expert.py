@@ -6,7 +6,7 @@ import numpy as np
 
 from afford.grasping.env import base
 from afford.grasping.env.core import Grasping
-from afford.grasping.sim.scripted import Aim, at_part
+from afford.grasping.sim.scripted import Aim, aim_at_part
 
 
 class Guide:
@@ -19,7 +19,7 @@ class Guide:
         """(n, m) what leads the targets to those of the plan, as far as one step goes. Plans are made when episodes begin."""
         step, pose, yaw, config = now.steps_done(), now.state().body, now.now().episode.yaw, now.config
         for k in np.flatnonzero(step == 0).tolist():
-            aim = _turned(at_part(now.scenes[k], pose[k], now.tasks[k].hold), yaw[k])
+            aim = _turned(aim_at_part(now.scenes[k], pose[k], now.tasks[k].hold), yaw[k])
             self._wanted[k] = base.scripted(now.scenes[k], aim, config.steps, config.lift_m, config.wait)
         at = step.clip(max=config.steps - 1)
         return now.correction(np.stack([self._wanted[k][at[k]] for k in range(len(step))]))

@@ -16,7 +16,7 @@ from afford.grasping.env.measures import Measures
 from afford.grasping.env.moment import Now
 from afford.grasping.env.observe import LAYOUTS, observe
 from afford.grasping.env.scenery import Episode, Scenery, palm_yaw, to_world
-from afford.grasping.hand.kinematics import forward, points
+from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 from afford.grasping.sim.engine import State
 from schemas.hand import HandModel
 
@@ -72,7 +72,7 @@ class Body:
 
     def palm(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, d) -> pose of the palm (n, 7), its middle (n, 3)."""
-        T = forward(self.hand.joints, q)[:, self.hand.palm]
+        T = forward_kinematics(self.hand.joints, q)[:, self.hand.palm]
         pose = np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
         return pose, to_world(pose, np.tile(self.palm_offset, (len(q), 1, 1)))[:, 0]
 
@@ -104,9 +104,9 @@ class Body:
 
     def _state(self, own: Proprioception) -> State:
         """By kinematics; of the object nothing is known."""
-        T, fingers, n = forward(self.hand.joints, own.q), self.hand.fingers, len(own.q)
+        T, fingers, n = forward_kinematics(self.hand.joints, own.q), self.hand.fingers, len(own.q)
         unknown = np.full((n, 7), np.nan)
-        return State(own.q, own.qd, own.torque, points(T, fingers.tip_link, fingers.tip_m), self.palm(own.q)[0], unknown,
+        return State(own.q, own.qd, own.torque, points_on_links(T, fingers.tip_link, fingers.tip_m), self.palm(own.q)[0], unknown,
                      unknown[:, :3], unknown[:, :3], own.press_n[..., None], np.nan, 0)  # fmt: skip
 
 

@@ -24,9 +24,9 @@ from afford.grasping.policies.acting import ENVIRONMENT, PRIOR
 from afford.grasping.policies.residual import OverBase, Prior
 from afford.grasping.rl import ppo, saved
 from afford.grasping.rl.policy import ActorCritic, PolicyConfig, paper
-from afford.training import events
-from afford.training.loop import seed_of
-from afford.training.state import State, resume
+from afford.training.curves import EventWriter
+from afford.training.loop import derive_seed
+from afford.training.state import TrainingState, resume
 from schemas.hand import HandModel
 
 SECTION = 20
@@ -52,17 +52,18 @@ class Plan:
 
 
 def train(hand: HandModel, tasks: Sequence[Task], prior: Prior | None, config: Config, plan: Plan, folder: Path,
-          progress: Callable[[int, int], None]) -> tuple[ActorCritic, State]:  # fmt: skip
+          progress: Callable[[int, int], None]) -> tuple[ActorCritic, TrainingState]:  # fmt: skip
     """The teacher and its curves; `folder` keeps checkpoint.safetensors and tensorboard/."""
     envs = AffordanceGraspVector(plan.worlds, hand, tasks, **vars(config))
     try:
         model = made(plan, envs.core.width, envs.core.motors)
         optimiser = ppo.adam(model, plan.ppo.lr)
         state = resume(folder, model, optimiser, "cpu")
+        events = EventWriter(folder / "tensorboard", state.points)
         while state.step < plan.ppo.updates:
             _section(OverBase(Learning(envs, _seed(plan, state.step), SCALE), prior), model, plan, optimiser, state, progress)
+            events.append(state.points)
             state.save(folder, model, optimiser)
-            events.write(folder / "tensorboard", state.points)
     finally:
         envs.close()
     state.best_step = state.step
@@ -73,7 +74,7 @@ def made(plan: Plan, observation: int, action: int) -> ActorCritic:
     """A teacher that has learned nothing: what it adds is nearly zero. ValueError for a size that is not known."""
     if plan.size not in SIZES:
         raise ValueError(f"size: expected {' or '.join(SIZES)}, got {plan.size!r}")
-    torch.manual_seed(seed_of(plan.seed))
+    torch.manual_seed(derive_seed(plan.seed))
     model = ActorCritic(replace(SIZES[plan.size](observation, action), std=plan.std))
     with torch.no_grad():
         model.log_std[0] = math.log(plan.std_along)
@@ -91,17 +92,17 @@ def write(folder: Path, model: ActorCritic, prior: Prior | None, config: Config,
     return root
 
 
-def _section(envs: OverBase, model: ActorCritic, plan: Plan, optimiser: torch.optim.Optimizer, state: State,
+def _section(envs: OverBase, model: ActorCritic, plan: Plan, optimiser: torch.optim.Optimizer, state: TrainingState,
              progress: Callable[[int, int], None]) -> None:  # fmt: skip
     def each(update: int, scalars: dict[str, float]) -> None:
         state.step = update + 1
-        state.note("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
+        state.log("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
         progress(state.step, plan.ppo.updates)
 
-    torch.manual_seed(seed_of(plan.seed, state.step))
+    torch.manual_seed(derive_seed(plan.seed, state.step))
     ppo.learn(envs, model, plan.ppo, optimiser, state.step, each, min(state.step + SECTION, plan.ppo.updates))
 
 
 def _seed(plan: Plan, step: int) -> int:
     """Of the first world; others follow it."""
-    return seed_of(plan.seed, step, 1)
+    return derive_seed(plan.seed, step, 1)

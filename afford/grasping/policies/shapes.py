@@ -9,8 +9,8 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.hand.kinematics import forward_kinematics
+from afford.grasping.hand.link_meshes import link_meshes
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -32,7 +32,7 @@ class HandShape:
 
     def at(self, q: np.ndarray) -> np.ndarray:
         """(n, d) joints -> (n, v, 3) corners in the world."""
-        T = forward(self.hand.joints, q)[:, self.link]
+        T = forward_kinematics(self.hand.joints, q)[:, self.link]
         found: np.ndarray = (T[..., :3, :3] @ self.corners[:, :, None])[..., 0] + T[..., :3, 3]
         return found
 
@@ -52,7 +52,7 @@ class BodyShape:
 
 def hand_shape(hand: HandModel) -> HandShape:
     """Of every link that can touch something. ValueError for a hand of which nothing can."""
-    solids = skins(hand, ("collision",), SIDES)
+    solids = link_meshes(hand, ("collision",), SIDES)
     if not solids:
         raise ValueError(f"{hand.name}: expected a link with a collision shape, got none; cameras would not see the hand")
     corners, faces = _joined([(one.vertices, one.faces) for one in solids])

@@ -17,7 +17,7 @@ from afford.common.geometry import farthest_point_sampling
 from afford.grasping.env.scenery import to_frame
 from afford.grasping.policies.cameras import HAND, OBJECT, Images, spots
 from afford.grasping.policies.proprioception import Body, Proprioception, Start
-from afford.render.model import Camera
+from afford.render.scene import Camera
 
 LOW_M, HIGH_M = (-1.0, -1.0, 0.002), (1.0, 1.0, 0.7)
 """what is outside this box of the world is not looked at (the paper cuts off 1 cm above the table: knives are thinner)"""

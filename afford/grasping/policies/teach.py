@@ -21,27 +21,28 @@ from afford.grasping.policies.student import Senses
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper
 from afford.grasping.rl.ppo import adam
-from afford.training import checkpoint, events
-from afford.training.loop import seed_of
-from afford.training.state import State, resume
+from afford.training.curves import EventWriter
+from afford.training.loop import derive_seed
+from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
 
 SECTION = 5
 """rounds between two checkpoints"""
 
 
 def train(lessons: Lessons, size: str, config: dagger.Config, folder: Path,
-          progress: Callable[[int, int], None]) -> tuple[CloudPolicy, State]:  # fmt: skip
+          progress: Callable[[int, int], None]) -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
     """The student and its curves; `folder` keeps checkpoint.safetensors, moments and tensorboard/."""
     model = made(size, lessons.begin(0).robot.shape[1], lessons.core.motors, config.seed)
     optimiser = adam(model, config.lr)
     state = resume(folder, model, optimiser, "cpu")
+    events = EventWriter(folder / "tensorboard", state.points)
     buffer = _remembered(folder, config.buffer, state.step)
 
     def each(number: int, scalars: dict[str, float]) -> None:
         state.step = number + 1
-        state.note("train", scalars)
+        state.log("train", scalars)
         if state.step % SECTION == 0 or state.step == config.rounds:
-            _keep(folder, state, model, optimiser, buffer)
+            _keep(folder, state, events, model, optimiser, buffer)
         progress(state.step, config.rounds)
 
     dagger.learn(lessons, model, config, optimiser, buffer, state.step, each)
@@ -54,7 +55,7 @@ def made(size: str, robot: int, action: int, seed: int) -> CloudPolicy:
     sizes: Mapping[str, Callable[[int, int], CloudConfig]] = {"small": CloudConfig, "paper": paper}
     if size not in sizes:
         raise ValueError(f"size: expected {' or '.join(sizes)}, got {size!r}")
-    torch.manual_seed(seed_of(seed))
+    torch.manual_seed(derive_seed(seed))
     return CloudPolicy(sizes[size](robot, action))
 
 
@@ -67,10 +68,11 @@ def write(folder: Path, model: CloudPolicy, senses: Senses, facts: Mapping[str, 
     return root
 
 
-def _keep(folder: Path, state: State, model: CloudPolicy, optimiser: torch.optim.Optimizer, buffer: dagger.Buffer) -> None:
+def _keep(folder: Path, state: TrainingState, events: EventWriter, model: CloudPolicy, optimiser: torch.optim.Optimizer,
+          buffer: dagger.Buffer) -> None:  # fmt: skip
     tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
-    checkpoint.save(_moments(folder, state.step), tensors, {"count": buffer.count})
-    events.write(folder / "tensorboard", state.points)
+    save_checkpoint(_moments(folder, state.step), tensors, {"count": buffer.count})
+    events.append(state.points)
     state.save(folder, model, optimiser)
     for old in folder.glob("moments-*.safetensors"):
         if old != _moments(folder, state.step):
@@ -80,7 +82,7 @@ def _keep(folder: Path, state: State, model: CloudPolicy, optimiser: torch.optim
 def _remembered(folder: Path, size: int, step: int) -> dagger.Buffer:
     buffer = dagger.Buffer(size)
     if step:
-        tensors, words = checkpoint.load(_moments(folder, step))
+        tensors, words = load_checkpoint(_moments(folder, step))
         buffer.columns, buffer.count = [tensors[str(k)].numpy() for k in range(len(tensors))], words["count"]
     return buffer
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from afford.rgbd.evaluate import published
 from afford.rgbd.evaluate.recipes import ALL, WHOLE
-from afford.training.ablation import done, spread
+from afford.training.ablation import seeds_cell, spread
 from schemas.interaction import AFFORDANCES
 
 MODES = {"video": "videos", "static": "pictures (the last frame alone)"}
@@ -83,7 +83,7 @@ def _on_image(numbers: Mapping[str, float]) -> str:
 
 
 def _row(name: str, seeds: Seeds, planned: int) -> str:
-    said = done(len(seeds), planned) if planned else "not trained"
+    said = seeds_cell(len(seeds), planned) if planned else "not trained"
     return _line(name, [_cell(seeds, column) for column in COLUMNS], [said], _paper(published.ROWS.get(name, ("", ""))))
 
 

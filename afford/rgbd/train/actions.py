@@ -12,13 +12,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from afford.dataset.sor3d import sequences
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Seen, frames
 from afford.rgbd.model.pretrain import ActionLSTM
 from afford.rgbd.model.sequence_batches import Changes, changed, fitted
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 
 FRAMES = 10
 """frames that are seen of a clip, spread over it"""
@@ -40,7 +40,7 @@ class ClipBatches:
     paths: Listed[Path]
     config: Sor3dConfig
     changes: Changes
-    order: Order
+    order: BalancedSampler
     size: int
     actions: tuple[str, ...]
     seed: int
@@ -48,18 +48,18 @@ class ClipBatches:
     def __call__(self, number: int) -> Clips:
         return self.stack([self._sample(number * self.size + n) for n in range(self.size)])
 
-    def _sample(self, position: int) -> Sequence:
+    def _sample(self, position: int) -> PackedSequence:
         _, index = self.order.sample(position)
         rng = np.random.default_rng((self.seed, position, 3))
         return changed(self.read(self.paths[index], rng.random()), self.changes, rng)
 
-    def read(self, path: Path, phase: float) -> Sequence:
+    def read(self, path: Path, phase: float) -> PackedSequence:
         """A clip at the size of the model, `FRAMES` of its frames from `phase` 0..1 on."""
-        one = fitted(sequences.read(path, "none"), self.config.size_px)
+        one = fitted(packed_sequences.read_sequence(path, "none"), self.config.size_px)
         chosen = ((np.arange(FRAMES) + phase) * len(one.rgb) / FRAMES).astype(int)
         return replace(one, rgb=one.rgb[chosen], depth_m=one.depth_m[chosen])
 
-    def stack(self, chosen: Listed[Sequence]) -> Clips:
+    def stack(self, chosen: Listed[PackedSequence]) -> Clips:
         """ValueError for an action that training does not show."""
         unknown = {one.affordance for one in chosen} - set(self.actions)
         if unknown:
@@ -70,9 +70,9 @@ class ClipBatches:
 
 
 class Actions:
-    """What the loop trains (`afford.training.task.Task`)."""
+    """What the loop trains (`afford.training.job.Task`)."""
 
-    judged_by = "action"
+    monitor = "action"
 
     def __init__(self, model: ActionLSTM, batches: ClipBatches, judged: Listed[Path], device: str) -> None:
         self.model: nn.Module = model

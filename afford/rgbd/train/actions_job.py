@@ -6,12 +6,12 @@ from pathlib import Path
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model import pretrain
 from afford.rgbd.model.model import build
 from afford.rgbd.train.actions import Actions, ClipBatches
 from afford.rgbd.train.sequences_job import SequencesJob, parts_of, spread
-from afford.training.order import Order
+from afford.training.sampler import BalancedSampler
 
 
 class ActionsJob(SequencesJob):
@@ -24,10 +24,10 @@ sequence goes in; the action comes out."""
     def task(self, scratch: Path, processes: int) -> Actions:
         """The first encoder of a new model with an LSTM, and clips."""
         parts = parts_of(scratch)
-        labels = [sequences.kind(path)[1] for path in parts["train"]]
+        labels = [packed_sequences.read_classes(path)[1] for path in parts["train"]]
         actions = tuple(sorted(set(labels)))
         model = pretrain.head(build(self.config, self.seed), len(actions), self.seed)
-        order = Order(labels, self.balance, self.seed)
+        order = BalancedSampler(labels, self.balance, self.seed)
         batches = ClipBatches(parts["train"], self.config, self.changes, order, self.batch, actions, self.seed)
         return Actions(model, batches, spread(parts["val"], self.val_samples), self.plan.device)
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from afford.training.curves import at_best, table
+from afford.training.curves import scores_at_best, scores_table
 from afford.training.job import Dataset
 from schemas.training import TrainingLog
 
@@ -62,7 +62,7 @@ of step {curves.best_step} were kept. Only the label of the last frame is learne
 
 ## Validation
 
-{table(at_best(curves))}
+{scores_table(scores_at_best(curves))}
 
 ## Limits
 

@@ -15,10 +15,9 @@ import torch
 from torch import Tensor
 from transformers import CLIPModel
 
-from afford.models.clip_text import text_batch
+from afford.models.loading import local_path, pretrained
 from afford.models.normalise import for_tower
-from afford.models.pretrained import place, pretrained
-from afford.models.tokens import read_tokens
+from afford.models.tokens import read_tokens, text_batch
 from afford.surface.score import Clip
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -56,7 +55,7 @@ def highlighted(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 def _folder(name: str) -> Path:
     """Where config.json is: in the folder that is named, or in `clip/` below it."""
-    where = place(name, "clip", "CLIPModel with its tokenizer.json")
+    where = local_path(name, "clip", "CLIPModel with its tokenizer.json")
     return where / "clip" if (where / "clip").is_dir() else where
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from afford.render import materials
 from afford.render.mesh import moved
-from afford.render.model import BACKGROUND, Instance, Light, Material
+from afford.render.motion import about, pose
+from afford.render.scene import BACKGROUND, Instance, Light, Material, linear
 from afford.render.solids import box, patch
-from afford.render.textures import linear
+from afford.synthetic.assets import library
 from afford.synthetic.kitchens.settle_env import rest_poses
-from afford.synthetic.things import objects
 
 TABLE = ((-0.95, 0.95), (-0.12, 0.82))
 """Extent of the worktop in x and y, metres."""
@@ -132,7 +132,7 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
     out: list[Instance] = []
     slots = rng.permutation(np.linspace(-0.62, 0.62, 9))[:count]
     for x in slots:
-        model = objects.build(kinds[rng.integers(len(kinds))], rng)
+        model = library.build(kinds[rng.integers(len(kinds))], rng)
         T = _standing(x + rng.uniform(-0.02, 0.02), rng.uniform(0.60, 0.72), rng.uniform(-0.8, 0.8))
         out += model.instances(T, BACKGROUND)
     return out
@@ -156,7 +156,7 @@ def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
 
 def _scatter(rng: np.random.Generator, kinds: tuple[str, ...]) -> list[Instance]:
     """A few small things that were dropped at one side and lie as they fell."""
-    models = [objects.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
+    models = [library.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
     place = _standing(float(rng.choice([-1.0, 1.0])) * rng.uniform(0.48, 0.60), rng.uniform(0.30, 0.50), 0.0)
     poses = rest_poses([m.points for m in models], int(rng.integers(1 << 30)), spread_m=0.07)
     return [i for model, T in zip(models, poses, strict=True) for i in model.instances(place @ T, BACKGROUND)]
@@ -193,3 +193,34 @@ def _light(rng: np.random.Generator, brightness: float) -> Light:
         softness=float(rng.uniform(0.16, 0.28)),
         exposure=float(np.clip(0.62 / (0.34 + brightness), 0.72, 1.25)),
     )
+
+
+MAT_THICKNESS_M = 0.0012
+MAT_CONTRAST = 0.95
+"""of a pattern, relative to new"""
+MaterialBuilder = Callable[[np.random.Generator], Material]
+MAT_MATERIALS: dict[str, tuple[MaterialBuilder, ...]] = {
+    "kitchen": (materials.ceramic, materials.ceramic, materials.carton),
+    "workshop": (materials.paper, materials.carton),
+    "desk": (materials.paper, materials.carton, materials.ceramic),
+}
+
+
+def place_mats(setting: str, rng: np.random.Generator, centre: np.ndarray) -> list[Instance]:
+    """Two flat things around `centre` (2,) on the table, metres."""
+    return [_place_mat(rng, MAT_MATERIALS[setting], centre, level) for level in range(2)]
+
+
+def _place_mat(rng: np.random.Generator, kinds: tuple[MaterialBuilder, ...], centre: np.ndarray, level: int) -> Instance:
+    size = (float(rng.uniform(0.40, 0.60)), float(rng.uniform(0.30, 0.42)), MAT_THICKNESS_M * (1 + 0.6 * level))
+    sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(1.7, 2.8)))
+    sheet = replace(sheet, uv=sheet.uv * np.array([1, -1], np.float32))
+    x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
+    lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
+    return Instance(sheet, _fade(kinds[rng.integers(len(kinds))](rng)), lying, casts=False)
+
+
+def _fade(fresh: Material) -> Material:
+    """The same pattern with less contrast: cloth and print that have been used, not a poster."""
+    mean = fresh.image.mean(axis=(0, 1))
+    return replace(fresh, image=(mean + MAT_CONTRAST * (fresh.image - mean)).astype(np.uint8))

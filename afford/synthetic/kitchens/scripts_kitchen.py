@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from afford.render.motion import Pose, PoseAt, about, pose
-from afford.synthetic.kitchens.cast import Cast, Want, floor_of
-from afford.synthetic.kitchens.moves import aim, carry, circle, held_at, put, rolled, tilt_to_pour
+from afford.synthetic.kitchens.scene_builder import Cast, Want, floor_of
+from afford.synthetic.kitchens.trajectories import aim, carry, circle, held_at, put, rolled, tilt_to_pour
 
 GRASPABLE = ("mug", "bottle", "bowl", "kettle", "pan", "jar", "can")
 ENDS = ("handle", "rim", "neck", "lid", "edge", "side", "tip", "cover")

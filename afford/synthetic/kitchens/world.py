@@ -9,23 +9,53 @@ from functools import cached_property
 import numpy as np
 
 from afford.render.camera import CALM, PARALLAX, Head, intrinsics
-from afford.render.model import Camera, Instance
-from afford.render.textures import Textures
-from afford.synthetic.kitchens.cast import CENTRE, Cast
-from afford.synthetic.kitchens.grasp import Fingers
-from afford.synthetic.kitchens.mats import mats
-from afford.synthetic.kitchens.play import LENGTH, Arm, Play, Thing
-from afford.synthetic.kitchens.rooms import Room
+from afford.render.mesh import merge
+from afford.render.scene import Camera, Instance, Textures
+from afford.synthetic.assets.object_model import palm_frame
+from afford.synthetic.human_hand.appearance import random_person
+from afford.synthetic.human_hand.hand_model import HandModel
+from afford.synthetic.human_hand.skeleton import close_on, distance_to, opening_posture, posture
+from afford.synthetic.kitchens.animation import LENGTH, Arm, Play, Thing, Touch
+from afford.synthetic.kitchens.epic_files import hand_entities
+from afford.synthetic.kitchens.rooms import Room, place_mats
 from afford.synthetic.kitchens.rooms import build as build_room
+from afford.synthetic.kitchens.scene_builder import CENTRE, Cast
 from afford.synthetic.kitchens.scripts import STRONG_PARALLAX, script
 from afford.synthetic.kitchens.vocabulary import noun_class
-from afford.synthetic.kitchens.write_epic import hands
-from afford.synthetic.people.hand import HandModel
-from afford.synthetic.people.hand_look import person
-from afford.synthetic.things.asset import palm_frame
 from schemas.masks import Entity
 from schemas.scene import SceneSpec
 from schemas.video import SIDES
+
+
+class FingerTrajectory:
+    """Joint angles (20,) of the hand of an arm at any time."""
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        self._closed = [close_fingers(touch) for touch in arm.touches]
+
+    def at(self, time: float) -> np.ndarray:
+        """Joint angles in radians at a play time."""
+        if not self.arm.touches:
+            return posture("relaxed")
+        weights = np.array([_contact_weight(touch, time) for touch in self.arm.touches])
+        weights /= weights.sum()
+        amount = float(self.arm.closed.at(time)[0])
+        opened = np.array([opening_posture(touch.grip.kind) for touch in self.arm.touches])
+        return weights @ (opened + amount * (np.array(self._closed) - opened))
+
+
+def close_fingers(touch: Touch) -> np.ndarray:
+    """The angles (20,) at which the fingers rest on what is held."""
+    grip, model = touch.grip, touch.thing.model
+    shapes = [part.mesh for part in model.parts]
+    return close_on(grip.kind, distance_to(merge(*shapes), np.linalg.inv(grip.T_obj_palm), grip.side))
+
+
+def _contact_weight(touch: Touch, time: float) -> float:
+    gap = max(touch.start - time, time - touch.stop, 0.0)
+    return float(np.exp(-((gap / 6.0) ** 2))) + 1e-6
+
 
 WIDTH, HEIGHT = 456, 256
 FIELD_OF_VIEW_DEG = 56.0
@@ -40,7 +70,7 @@ class World:
     play: Play
     room: Room
     hands: tuple[HandModel, HandModel]
-    fingers: tuple[Fingers, Fingers]
+    fingers: tuple[FingerTrajectory, FingerTrajectory]
     entities: tuple[Entity, ...]
     things: tuple[Thing, ...]
     K: np.ndarray
@@ -93,8 +123,8 @@ def _furnish(spec: SceneSpec, play: Play, rng: np.random.Generator) -> World:
     things = tuple(sorted(play.things, key=lambda thing: thing.name))
     objects = tuple(Entity(t.name, t.name, noun_class(t.model.noun).id, "object", "") for t in things)
     room = build_room(spec.setting, rng)
-    room = replace(room, instances=(*room.instances, *mats(spec.setting, rng, CENTRE)))
-    look = person(rng)
+    room = replace(room, instances=(*room.instances, *place_mats(spec.setting, rng, CENTRE)))
+    look = random_person(rng)
     pair = (HandModel.build("left", look), HandModel.build("right", look))
-    fingers = (Fingers(play.arms["left"]), Fingers(play.arms["right"]))
-    return World(play, room, pair, fingers, (*hands(), *objects), things, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))
+    fingers = (FingerTrajectory(play.arms["left"]), FingerTrajectory(play.arms["right"]))
+    return World(play, room, pair, fingers, (*hand_entities(), *objects), things, intrinsics(WIDTH, HEIGHT, FIELD_OF_VIEW_DEG))

@@ -8,21 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.render.model import BACKGROUND, Instance, Light
 from afford.render.motion import about, pose
-from afford.render.textures import Textures
+from afford.render.scene import BACKGROUND, Instance, Light, Textures
+from afford.synthetic.assets import library
+from afford.synthetic.assets.object_model import ObjectModel
+from afford.synthetic.human_hand.appearance import random_person
+from afford.synthetic.human_hand.hand_model import HandModel
+from afford.synthetic.human_hand.skeleton import close_on, distance_to
 from afford.synthetic.kitchens import rooms
-from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.kitchens.mats import mats
+from afford.synthetic.kitchens.rooms import place_mats
+from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import elbow
-from afford.synthetic.people.hand import HandModel
-from afford.synthetic.people.hand_grasp import close_on, distance_to
-from afford.synthetic.people.hand_look import person
-from afford.synthetic.stills.still_layout import Placed, lay_out
-from afford.synthetic.stills.still_sets import NEW, kinds
-from afford.synthetic.stills.still_ways import Way, with_more_grips
-from afford.synthetic.things import objects
-from afford.synthetic.things.asset import ObjectModel
+from afford.synthetic.splits import NEW_KINDS, object_kinds
+from afford.synthetic.stills.grasp_options import GripOption, with_more_grips
+from afford.synthetic.stills.table_layout import Placed, place_on_table
 from schemas.scene import StillSpec
 from schemas.video import SIDES
 
@@ -50,10 +49,10 @@ class StillWorld:
 
     def __init__(self, spec: StillSpec) -> None:
         self.spec, self.rng = spec, np.random.default_rng(spec.seed)
-        self.models = [with_more_grips(objects.build(kind, self.rng)) for kind in self._pool()]
+        self.models = [with_more_grips(library.build(kind, self.rng)) for kind in self._pool()]
         room = rooms.bare(spec.setting, self.rng)
-        self.room = replace(room, instances=(*room.instances, *mats(spec.setting, self.rng, CENTRE)))
-        look = person(self.rng)
+        self.room = replace(room, instances=(*room.instances, *place_mats(spec.setting, self.rng, CENTRE)))
+        look = random_person(self.rng)
         self.hands: dict[str, HandModel] = {side: HandModel.build(side, look) for side in SIDES}
         shown = [part.material for model in self.models for part in model.parts]
         self.textures = Textures.of([*shown, *(instance.material for instance in self.room.instances)])
@@ -61,10 +60,10 @@ class StillWorld:
 
     def _pool(self) -> list[str]:
         """Kinds of the things, each called by another noun."""
-        allowed = kinds(self.spec.setting, self.spec.asks, self.spec.split)
+        allowed = object_kinds(self.spec.setting, self.spec.asks, self.spec.split)
         order = [str(kind) for kind in self.rng.permutation(allowed)]
         if self.spec.asks == "new":
-            order = [*NEW, *(kind for kind in order if kind not in (*NEW, "bottle"))]
+            order = [*NEW_KINDS, *(kind for kind in order if kind not in (*NEW_KINDS, "bottle"))]
         return order[:POOL]
 
     def layout(self) -> Layout:
@@ -72,9 +71,9 @@ class StillWorld:
         rng = self.rng
         order = [self.models[k] for k in rng.permutation(len(self.models))]
         if self.spec.asks == "new":
-            order.sort(key=lambda model: model.kind not in NEW)
+            order.sort(key=lambda model: model.kind not in NEW_KINDS)
         count = int(rng.integers(*ON_TABLE))
-        things = lay_out(order[:count], rng)
+        things = place_on_table(order[:count], rng)
         behind = self._behind(order[count : count + BEHIND])
         shown = [_tinted(instance, rng) for instance in [*self.room.instances, *behind]]
         for thing in things:
@@ -90,11 +89,11 @@ class StillWorld:
             out += model.instances(pose(at, about((0, 0, 1), self.rng.uniform(-0.8, 0.8))), BACKGROUND)
         return out
 
-    def hand(self, way: Way) -> list[Instance]:
+    def hand(self, way: GripOption) -> list[Instance]:
         """A hand on a thing, as it is drawn."""
         return self.hands[way.side].instances(way.palm, self.fingers(way), elbow(way.side, way.palm), 0)
 
-    def fingers(self, way: Way) -> np.ndarray:
+    def fingers(self, way: GripOption) -> np.ndarray:
         """(20,) joint angles closed on the thing; the same for every turn of a thing that looks the same from all sides."""
         model, grip = way.thing.model, way.grip
         key = (id(model), grip.name, grip.kind, *(("", 0) if model.spins else (grip.side, way.turn)))

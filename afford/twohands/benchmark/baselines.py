@@ -32,7 +32,7 @@ def centre(dataset: Path | None) -> Baseline:
     return _centre
 
 
-def said(task: str, planes: np.ndarray, hands: np.ndarray, taxonomy: np.ndarray | None = None) -> Prediction:
+def one_hypothesis(task: str, planes: np.ndarray, hands: np.ndarray, taxonomy: np.ndarray | None = None) -> Prediction:
     """One hypothesis per hand: (2, h, w) float32 probabilities, cut at 0.5; without `taxonomy` the method tells none."""
     told = np.full(4, np.nan) if taxonomy is None else taxonomy
     return Prediction(task, planes[:, None].astype(np.float32), np.ones((2, 1), np.float32), told.astype(np.float32), hands, 0.5)
@@ -43,12 +43,12 @@ def _centre(case: Case) -> Prediction:
     y, x = np.mgrid[:height, :width]
     off = ((x + 0.5) / width - 0.5) ** 2 + ((y + 0.5) / height - 0.5) ** 2
     plane = np.exp(-off / (2 * SPREAD**2))
-    return said(case.task, np.stack([plane, plane]), np.ones(2, bool))
+    return one_hypothesis(case.task, np.stack([plane, plane]), np.ones(2, bool))
 
 
 def _regions(case: Case, masks: np.ndarray) -> Prediction | None:
     hands = np.array([mask.any() for mask in masks])
-    return said(case.task, masks, hands) if hands.any() else None
+    return one_hypothesis(case.task, masks, hands) if hands.any() else None
 
 
 def _filled(mask: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ Masks are anti-aliased grey and read as `> 0` (ActAffordance). A mask of another
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -15,11 +15,32 @@ from PIL import Image
 
 from afford.common.errors import SourceError
 from afford.common.text import json_field, parse_json
-from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
+from afford.dataset.act_affordance import ANNOTATION, IMAGE, MODES, CaseFiles
 from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef
 from schemas.video import SIDES
+
+
+def prompts(given: Sequence[str], text: str, seed: int) -> list[str]:
+    """`given`, `shuffled` or `removed` tasks, one per case. ValueError for another word."""
+    if text == "given":
+        return list(given)
+    if text == "removed":
+        return [""] * len(given)
+    if text == "shuffled":
+        return shuffled(given, seed)
+    raise ValueError(f"text: expected given, shuffled or removed, got {text!r}")
+
+
+def shuffled(given: Sequence[str], seed: int) -> list[str]:
+    """Every case gets a task of another wording, drawn by seed among the cases that have one. ValueError when all are alike."""
+    if len(set(given)) < 2:
+        raise ValueError("text shuffled: expected cases with at least two different tasks, got one; nothing can be exchanged")
+    rng = np.random.default_rng(seed)
+    words = np.array(given, dtype=object)
+    return [str(rng.choice(words[words != own])) for own in given]
+
 
 KITCHEN, SHIFT = "kitchen", "shift"
 Size = tuple[int, int]

@@ -11,7 +11,59 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.common.masks import box
+from afford.common.masks import box, iou
+
+
+def best_mode(found: np.ndarray, modes: np.ndarray) -> int:
+    """The mode whose union of both hands `found` (h, w) agrees with best by IoU; `modes` (m, 2, h, w) bool. First of equals."""
+    return int(np.argmax([iou(found, mode[0] | mode[1]) for mode in modes]))
+
+
+def agreement(hypotheses: np.ndarray, modes: np.ndarray) -> np.ndarray:
+    """(k, m) IoU of the unions of hands of every hypothesis (k, 2, h, w) with every mode (m, 2, h, w)."""
+    truth = [mode[0] | mode[1] for mode in modes]
+    return np.array([[iou(one[0] | one[1], mode) for mode in truth] for one in hypotheses])
+
+
+def best_mode_iou(table: np.ndarray) -> float:
+    """Mean over modes of the IoU of the hypothesis that fits it best: 1 only when every mode is found. `table` (k, m)."""
+    return float(table.max(axis=0).mean())
+
+
+def best_hypothesis_iou(table: np.ndarray) -> float:
+    """IoU of the best pair: what a perfect ranking of the hypotheses would give. `table` (k, m)."""
+    return float(table.max())
+
+
+BINS = 15
+
+
+def reliability(probability: np.ndarray, share: np.ndarray, of: int, floor: float) -> np.ndarray:
+    """(3, BINS) per bin: pixels, summed probability, summed truth. `probability` (h, w) is 0..1, rounded to 1/255; `share` (h, w)
+    uint8 counts how many `of` the valid ways hold the pixel.
+
+    Pixels below `floor` are left out: nearly every pixel of an image is certain background, which would hide the rest. The
+    choice looks at the prediction alone, so that it does not bend the curve.
+    """
+    grey = np.rint(probability * np.float32(255)).astype(np.uint8)
+    joint = cv2.calcHist([grey, share], [0, 1], None, [256, of + 1], [0, 256, 0, of + 1]).astype(np.float64)
+    p = np.arange(256) / 255
+    joint[p < floor] = 0
+    count, truth = joint.sum(axis=1), joint @ (np.arange(of + 1) / of)
+    return binned(p, np.stack([count, count * p, truth]))
+
+
+def binned(p: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """(3, n) sums at n probabilities -> (3, BINS)."""
+    bins = np.minimum((p * BINS).astype(np.int64), BINS - 1)
+    return np.stack([np.bincount(bins, weights, BINS) for weights in table])
+
+
+def expected_error(table: np.ndarray) -> float:
+    """Expected calibration error of a (3, b) table (Guo et al. 2017): the mean gap, weighted by pixels. NaN without any."""
+    count, probability, truth = table
+    total = count.sum()
+    return float(np.abs(probability - truth).sum() / total) if total else float("nan")
 
 
 class Overlap(NamedTuple):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.common.masks import iou
-from afford.twohands.benchmark import calibration, compat, measures, modes
+from afford.twohands.benchmark import compat, measures
 from afford.twohands.benchmark.answers import Answer
 from schemas.affordance import Taxonomy
 from schemas.benchmark import Case, MethodScores, Sheet
@@ -78,17 +78,17 @@ def score(name: str, cases: Iterable[Case], levels: tuple[float, ...], answer: C
 def score_case(case: Case, said: Answer, floor: float) -> Row:
     """Every measure of one case."""
     union = said.top[0] | said.top[1]
-    mode = case.modes[modes.best_mode(union, case.modes)]
+    mode = case.modes[measures.best_mode(union, case.modes)]
     truth = mode[0] | mode[1]
-    table = modes.agreement(said.proposals, case.modes)
+    table = measures.agreement(said.proposals, case.modes)
     values = {
         **measures.overlap(union, truth)._asdict(),
         **dict(zip(("hd_px", "hd_symmetric_px"), measures.hausdorff(union, truth), strict=True)),
         "map": float(np.mean([_best_precision(cut[0] | cut[1], case.modes) for cut in said.cuts])),
         **_per_hand(said.top, mode),
         "first_mode_iou": iou(union, case.modes[0, 0] | case.modes[0, 1]),
-        "best_mode_iou": modes.best_mode_iou(table),
-        "best_hypothesis_iou": modes.best_hypothesis_iou(table),
+        "best_mode_iou": measures.best_mode_iou(table),
+        "best_hypothesis_iou": measures.best_hypothesis_iou(table),
         **_hands(said, case.modes, mode),
         "answered": float(any(file is not None for pair in said.files for file in pair)),
     }
@@ -104,7 +104,7 @@ def score_case(case: Case, said: Answer, floor: float) -> Row:
 
 def _best_precision(found: np.ndarray, all_modes: np.ndarray) -> float:
     """Precision against the mode that fits best."""
-    mode = all_modes[modes.best_mode(found, all_modes)]
+    mode = all_modes[measures.best_mode(found, all_modes)]
     return measures.precision(found, mode[0] | mode[1])
 
 
@@ -148,9 +148,9 @@ def _compat(case: Case, said: Answer) -> np.ndarray:
 
 def _reliability(case: Case, said: Answer, floor: float) -> np.ndarray:
     if said.marginal is None:
-        return np.zeros((3, calibration.BINS))
+        return np.zeros((3, measures.BINS))
     held = case.modes.sum(axis=0, dtype=np.uint8)
-    return np.sum([calibration.reliability(p, hand, len(case.modes), floor) for p, hand in zip(said.marginal, held, strict=True)],
+    return np.sum([measures.reliability(p, hand, len(case.modes), floor) for p, hand in zip(said.marginal, held, strict=True)],
                   axis=0)
 
 

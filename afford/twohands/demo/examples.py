@@ -18,9 +18,9 @@ import pyarrow.parquet as pq
 
 from afford.common.errors import SourceError
 from afford.common.image_files import decode_image, jpeg, read_image
-from afford.dataset.layout import ANNOTATION, IMAGE
-from afford.training.written import CARD
-from afford.twohands.train.sources import tables
+from afford.dataset.act_affordance import ANNOTATION, IMAGE
+from afford.training.artifacts import CARD
+from afford.twohands.train.samples import tables
 
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")

@@ -21,9 +21,9 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from afford.common.bounded import TooLargeError
 from afford.common.deadline import DeadlineStream
 from afford.common.errors import SourceError
-from afford.twohands.demo.answer import QuestionError
-from afford.twohands.demo.crowd import CrowdServer, FullError, Room, error_json
+from afford.twohands.demo.bounded_server import BoundedServer, ByteBudget, FullError, error_json
 from afford.twohands.demo.examples import Example
+from afford.twohands.demo.service import QuestionError
 
 MAX_BODY_BYTES = 16 << 20
 MAX_BODIES_BYTES = 4 * MAX_BODY_BYTES
@@ -65,14 +65,14 @@ class RequestError(Exception):
         self.status = status
 
 
-class Site(CrowdServer):
+class Site(BoundedServer):
     """A page and a model, on one address. `serve_forever` runs it; port 0 takes any that is free."""
 
     def __init__(self, host: str, port: int, ask: Ask, about: dict[str, Any], examples: Sequence[Example]) -> None:
         """OSError when the address cannot be had."""
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self.ask, self.content, self.host = ask, content(about, examples), host
-        self.room = Room(MAX_BODIES_BYTES)
+        self.room = ByteBudget(MAX_BODIES_BYTES)
         super().__init__((host, port), Handler)
 
     @property

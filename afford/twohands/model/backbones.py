@@ -6,14 +6,107 @@ latter. A saved two-hand model has the same layout without the weights, which ar
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
+from transformers import SamConfig
+from transformers.models.sam.modeling_sam import SamFeedForward, SamMaskDecoder
 
 from afford.models.tokens import HashedTokens, Tokens, read_tokens
+
+TOKENS = 4
+"""mask tokens of SAM's decoder: one for a single mask, three for several"""
+TINY_DEPTHS = 3, 2
+"""layers of the encoder and of the decoders of a SAM from nothing"""
+
+
+class HandDecoder(SamMaskDecoder):  # type: ignore[misc]  # transformers ships no types here
+    """SAM's mask decoder that shows its mask tokens as well."""
+
+    def forward(self, image: Tensor, place: Tensor, prompt: Tensor, k: int) -> tuple[Tensor, Tensor, Tensor]:
+        """image (b, c, h, w) with the dense prompt added, place (b, c, h, w), prompt (b, n, c).
+
+        Returns masks (b, k, 4 h, 4 w), scores (b, k), tokens (b, TOKENS, c). k = 1 takes the single-mask token.
+        """
+        own = torch.cat([self.iou_token.weight, self.mask_tokens.weight])
+        tokens = torch.cat([own.expand(len(prompt), -1, -1), prompt], dim=1)[:, None]
+        tokens, seen = self.transformer(tokens, image, place, None)
+        masks = tokens[:, 0, 1 : 1 + TOKENS]
+        chosen = slice(0, 1) if k == 1 else slice(1, 1 + k)
+        weight = torch.stack([self.output_hypernetworks_mlps[i](masks[:, i]) for i in range(TOKENS)[chosen]], dim=1)
+        fine = self._upscaled(seen.transpose(2, 3).reshape(image.shape))
+        score = self.iou_prediction_head(tokens[:, 0, 0])[:, chosen]
+        return torch.einsum("bkc,bchw->bkhw", weight, fine), score, masks
+
+    def _upscaled(self, image: Tensor) -> Tensor:
+        x = self.activation(self.upscale_layer_norm(self.upscale_conv1(image)))
+        return self.activation(self.upscale_conv2(x))
+
+
+class Regions(nn.Module):
+    """Image and prompt -> a region for each hand."""
+
+    def __init__(self, sam: Any, decoders: int, hypotheses: int) -> None:
+        """`sam`: a SamModel; both decoders start from its own. ValueError when it has not SAM's four mask tokens."""
+        super().__init__()
+        config = sam.config.mask_decoder_config
+        if config.num_multimask_outputs != TOKENS - 1 or not 1 <= hypotheses < TOKENS:
+            raise ValueError(f"hypotheses: a SAM decoder gives 1 to {TOKENS - 1}, got {hypotheses}")
+        self.hypotheses = hypotheses
+        self.image_encoder, self.prompt_encoder = sam.vision_encoder, sam.prompt_encoder
+        first = HandDecoder(config)
+        first.load_state_dict(sam.mask_decoder.state_dict())
+        self.decoders = nn.ModuleList([first] + [copy.deepcopy(first) for _ in range(decoders - 1)])
+        width = TOKENS * config.hidden_size
+        self.taxonomy = SamFeedForward(width, width, 4, 3)
+
+    def forward(self, image: Tensor, prompt: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """image (b, 3, s, s) normalised, prompt (b, n, c) sparse. Returns logits (b, 2, k, s / 4, s / 4), score logits (b, 2, k)
+        and taxonomy logits (b, 4).
+        """
+        with torch.set_grad_enabled(torch.is_grad_enabled() and self._encoder_learns()):
+            seen = self.image_encoder(image).last_hidden_state
+        seen = seen + self.prompt_encoder.no_mask_embed.weight.view(1, -1, 1, 1)
+        place = self._place(seen)
+        found = [decoder(seen, place, prompt, self.hypotheses) for decoder in self.decoders]
+        masks, score = (torch.stack([one[i] for one in found], dim=1) for i in (0, 1))
+        return masks.expand(-1, 2, -1, -1, -1), score.expand(-1, 2, -1), self.taxonomy(found[0][2].flatten(1))
+
+    def _encoder_learns(self) -> bool:
+        return any(parameter.requires_grad for parameter in self.image_encoder.parameters())
+
+    def _place(self, seen: Tensor) -> Tensor:
+        """SAM's own positions of the image embedding, (b, c, h, w)."""
+        size = seen.shape[-1]
+        centre = (torch.arange(size, device=seen.device) + 0.5) / size
+        y, x = torch.meshgrid(centre, centre, indexing="ij")
+        place = self.prompt_encoder.shared_embedding(torch.stack([x, y], dim=-1).to(seen.dtype))
+        return place.permute(2, 0, 1).expand(len(seen), -1, -1, -1)
+
+
+def check_size(size_px: tuple[int, int], config: Any) -> None:
+    """ValueError unless the letter-box is what SAM's encoder takes."""
+    size = config.vision_config.image_size
+    if size_px != (size, size):
+        raise ValueError(f"ModelConfig.size_px: this SAM takes ({size}, {size}), got {size_px}")
+
+
+def tiny_sam(size_px: int, width: int, heads: int) -> SamConfig:
+    """A SAM that trains on a CPU: global attention everywhere, patches of 16 px."""
+    depth, decoder_depth = TINY_DEPTHS
+    return SamConfig(
+        vision_config={"hidden_size": width, "output_channels": width, "num_hidden_layers": depth, "num_attention_heads": heads,
+                       "image_size": size_px, "global_attn_indexes": list(range(depth)), "window_size": 0, "mlp_ratio": 2.0,
+                       "num_pos_feats": width // 2, "initializer_range": 0.02},
+        prompt_encoder_config={"hidden_size": width, "image_size": size_px},
+        mask_decoder_config={"hidden_size": width, "mlp_dim": 2 * width, "num_hidden_layers": decoder_depth,
+                             "num_attention_heads": heads, "iou_head_hidden_dim": width},
+    )  # fmt: skip
+
 
 TINY_VOCABULARY = 2048
 

@@ -8,14 +8,10 @@ import torch
 from torch import Tensor, nn
 from transformers import CLIPConfig, CLIPModel, SamModel
 
-from afford.models.clip_text import text_batch
 from afford.models.normalise import for_tower, normalised
-from afford.models.sam import Regions, check_size, tiny_sam
-from afford.models.tokens import Tokens
-from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
-from afford.twohands.model.batch import Batch, Output
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.model import TwoHands
+from afford.models.tokens import Tokens, text_batch
+from afford.twohands.model.backbones import TINY_VOCABULARY, Regions, backbone, check_size, freeze, tiny_sam, tokens_of
+from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
 
 
 class Clip(TwoHands):

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, interpolate, one_hot, smooth_l1_loss, softmax
 
-from afford.twohands.model.batch import Output, Target
+from afford.twohands.model.interface import Output, Target
 
 ALLOWED = {"mode": ("paper", "code"), "mask": ("", "focal", "bce"), "choice": ("joint", "hand"), "grid": ("output", "input")}
 

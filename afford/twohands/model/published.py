@@ -16,8 +16,8 @@ from torch import Tensor
 
 from afford.common.bounded import reason
 from afford.models.archive import load_plain
-from afford.models.fitting import fit
-from afford.twohands.model.model import TwoHands
+from afford.models.loading import fill_weights
+from afford.twohands.model.interface import TwoHands
 from schemas.video import SIDES
 
 INDEXES = ("model.safetensors.index.json", "pytorch_model.bin.index.json")
@@ -86,7 +86,7 @@ def load_published(model: TwoHands, path: Path) -> list[str]:
         if name in given and len(given[name]) == len(own[name]) - 1:
             given[name] = torch.cat([given[name], own[name][-1:].to(given[name])])
     stay = [name for name in own if name not in given and MAY_STAY.search(name)]
-    fit(model, given | {name: own[name] for name in stay}, str(path), "give the published weights of this size")
+    fill_weights(model, given | {name: own[name] for name in stay}, str(path), "give the published weights of this size")
     return stay
 
 

@@ -7,7 +7,8 @@ language model, the projection, both mask decoders and the taxonomy head. All el
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import torch
 from peft import LoraConfig, inject_adapter_in_model
@@ -16,14 +17,82 @@ from torch.nn.functional import cross_entropy
 from transformers import LlavaConfig, LlavaForConditionalGeneration, SamModel
 
 from afford.models.normalise import for_tower, normalised
-from afford.models.sam import Regions, check_size, tiny_sam
 from afford.models.tokens import IMAGE, SEG, HashedTokens, Tokens
-from afford.twohands.model.backbones import TINY_VOCABULARY, backbone, freeze, tokens_of
-from afford.twohands.model.batch import Batch, Output
-from afford.twohands.model.config import ModelConfig
-from afford.twohands.model.dialogue import IGNORE, Dialogue, dialogue, seg_positions
-from afford.twohands.model.model import TwoHands
-from afford.twohands.model.prompts import ANSWERS, FRAMED, QUESTIONS, question
+from afford.twohands.model.backbones import TINY_VOCABULARY, Regions, backbone, check_size, freeze, tiny_sam, tokens_of
+from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
+
+QUESTIONS = (
+    "Where should each hand touch to {task}? Show the regions.",
+    "Which parts does one hold in order to {task}? Mark them.",
+    "Somebody wants to {task}. Where do the hands go?",
+    "Point out where to put the hands if the task is to {task}.",
+)
+ANSWERS = (
+    "It is [SEG].",
+    "The hands go to [SEG].",
+    "Here: [SEG].",
+    "Sure, the regions are [SEG].",
+    "[SEG].",
+)
+INFERENCE = "Where would you interact with the object to perform action {task}"
+"""the question that is always asked outside training, in substance the published one"""
+CONVERSATION = "USER: {image}\n{question} ASSISTANT:"
+"""what stands before the answer"""
+FRAMED = "<im_start><image><im_end>"
+"""the image, for tokenizers that have the marks around it, as the released models do"""
+
+
+def question(task: str, template: str = INFERENCE, image: str = "<image>") -> str:
+    """The text before the answer, the image included."""
+    return CONVERSATION.format(image=image, question=template.format(task=task))
+
+
+IGNORE = -100
+"""label of what is not to be predicted"""
+
+
+class Dialogue(NamedTuple):
+    """b rows, padded on the right."""
+
+    ids: Tensor
+    """(b, n) int64"""
+    keep: Tensor
+    """(b, n) bool: what is not padding"""
+    labels: Tensor
+    """(b, n) int64: the answer's own ids, IGNORE elsewhere"""
+
+
+def dialogue(tokens: Tokens, pairs: Sequence[tuple[str, str]], image_tokens: int, begin: int, end: int, pad: int) -> Dialogue:
+    """Ids of (question, answer) pairs. Every `<image>` becomes as many ids as the vision tower gives tokens, so that ids and
+    hidden states are in the same places, wherever the image stands.
+    """
+    rows = []
+    for asked, answered in pairs:
+        before, answer = [begin] + _spread(tokens, asked, image_tokens), tokens.encode(" " + answered) + [end]
+        rows.append((before + answer, [IGNORE] * len(before) + answer))
+    longest = max(len(ids) for ids, _ in rows)
+    ids = torch.tensor([ids + [pad] * (longest - len(ids)) for ids, _ in rows])
+    labels = torch.tensor([label + [IGNORE] * (longest - len(label)) for _, label in rows])
+    lengths = torch.tensor([len(ids) for ids, _ in rows])
+    return Dialogue(ids, torch.arange(longest) < lengths[:, None], labels)
+
+
+def seg_positions(ids: Tensor, seg: int, state: str = "paper") -> Tensor:
+    """(b,) where the state of [SEG] is: at the token itself (paper), or one before, where it is predicted (code).
+
+    ids (b, n); ValueError when a row has not exactly one [SEG].
+    """
+    found = ids == seg
+    counts = found.sum(1)
+    if (counts != 1).any():
+        raise ValueError(f"expected exactly one [SEG] in each row, got {counts.tolist()}")
+    return found.int().argmax(1) - int(state == "code")
+
+
+def _spread(tokens: Tokens, text: str, count: int) -> list[int]:
+    image = tokens.id(IMAGE)
+    return [one for token in tokens.encode(text) for one in ([token] * count if token == image else [token])]
+
 
 ADAPTED = r".*language_model\..*\.(q_proj|v_proj)"
 TRAINED = re.compile(r"(^|\.)(lora_[AB]\.|lm_head\.|embed_tokens\.)")

@@ -1,0 +1,262 @@
+"""Published checkpoints of SAM 2 and 2.1 (`sam2*_hiera_*.pt`): their four sizes, and the names of their tensors in `transformers`.
+
+Read are tensors only. Every tensor must find its place: what is missing, left over or misshapen is named, one by one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import interpolate
+from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sam2VisionConfig
+from transformers.models.sam2_video.modeling_sam2_video import Sam2VideoInferenceSession
+
+from afford.models import archive
+from afford.models.loading import fill_weights, kept, read_pretrained
+
+SIZES: dict[str, dict[str, Any]] = {
+    "tiny": {"hidden_size": 96, "blocks_per_stage": [1, 2, 7, 2], "global_attention_blocks": [5, 7, 9],
+             "num_attention_heads_per_stage": [1, 2, 4, 8]},
+    "small": {"hidden_size": 96, "blocks_per_stage": [1, 2, 11, 2], "global_attention_blocks": [7, 10, 13],
+              "num_attention_heads_per_stage": [1, 2, 4, 8]},
+    "base_plus": {"hidden_size": 112, "blocks_per_stage": [2, 3, 16, 3], "global_attention_blocks": [12, 16, 20],
+                  "num_attention_heads_per_stage": [2, 4, 8, 16], "window_positional_embedding_background_size": [14, 14]},
+    "large": {"hidden_size": 144, "blocks_per_stage": [2, 6, 36, 4], "global_attention_blocks": [23, 33, 43],
+              "num_attention_heads_per_stage": [2, 4, 8, 16], "window_size_per_stage": [8, 4, 16, 8]},
+}
+"""Hiera of each size (Ravi et al. 2024, appendix): width of the first stage, which doubles with every stage, and blocks"""
+TOP = "model."
+"""what the names of a published file begin with"""
+POINTS = 4
+"""kinds of points that can prompt; one tensor there, rows of one here"""
+FREQUENCIES = "prompt_encoder.shared_embedding.positional_embedding"
+COPY = "shared_image_embedding.positional_embedding"
+
+THREE = r"((?:iou_prediction_head|pred_obj_score_head|output_hypernetworks_mlps\.\d+|object_pointer_proj))\.layers\."
+RENAMED = (
+    (r"^image_encoder\.trunk\.", "vision_encoder.backbone."),
+    (r"^image_encoder\.neck\.convs\.(\d+)\.conv\.", r"vision_encoder.neck.convs.\1."),
+    (r"\.patch_embed\.proj\.", ".patch_embed.projection."),
+    (r"^sam_prompt_encoder\.", "prompt_encoder."),
+    (r"\.pe_layer\.positional_encoding_gaussian_matrix$", ".shared_embedding.positional_embedding"),
+    (r"\.mask_downscaling\.0\.", ".mask_embed.conv1."),
+    (r"\.mask_downscaling\.1\.", ".mask_embed.layer_norm1."),
+    (r"\.mask_downscaling\.3\.", ".mask_embed.conv2."),
+    (r"\.mask_downscaling\.4\.", ".mask_embed.layer_norm2."),
+    (r"\.mask_downscaling\.6\.", ".mask_embed.conv3."),
+    (r"^sam_mask_decoder\.", "mask_decoder."),
+    (r"\.output_upscaling\.0\.", ".upscale_conv1."),
+    (r"\.output_upscaling\.1\.", ".upscale_layer_norm."),
+    (r"\.output_upscaling\.3\.", ".upscale_conv2."),
+    (r"^memory_encoder\.mask_downsampler\.encoder\.12\.", "memory_encoder.mask_downsampler.final_conv."),
+    (r"^memory_encoder\.pix_feat_proj\.", "memory_encoder.feature_projection."),
+    (r"^memory_encoder\.out_proj\.", "memory_encoder.projection."),
+    (r"^memory_encoder\.fuser\.", "memory_encoder.memory_fuser."),
+    (r"\.dwconv\.", ".depthwise_conv."),
+    (r"\.pwconv(\d)\.", r".pointwise_conv\1."),
+    (r"\.gamma$", ".scale"),
+    (r"\.out_proj\.", ".o_proj."),
+    (r"\.norm(\d?)\.", r".layer_norm\1."),
+    (r"\.norm_final_attn\.", ".layer_norm_final_attn."),
+    (r"\.mlp\.layers\.0\.", ".mlp.proj_in."),
+    (r"\.mlp\.layers\.1\.", ".mlp.proj_out."),
+    (r"^obj_ptr_proj\.", "object_pointer_proj."),
+    (THREE + r"0\.", r"\1.proj_in."),
+    (THREE + r"1\.", r"\1.layers.0."),
+    (THREE + r"2\.", r"\1.proj_out."),
+    (r"^obj_ptr_tpos_proj\.", "temporal_positional_encoding_projection_layer."),
+    (r"^maskmem_tpos_enc$", "memory_temporal_positional_encoding"),
+    (r"^no_mem_embed$", "no_memory_embedding"),
+    (r"^no_mem_pos_enc$", "no_memory_positional_encoding"),
+    (r"^no_obj_ptr$", "no_object_pointer"),
+    (r"^no_obj_embed_spatial$", "occlusion_spatial_embedding_parameter"),
+)
+"""(pattern, replacement), applied one after the other"""
+DOWNSAMPLER = re.compile(r"^(memory_encoder\.mask_downsampler)\.encoder\.(\d+)\.(weight|bias)$")
+
+
+def our_name(name: str) -> str:
+    """What a published tensor is called in `transformers`."""
+    for pattern, replacement in RENAMED:
+        name = re.sub(pattern, replacement, name)
+    found = DOWNSAMPLER.match(name)
+    if found:  # a convolution, its norm and an activation without weights, again and again
+        layer, part = divmod(int(found[2]), 3)
+        name = f"{found[1]}.layers.{layer}.{('conv', 'layer_norm', 'activation')[part]}.{found[3]}"
+    return name
+
+
+def our_state_dict(published: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """A published state dict under our names: rows of points together, frequencies of positions twice."""
+    out = {our_name(name): tensor for name, tensor in published.items()}
+    rows = [out.pop(f"prompt_encoder.point_embeddings.{i}.weight", None) for i in range(POINTS)]
+    there = [row for row in rows if row is not None]
+    if there:
+        out["prompt_encoder.point_embed.weight"] = torch.cat(there)
+    if FREQUENCIES in out:
+        out[COPY] = out[FREQUENCIES]
+    return out
+
+
+def published_config(size: str, *, version: str = "2.1") -> Sam2VideoConfig:
+    """The architecture of a published size; 2.0 has no places in time for pointers and no sign of what is hidden."""
+    hiera = SIZES[size]
+    widths = [hiera["hidden_size"] * 2**stage for stage in range(4)]
+    vision = Sam2VisionConfig(backbone_config=Sam2HieraDetConfig(embed_dim_per_stage=widths, **hiera),
+                              backbone_channel_list=widths[::-1])  # fmt: skip
+    later = version != "2.0"
+    return Sam2VideoConfig(vision_config=vision, enable_temporal_pos_encoding_for_object_pointers=later,
+                           enable_occlusion_spatial_embedding=later)  # fmt: skip
+
+
+def published_size(published: Mapping[str, Tensor], where: str) -> str:
+    """Which size a state dict is of, by the width and number of its blocks. ValueError when it is none."""
+    first = published.get("image_encoder.trunk.patch_embed.proj.weight")
+    numbers = {int(found[1]) for name in published if (found := re.match(r"image_encoder\.trunk\.blocks\.(\d+)\.", name))}
+    got = (0 if first is None else len(first), len(numbers))
+    known = {(hiera["hidden_size"], sum(hiera["blocks_per_stage"])): size for size, hiera in SIZES.items()}
+    if got not in known:
+        raise ValueError(f"{where}: expected a checkpoint of SAM 2 (hiera {', '.join(SIZES)}), got {got[1]} blocks of width "
+                         f"{got[0]}; give sam2.1_hiera_*.pt as it is published, or a folder of a Sam2VideoModel")
+    return known[got]
+
+
+def read_published(path: Path) -> Sam2VideoModel:
+    """The model of a published checkpoint. ValueError names every tensor that is missing, left over or misshapen."""
+    published = published_tensors(path)
+    version = "2.1" if "no_obj_embed_spatial" in published else "2.0"
+    config = published_config(published_size(published, str(path)), version=version)
+    return fill_published(Sam2VideoModel(config), published, str(path))
+
+
+def fill_published(model: Sam2VideoModel, published: Mapping[str, Tensor], where: str) -> Sam2VideoModel:
+    """A model with published weights in it; ValueError when one does not fit."""
+    fill_weights(model, our_state_dict(published), where, "give a published SAM 2 or 2.1")
+    return model
+
+
+def published_tensors(path: Path) -> dict[str, Tensor]:
+    """Name -> tensor of a published file, {"model": {name: tensor}}; nothing but tensors is read. ValueError when it is none."""
+    found = archive.read_tensors(path)
+    if foreign := [name for name in found if not name.startswith(TOP)]:
+        raise ValueError(f'{path}: expected {{"model": {{name: tensor}}}} as SAM 2 is published, got {", ".join(foreign[:4])}')
+    return {name.removeprefix(TOP): tensor for name, tensor in found.items()}
+
+
+MEAN = (0.485, 0.456, 0.406)
+DEVIATION = (0.229, 0.224, 0.225)
+
+
+class Seen(NamedTuple):
+    """What the model finds in one frame."""
+
+    at: int
+    logits: torch.Tensor
+    """(n, h', w') float32 on the CPU, of n objects at the model's own size; positive inside"""
+
+
+def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> Sam2VideoModel:
+    """A model from a folder that `save_pretrained` wrote or from a published file `sam2*_hiera_*.pt`, for inference.
+
+    ValueError in one sentence: nothing there, another model, a tensor that is missing, left over or misshapen.
+    """
+    model: Sam2VideoModel = kept(_read_any, Sam2VideoModel, name, "sam2", device, dtype)
+    return model
+
+
+def _read_any(kind: Any, where: Path) -> Any:
+    return read_published(where) if where.is_file() else read_pretrained(kind, where)
+
+
+def track(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray]) -> np.ndarray:
+    """Follow n objects through a short video, forwards from the first prompt and then backwards.
+
+    rgb: (t, h, w, 3) uint8. prompts: frame position -> (n, h, w) bool masks of all n objects (an empty mask says that the
+    object is out of sight). Returns (n, t, h, w) float32 mask logits; positive inside.
+    """
+    first, size = min(prompts), rgb.shape[1:3]
+    count = next(iter(prompts.values())).shape[0]
+    logits = np.full((count, len(rgb), *size), -10.0, np.float32)
+    for order in (range(first, len(rgb)), range(first, -1, -1) if first else range(0)):
+        for seen in follow(model, rgb, prompts, order):
+            logits[:, seen.at] = full_size(seen.logits, size)
+    return logits
+
+
+@torch.inference_mode()
+def session(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], cache: int = 1) -> Sam2VideoInferenceSession:
+    """A video whose prompts the model has remembered. `cache`: frames whose image features are kept."""
+    size = int(model.config.image_size)
+    made = Sam2VideoInferenceSession(
+        video_height=rgb.shape[1], video_width=rgb.shape[2], inference_device=model.device, inference_state_device=model.device,
+        dtype=model.dtype, max_vision_features_cache_size=cache,
+    )  # fmt: skip
+    made.processed_frames = _Frames(rgb, size, model.device, model.dtype)
+    for position, masks in sorted(prompts.items()):
+        _prompt(model, made, position, masks, size)
+    return made
+
+
+def follow(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], order: Iterable[int], *,
+           within: Sam2VideoInferenceSession | None = None) -> Iterator[Seen]:  # fmt: skip
+    """The frames of `order`, ascending or descending, one after the other, each with the memory of those before it and of all
+    prompts. `within` is a `session` of the same video and prompts, which forgets all but the prompts.
+    """
+    made = within or session(model, rgb, prompts)
+    positions = list(order)
+    reverse = len(positions) > 1 and positions[1] < positions[0]
+    far = max(int(model.config.num_maskmem), int(model.config.max_object_pointers_in_encoder))
+    _forget(made, set())
+    for position in positions:
+        with torch.inference_mode():
+            out = model(made, frame_idx=position, reverse=reverse)
+        _forget(made, set(range(position - far, position + far + 1)))
+        yield Seen(position, out.pred_masks[:, 0].float().cpu())
+
+
+def full_size(logits: torch.Tensor, size: tuple[int, ...]) -> np.ndarray:
+    """(n, h', w') logits -> (n, h, w) float32."""
+    return interpolate(logits[:, None], size, mode="bilinear", align_corners=False)[:, 0].numpy()
+
+
+def _forget(made: Sam2VideoInferenceSession, keep: set[int]) -> None:
+    """Drop what was found in other frames than `keep`; prompts stay."""
+    for outputs in made.output_dict_per_obj.values():
+        found = outputs["non_cond_frame_outputs"]
+        for position in [at for at in found if at not in keep]:
+            del found[position]
+
+
+def _prompt(model: Sam2VideoModel, made: Sam2VideoInferenceSession, position: int, masks: np.ndarray, size: int) -> None:
+    """Tell the session the masks of all objects in one frame, and let it remember them."""
+    scaled = interpolate(torch.from_numpy(np.array(masks)).float()[:, None], (size, size), mode="bilinear", antialias=True)
+    for entity in range(len(masks)):
+        index = made.obj_id_to_idx(entity)
+        made.add_mask_inputs(index, position, (scaled[entity : entity + 1] >= 0.5).float())
+        made.remove_point_inputs(index, position)
+    made.obj_with_new_inputs = list(range(len(masks)))
+    model(made, frame_idx=position)
+
+
+class _Frames(dict[int, torch.Tensor]):
+    """The frames of a video as the model wants them, each made when it is asked for."""
+
+    def __init__(self, rgb: np.ndarray, size: int, device: torch.device, dtype: torch.dtype) -> None:
+        super().__init__()
+        self._rgb, self._size, self._device, self._dtype = rgb, size, device, dtype
+        self._mean, self._deviation = (torch.tensor(three, device=device).view(3, 1, 1) for three in (MEAN, DEVIATION))
+
+    def __len__(self) -> int:
+        return len(self._rgb)
+
+    def __getitem__(self, at: int) -> torch.Tensor:
+        """(3, size, size), ImageNet-normalised; the aspect ratio is not kept, as published."""
+        image = torch.from_numpy(np.array(self._rgb[at])).to(self._device).permute(2, 0, 1)[None].float() / 255
+        image = interpolate(image, (self._size, self._size), mode="bilinear", align_corners=False, antialias=True)[0]
+        return ((image - self._mean) / self._deviation).to(self._dtype)

@@ -1,0 +1,154 @@
+"""Everything that decides a model's shape, as plain data that goes into config.json."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from afford.common.registry import load
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """One model. Every field is a string, a number, a bool or a tuple of numbers."""
+
+    variant: str = "small"
+    """small (trained from nothing on a CPU) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
+    hypotheses: int = 3
+    """k: regions proposed for each hand; 1 is the paper's model"""
+    size_px: tuple[int, int] = (128, 160)
+    """height and width of the letter-boxed input; square for clip and vlm"""
+    widths: tuple[int, int, int] = (32, 64, 128)
+    """channels at stride 4, 8 and 16 (small); the last one is the width of the decoder and of the words"""
+    convolutions: int = 4
+    """convolutions at stride 16, each tuned by the words (small)"""
+    depth: int = 1
+    """transformer blocks over the image at stride 16 (small)"""
+    decoder_depth: int = 1
+    """two-way blocks of the mask decoder (small)"""
+    heads: int = 4
+    """attention heads everywhere in small"""
+    text: bool = True
+    """False: the model does not read the task (ablation no_text)"""
+    text_buckets: int = 4096
+    """rows of the table that pieces of words are hashed into"""
+    text_words: int = 16
+    """words read of a task; the rest is cut off"""
+    decoders: int = 2
+    """1: one region for whichever hand, as LISA has it; both sides of the output are then the same"""
+    dropout: float = 0.0
+    """inside the transformers of small; LoRA's own dropout is `lora_dropout`"""
+    backbones: str = ""
+    """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones"""
+    frozen: bool = True
+    """clip: the backbones' weights stay as they were loaded; False trains them too (from nothing, they must)"""
+    lora_rank: int = 8
+    lora_alpha: int = 16
+    lora_dropout: float = 0.05
+    seg_state: str = "paper"
+    """vlm: paper = the hidden state of [SEG] itself; code = the state before it, as the released code reads it"""
+    threshold: float = 0.5
+    """probability above which a pixel belongs to a region; training chooses it on validation"""
+
+    def __post_init__(self) -> None:
+        if self.variant not in VARIANTS:
+            raise ValueError(f"ModelConfig.variant: expected one of {', '.join(VARIANTS)}, got {self.variant!r}")
+        if self.hypotheses < 1 or self.decoders not in (1, 2) or self.seg_state not in ("paper", "code"):
+            raise ValueError(f"ModelConfig: expected hypotheses >= 1, decoders 1 or 2 and seg_state paper or code, got {self}")
+        if any(size % 16 for size in self.size_px):
+            raise ValueError(f"ModelConfig.size_px: expected multiples of 16, got {self.size_px}")
+
+    def to_json(self) -> str:
+        """The fields as indented JSON."""
+        return json.dumps(dataclasses.asdict(self), indent=2, sort_keys=True)
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> ModelConfig:
+        """The config that `asdict` or JSON describes; ValueError names unknown fields. Missing fields keep their default."""
+        unknown = fields.keys() - {field.name for field in dataclasses.fields(cls)}
+        if unknown:
+            raise ValueError(f"ModelConfig has no field {', '.join(sorted(unknown))}")
+        plain: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()}
+        return cls(**plain)
+
+
+class Batch(NamedTuple):
+    """b images and their tasks."""
+
+    image: Tensor
+    """(b, 3, H, W) float32, RGB 0..1, letter-boxed to config.size_px"""
+    task: tuple[str, ...]
+    """b tasks in words"""
+
+
+class Target(NamedTuple):
+    """What people did."""
+
+    masks: Tensor
+    """(b, 2, H, W) float32, 0 or 1: region of the (left, right) hand, letter-boxed like the image"""
+    active: Tensor
+    """(b, 2) bool: whether that hand takes part"""
+    taxonomy: Tensor
+    """(b,) int64: 0 left, 1 right, 2 both on one object, 3 both on different objects"""
+    objects: Tensor | None = None
+    """(b, 2, H, W) float32, 0 or 1: the complete object of each hand, where it is known"""
+    centre: Tensor | None = None
+    """(b, 2) float32: centre of the things in the whole picture, of which `image` may be a crop; x to the right and y down, -1..1;
+    NaN where it is not known"""
+
+
+class Output(NamedTuple):
+    """What the model says; h, w are the input's size over a stride of 2 or 4."""
+
+    logits: Tensor
+    """(b, 2, k, h, w): positive inside the region of the (left, right) hand, hypothesis by hypothesis"""
+    score: Tensor
+    """(b, 2, k) logits: softmax over k says which hypothesis it is"""
+    taxonomy: Tensor
+    """(b, 4) logits"""
+    text_loss: Tensor | None = None
+    """scalar cross-entropy of the answer's words; None for models that do not write"""
+    objects: Tensor | None = None
+    """(b, 2, h, w) logits of the complete object of each hand; None for models that do not tell it"""
+    centre: Tensor | None = None
+    """(b, 2): centre of the things in the whole picture, as in `Target.centre`; None for models that do not tell it"""
+
+
+class TwoHands(nn.Module, ABC):
+    """An image and a task in, a region for each hand out. Parameters that are frozen have `requires_grad` off."""
+
+    config: ModelConfig
+
+    @abstractmethod
+    def forward(self, batch: Batch) -> Output:
+        """Regions, scores and taxonomy of b images; in training mode `text_loss` too where the model writes an answer."""
+
+    def extra_files(self) -> dict[str, str]:
+        """Name -> text of what must lie beside the weights to build this model again, config.json apart."""
+        return {}
+
+
+VARIANTS = {
+    "small": "afford.twohands.model.small:assemble",
+    "clip": "afford.twohands.model.clip:assemble",
+    "vlm": "afford.twohands.model.vlm:assemble",
+}
+"""name -> function that assembles the parts; the parts never import each other"""
+
+
+def build(config: ModelConfig, seed: int, *, pretrained: bool = True) -> TwoHands:
+    """A new model whose random weights come from `seed` alone; the caller's random state is left as it was.
+
+    `pretrained=False` takes only the architecture of config.backbones. Under `torch.device("meta")` a model has shapes and no
+    weights. ValueError when config.backbones cannot be read.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model: TwoHands = load(VARIANTS, config.variant)(config, pretrained)
+    return model

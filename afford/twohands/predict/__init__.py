@@ -1,1 +1,0 @@
-"""Prediction on pictures of a user."""

@@ -1,0 +1,155 @@
+"""An answer in numbers and words: the JSON object beside the masks (docs/twohands/predict.md names every field)."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from afford.common.drawing import overlay
+from afford.common.errors import SourceError
+from afford.common.files import RECORD, replace_folder, write_json, write_verified
+from afford.common.image_files import encode_png, mask_png
+from afford.common.masks import box
+from afford.twohands.inference import Answer
+from afford.twohands.model.model_folder import ModelFolder, unknown_words
+from schemas.affordance import TAXONOMY
+from schemas.benchmark import Prediction
+from schemas.video import SIDES
+
+DIGITS = 6
+
+
+def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
+    """Everything about one answer that is not a picture, ready for JSON."""
+    picture, prediction, question = answer.picture, answer.prediction, answer.question
+    height, width = picture.rgb.shape[:2]
+    video = {} if picture.frame is None else {"frame": picture.frame, "time_s": _round(picture.time_s or 0.0)}
+    return {
+        "source": picture.source, **video, "width_px": width, "height_px": height,
+        "task": prediction.task,
+        "unknown_words": unknown_words(model, prediction.task),
+        "taxonomy": taxonomy(prediction),
+        "hands_asked": question.hands,
+        "hands": chosen(prediction),
+        "threshold": _round(prediction.threshold),
+        **{side: hand(prediction, n) for n, side in enumerate(SIDES)},
+        "model": {"name": model.name, "digest": model.digest},
+        "timing_ms": {"cpu": round(answer.cpu_ms, 3), "wall": round(answer.wall_ms, 3)},
+    }  # fmt: skip
+
+
+def brief(answer: Answer, folder: str) -> dict[str, Any]:
+    """One line of the index of a call: where the record lies, and what it says in short."""
+    picture, found = answer.picture, answer.prediction
+    frame = {} if picture.frame is None else {"frame": picture.frame}
+    scores = {side: _round(found.score[SIDES.index(side)].max()) for side in chosen(found)}
+    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores}
+
+
+def taxonomy(prediction: Prediction) -> dict[str, Any]:
+    """The likeliest class by name, and the probability of each."""
+    likely = {name: _round(value) for name, value in zip(TAXONOMY, prediction.taxonomy, strict=True)}
+    return {"label": TAXONOMY[int(prediction.taxonomy.argmax())], "probabilities": likely}
+
+
+def chosen(prediction: Prediction) -> list[str]:
+    """The hands that are returned, by name."""
+    return [side for side, used in zip(SIDES, prediction.hands, strict=True) if used]
+
+
+def hand(prediction: Prediction, side: int) -> dict[str, Any]:
+    """One hand: whether it is returned, which hypothesis is the best, and all of them."""
+    return {
+        "selected": bool(prediction.hands[side]),
+        "best": int(prediction.score[side].argmax()),
+        "area_share": _round(prediction.mask(side).mean()),
+        "hypotheses": [_hypothesis(prediction, side, n) for n in range(prediction.score.shape[1])],
+    }
+
+
+def _hypothesis(prediction: Prediction, side: int, n: int) -> dict[str, Any]:
+    probability = prediction.probability[side, n]
+    region = probability > prediction.threshold
+    return {"score": _round(prediction.score[side, n]), "area_share": _round(region.mean()), "box_px": _box(region),
+            "largest_probability": _round(probability.max())}  # fmt: skip
+
+
+def _box(region: np.ndarray) -> list[int] | None:
+    """[left, top, right, bottom] in pixels, right and bottom not included; None for an empty region."""
+    down, across = box(region)
+    return [across.start, down.start, across.stop, down.stop] if region.any() else None
+
+
+def _round(value: float | np.floating[Any]) -> float:
+    return round(float(value), DIGITS)
+
+
+OVERLAY, INDEX, INDEX_FORMAT = "overlay.png", "predictions.json", "afford-predictions-1"
+
+
+def claim_folder(out: Path, force: bool) -> None:
+    """Make the folder of a call, or go on in one that an earlier call made. SourceError when others' files lie in it.
+
+    The index is written first, so that a call that was stopped left a folder that is known again.
+    """
+    own = (out / INDEX).is_file() and _format(out / INDEX) == INDEX_FORMAT
+    if out.exists() and not out.is_dir():
+        raise SourceError(str(out), "a folder", "a file", "give another --out")
+    if not force and not own and out.exists() and any(out.iterdir()):
+        raise SourceError(str(out), "a new or empty folder, or one of `predict`", "a folder with other files",
+                          "give another --out, or --force to write into it")
+    out.mkdir(parents=True, exist_ok=True)
+    if not own:
+        write_index(out, {})
+
+
+def write_index(out: Path, content: dict[str, Any]) -> None:
+    """predictions.json: what the last call was asked, and what came of every picture."""
+    partial = out / f".{INDEX}.partial-{os.getpid()}"
+    write_json(partial, {"format": INDEX_FORMAT, **content})
+    os.replace(partial, out / INDEX)
+
+
+def write_prediction(answer: Answer, model: ModelFolder, out: Path, all_hypotheses: bool = False) -> Path:
+    """Write `<out>/<name of the picture>/` and return it: left.png, right.png (of the picture's size, 0 and 255), overlay.png,
+    prediction.json, and every hypothesis as hypotheses/<side>_<n>.png when asked. What was there before is replaced whole.
+    SourceError when something else lies there, OSError when a file does not hold what was written.
+    """
+    folder = out / answer.picture.name
+    with replace_folder(folder) as partial:
+        for name, mask in _masks(answer, all_hypotheses):
+            _save(partial / name, mask)
+        drawn = overlay(answer.picture.rgb, answer.prediction)
+        write_verified(partial / OVERLAY, encode_png(drawn[..., ::-1]).tobytes())
+        write_json(partial / RECORD, record(answer, model))
+    return folder
+
+
+def _masks(answer: Answer, all_hypotheses: bool) -> Iterator[tuple[str, np.ndarray]]:
+    found = answer.prediction
+    for n, side in enumerate(SIDES):
+        yield f"{side}.png", found.mask(n)
+        for k in range(found.probability.shape[1] if all_hypotheses else 0):
+            yield f"hypotheses/{side}_{k}.png", found.probability[n, k] > found.threshold
+
+
+def _save(path: Path, mask: np.ndarray) -> None:
+    path.parent.mkdir(exist_ok=True)
+    write_verified(path, mask_png(mask))
+    back = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if back is None or not np.array_equal(back > 0, mask):
+        raise OSError(f"{path}: expected the mask that was written, read something else; check the disk")
+
+
+def _format(path: Path) -> str | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content.get("format") if isinstance(content, dict) else None

@@ -1,0 +1,205 @@
+"""The card of a trained model: what it learned from, how, how well it did, and what it cannot do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from torch import nn
+
+from afford.dataset.load import Item
+from afford.training.curves import scores_at_best, scores_table
+from afford.training.job import Dataset
+from afford.training.params import Plan
+from afford.training.sampler import BalancedSampler
+from afford.training.state import TrainingState
+from afford.twohands.model.interface import ModelConfig, TwoHands, build
+from afford.twohands.model.losses import LossParams
+from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
+from afford.twohands.train.augment import Augmentation, View, cropped, whole
+from afford.twohands.train.sample_cache import SampleCache, write_cache
+from afford.twohands.train.samples import Split, read_split
+from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validation_batches
+from schemas.affordance import TAXONOMY
+from schemas.training import TrainingLog
+
+LIMITS = """- It has learned to find regions in pictures like those it was trained on. Rendered pictures are tidier than kitchens.
+- A region says where hands were seen to act, in the image; it promises neither a stable grasp nor that touching is safe.
+- Words that training did not contain are read by their letters alone, unless a pretrained language model reads them.
+- The validation figures above chose the step and the threshold, so they flatter; the benchmark's held-out objects do not."""
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a model learned from."""
+
+    name: str
+    digest: str
+    licence: str
+    parts: dict[str, dict[str, Any]]
+    """train and val -> what they hold"""
+
+
+def card_text(name: str, source: TrainingData, job: Mapping[str, Any], threshold: float, count: int,
+         curves: TrainingLog) -> str:  # fmt: skip
+    """The whole card, Markdown with the header that model hubs read; `job` is the job as a tree of its fields."""
+    config, division, plan = job["config"], job["division"], job["plan"]
+    return f"""---
+license: {source.licence}
+library_name: afford
+pipeline_tag: image-segmentation
+tags:
+- affordance
+- bimanual
+---
+
+# {name}
+
+A two-hand affordance model of afford, variant `{config["variant"]}` with {count:,} parameters: an image and a task in words go
+in; where the left and the right hand act, whether both are needed, and {config["hypotheses"]} hypotheses for each hand come out.
+
+```python
+from afford.twohands.model.predictor import Predictor
+said = Predictor("model").predict(image, "pour tea from kettle")
+said.mask("left"), said.mask("right"), said.taxonomy
+```
+
+## Data
+
+`{source.name}`, content digest `{source.digest}`, divided by `{division["by"]}` (seed {division["seed"]}).
+
+| | {' | '.join(source.parts)} |
+|---|{'--:|' * len(source.parts)}
+{_rows(source.parts)}
+
+## Training
+
+{curves.steps} of {plan["steps"]} steps of {job["batch"] * plan["accumulate"]} samples a process, seed {job["seed"]}; the weights of
+step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
+
+```json
+{json.dumps(job, indent=1, sort_keys=True)}
+```
+
+## Validation
+
+{scores_table(scores_at_best(curves))}
+
+On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
+{config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
+hand by the model's own taxonomy. The threshold {threshold} was chosen here.
+
+## Limits
+
+{LIMITS}
+
+The licence is that of the data set.
+"""
+
+
+def _rows(parts: dict[str, dict[str, Any]]) -> str:
+    plain = [(key, [str(part[key]) for part in parts.values()]) for key in ("samples", "video", "verb", "noun")]
+    hands = [(label.replace("_", " "), [str(part["taxonomy"].get(number, 0)) for part in parts.values()])
+             for number, label in enumerate(TAXONOMY)]  # fmt: skip
+    return "\n".join(f"| {label} | {' | '.join(cells)} |" for label, cells in [*plain, *hands])
+
+
+@dataclass(frozen=True)
+class TwoHandsJob:
+    """A model, what it learns from, and how (`afford.training.job.Job`)."""
+
+    config: ModelConfig
+    plan: Plan
+    loss: LossParams
+    division: Split
+    views: Augmentation
+    batch: int
+    """samples per micro-batch and process"""
+    coarse_share: float
+    """share of the steps that come first, at half the size"""
+    balance: float
+    """0: samples as they are; 1: every verb with its taxonomy as often as any other"""
+    val_samples: int
+    """samples that judge, spread over all of them; every second one is cropped to its objects"""
+    zoom: float
+    """samples are kept at this many times the size of the model, so that crops stay sharp"""
+    target: str
+    """affordance or object"""
+    seed: int
+
+    def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
+        """Decode the samples of both parts once. ValueError when one of them has none."""
+        largest = tuple(round(side * self.zoom) for side in self.config.size_px)
+        for name in ("train", "val"):
+            write_cache(read_split(data, self.division, name), scratch / name, (largest[0], largest[1]))
+            if not len(SampleCache(scratch / name)):
+                raise ValueError(f"data set: expected samples in the part {name}, found none; choose another split_by or "
+                                 "val_fraction")
+
+    def task(self, scratch: Path, processes: int) -> TwoHandsTask:
+        """A new model, the batches of training and those of validation."""
+        learned, boxes = SampleCache(scratch / "train"), InputSize(self.config.size_px)
+        order = BalancedSampler([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
+        coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
+        batches = Batches(learned, order, self.views, boxes, self.batch, self.seed, coarse)
+        judged = validation_batches(self.judges(SampleCache(scratch / "val")), boxes, self.batch)
+        return TwoHandsTask(build(self.config, self.seed), batches, judged, self.loss, self.target, self.plan.device)
+
+    def judges(self, samples: Sequence[Item]) -> list[View]:
+        """Samples spread over all of them, every second one cropped to its objects."""
+        count = min(self.val_samples, len(samples))
+        chosen = [samples[round(n * (len(samples) - 1) / max(count - 1, 1))] for n in range(count)]
+        return [cropped(item, self.views) if n % 2 else whole(item) for n, item in enumerate(chosen)]
+
+    def finish(self, model: nn.Module, state: TrainingState) -> None:
+        """The threshold that was best for the weights that were kept."""
+        found = {point.name: point.value for point in state.points if point.step == state.best_step}
+        if "val.threshold" in found:
+            _own(model).config = replace(self.config, threshold=found["val.threshold"])
+
+    def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
+        """config.json, model.safetensors, what comes with backbones, and words.json: the vocabulary of the part that teaches."""
+        save_model(_own(model), folder)
+        rows = SampleCache(scratch / "train").rows
+        write_vocabulary(vocabulary_of((row["narration"], row["verb"], row["noun"]) for row in rows), folder)
+
+    def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
+        """The card, Markdown."""
+        source = TrainingData(dataset.name, dataset.digest, dataset.licence, about(scratch))
+        count = sum(parameter.numel() for parameter in model.parameters())
+        return card_text(name, source, dataclasses.asdict(self), _own(model).config.threshold, count, curves)
+
+    def to_json(self) -> str:
+        """The job as text."""
+        return json.dumps({"job": "afford.twohands.train.job:TwoHandsJob", **dataclasses.asdict(self)})
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> TwoHandsJob:
+        """The job again."""
+        kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Split,
+                                  "views": Augmentation}
+        return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in fields.items()})
+
+
+def about(scratch: Path) -> dict[str, dict[str, Any]]:
+    """What the two parts hold: samples, videos, verbs, nouns, taxonomy."""
+    return {name: _about(SampleCache(scratch / name).rows) for name in ("train", "val")}
+
+
+def _about(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    sets = {name: len({row[name] for row in rows}) for name in ("video", "verb", "noun")}
+    return {"samples": len(rows), **sets, "taxonomy": dict(sorted(Counter(row["taxonomy"] for row in rows).items()))}
+
+
+def _own(model: nn.Module) -> TwoHands:
+    assert isinstance(model, TwoHands)
+    return model
+
+
+def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}

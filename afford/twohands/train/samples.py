@@ -1,0 +1,198 @@
+"""Where samples come from: a data set of `dataset_pack`, a released 2HANDS folder, or any folder that `datasets` has written.
+
+Every form is read into the same `Item`. What a folder does not say is '', and the taxonomy follows from the masks.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+from blake3 import blake3
+
+from afford.dataset.export_2hands import first_row, read_video
+from afford.dataset.load import Item
+from afford.dataset.parquet_shards import damage_as_error, open_shard
+from afford.dataset.table_schema import MASKS
+
+Files = Mapping[str, Path]
+"""the files of a data set: name below its folder, with forward slashes -> where it is"""
+NEEDED = ("image", "mask_left", "mask_right", "narration")
+WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
+NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
+SPLITS = {"train": "train", "validation": "val", "valid": "val", "val": "val", "dev": "val", "test": "test"}
+NO_MOTION = np.full((4, 0, 2), np.nan, np.float32)
+
+
+def files_below(folder: Path) -> Files:
+    """The files of a folder."""
+    return {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def tables(files: Files) -> dict[str, list[str]]:
+    """Split -> names of its Parquet or Arrow files. A file whose name and folders say no split belongs to `train`."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(name for name in files if name.endswith((".parquet", ".arrow"))):
+        found.setdefault(_split(PurePosixPath(name)), []).append(name)
+    return found
+
+
+def _split(name: PurePosixPath) -> str:
+    words = re.split(r"[-_.]", name.name)[:1] + list(name.parts[:-1])
+    return next((SPLITS[word] for word in words if word in SPLITS), "train")
+
+
+def released(files: Files) -> dict[str, list[str]]:
+    """Split -> names of its videos in the released form of 2HANDS, `<split>/h5/<start>-<end>_<video>.h5`, in order."""
+    found: dict[str, list[str]] = {}
+    for name in map(PurePosixPath, files):
+        if name.suffix == ".h5" and name.parent.name == "h5":
+            split = name.parent.parent.name
+            found.setdefault(SPLITS.get(split, split), []).append(str(name))
+    return {split: sorted(names, key=lambda name: first_row(PurePosixPath(name).name)) for split, names in found.items()}
+
+
+def splits(files: Files) -> list[str]:
+    """The splits of a data set. ValueError when there is nothing to read."""
+    found = sorted(tables(files).keys() | released(files).keys())
+    if not found:
+        raise ValueError("data set: expected *.parquet or *.arrow files, or <split>/h5/*.h5 with <split>/jsons/*.json, found none; "
+                         "give the folder that `dataset_pack` or `save_to_disk` wrote")
+    return found
+
+
+def read_items(files: Files, split: str) -> Iterator[Item]:
+    """All samples of one split, in the order of the files."""
+    for name in released(files).get(split, ()):
+        yield from _of_released(files, PurePosixPath(name))
+    for name in tables(files).get(split, ()):
+        for batch in _batches(PurePosixPath(name), files[name]):
+            yield from map(item_of_row, batch.to_pylist())
+
+
+def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
+    """The columns that are wanted, some rows at a time. ValueError names those that are missing."""
+    if name.suffix == ".parquet":
+        with open_shard(path, str(name)) as file:
+            wanted = _wanted(name, file.schema_arrow)
+            with damage_as_error(path, str(name)):
+                yield from file.iter_batches(64, columns=wanted, use_threads=False)
+        return
+    with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:
+        wanted = _wanted(name, stream.schema)
+        yield from (batch.select(wanted) for batch in stream)
+
+
+def _wanted(name: PurePosixPath, schema: pa.Schema) -> list[str]:
+    missing = [column for column in NEEDED if column not in schema.names]
+    if missing:
+        raise ValueError(f"{name}: expected the columns {', '.join(NEEDED)}, found no {', '.join(missing)}; rename the "
+                         "columns of the data set")
+    return [column for column in dict.fromkeys((*NEEDED, *MASKS, *WORDS, *NUMBERS)) if column in schema.names]
+
+
+def item_of_row(row: dict[str, Any]) -> Item:
+    """One row, its pictures as {bytes, path}. ValueError when a picture or a mask cannot be read, or does not fit."""
+    name = str(row.get("sample_id") or row["narration"])
+    image = _decode(row["image"], name, "image", cv2.IMREAD_COLOR_RGB)
+    planes = [_decode(row[column], name, column, cv2.IMREAD_GRAYSCALE) > 0 if row.get(column) else np.zeros(image.shape[:2], bool)
+              for column in MASKS]
+    for column, plane in zip(MASKS, planes, strict=True):
+        if plane.shape != image.shape[:2]:
+            raise ValueError(f"{name}: expected {column} of the image's size {image.shape[:2]}, got {plane.shape}")
+    masks = np.stack(planes)
+    given = {key: row[key] for key in (*WORDS, *NUMBERS) if row.get(key) is not None}
+    words = {key: given.get(key, "") for key in WORDS} | {"sample_id": name}
+    numbers = {"frame": 0, "verb_class": -1, "noun_class": -1, "quality": 1.0, "taxonomy": taxonomy_of(masks)}
+    return Item(image=image, masks=masks, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64),
+                **words, **numbers | {key: given[key] for key in NUMBERS if key in given})  # type: ignore[arg-type]  # by name
+
+
+def taxonomy_of(masks: np.ndarray) -> int:
+    """Taxonomy, 4-way, of (4, h, w) masks: which hands there are; both on the same object when the objects overlap by half, or
+    are not known.
+    """
+    left, right = masks[0].any(), masks[1].any()
+    if not (left and right):
+        return 1 if right else 0
+    union = np.count_nonzero(masks[2] | masks[3])
+    return 2 if not union or np.count_nonzero(masks[2] & masks[3]) > union / 2 else 3
+
+
+def _decode(picture: Any, name: str, column: str, kind: int) -> np.ndarray:
+    data = picture.get("bytes") if isinstance(picture, dict) else None
+    if not data:
+        raise ValueError(f"{name}: expected {column} with the bytes of a picture, got {type(picture).__name__} without; save the "
+                         "data set with its pictures inside")
+    found = cv2.imdecode(np.frombuffer(data, np.uint8), kind)
+    if found is None:
+        raise ValueError(f"{name}: expected {column} to be a JPEG or PNG, got {len(data)} bytes that are none")
+    return np.asarray(found)
+
+
+def _of_released(files: Files, name: PurePosixPath) -> Iterator[Item]:
+    """The samples of one video; its id and the running number of each sample stand in the name of the file."""
+    outlines = str(name.parent.parent / "jsons" / f"{name.stem}.json")
+    if outlines not in files:
+        raise ValueError(f"{name}: expected its outlines in {outlines}, found no such file; copy both folders, h5 and jsons")
+    video = name.stem.partition("_")[2]
+    for n, row in enumerate(read_video(files[str(name)], files[outlines]), first_row(name.name)):
+        yield Item(sample_id=f"{video}_{n:06d}", video=video, frame=n, image=np.ascontiguousarray(row["image"]), masks=row["masks"],
+                   narration=row["narration"], verb=row["verb"], noun=row["noun"], verb_class=-1, noun_class=-1,
+                   object_left=row["obj_id_left"], object_right=row["obj_id_right"], taxonomy=int(np.argmax(row["taxonomy"])),
+                   quality=1.0, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64))
+
+
+GIVEN, VIDEO, OBJECT = "given", "video", "object"
+
+
+@dataclass(frozen=True)
+class Split:
+    """How to divide."""
+
+    by: str = GIVEN
+    """given: the splits train and val as they are; video, object: a share of the videos (nouns) of both judges"""
+    val_fraction: float = 0.1
+    """share of groups that judge, where they are divided here"""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.by not in (GIVEN, VIDEO, OBJECT):
+            raise ValueError(f"split_by: expected given, video or object, got {self.by!r}")
+        if not 0 < self.val_fraction < 1:
+            raise ValueError(f"val_fraction: expected more than 0 and less than 1, got {self.val_fraction}")
+
+
+def read_split(files: Files, division: Split, name: str) -> Iterator[Item]:
+    """The samples of one part, `train` or `val`, in the order of the files. The split `test` is never touched."""
+    found = splits(files)
+    if division.by == GIVEN:
+        if name not in found:
+            raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; divide it here with split_by=video")
+        yield from read_items(files, name)
+        return
+    for split in (split for split in found if split != "test"):
+        for item in read_items(files, split):
+            if is_validation(group_of(item, division.by), division) == (name == "val"):
+                yield item
+
+
+def group_of(item: Item, by: str) -> str:
+    """What a sample must not be parted from. ValueError when the data set does not say."""
+    label = item.video if by == VIDEO else item.noun
+    if not label:
+        raise ValueError(f"{item.sample_id}: expected a {'video' if by == VIDEO else 'noun'} to divide by, found none; "
+                         "choose another split_by")
+    return label
+
+
+def is_validation(label: str, division: Split) -> bool:
+    """Whether a group is for validation: decided by the seeded hash of its name alone."""
+    digest = blake3(f"{division.seed}:{label}".encode()).digest(7)
+    return int.from_bytes(digest, "big") / 2.0**56 < division.val_fraction
