@@ -39,7 +39,7 @@ def test_the_catalogue_lists_every_schema() -> None:
     written = {node.name for path in (ROOT / "schemas").rglob("*.py") for node in ast.parse(path.read_text()).body
                if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Schema" for base in node.bases)}
     assert kinds().keys() == written
-    found = fingerprint(Modules(ROOT), "afford.codecs:CODEC", {}, apart=("schemas",))
+    found = fingerprint(Modules(ROOT), "afford.codecs:CODEC", {}, excluded=("schemas",))
     assert not any(name.startswith("schemas.") for name in found.definitions)
 
 

@@ -11,8 +11,7 @@ import trimesh
 from afford.grasping.env.measures import nearest
 from afford.grasping.env.metrics import SAFE_M
 from afford.grasping.env.task import NEGATIVE_POINTS, spread_points, task
-from afford.surface.describe.lexicon import TASKS
-from afford.surface.describe.rules import look_up
+from afford.surface.describe.lexicon import TASKS, look_up
 from schemas.grasp import GraspObject, GraspTask
 
 
