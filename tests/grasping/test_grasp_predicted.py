@@ -15,7 +15,7 @@ from afford.grasping.env.rollout import BaseOnly, EpisodeBatch, rollout
 from afford.grasping.env.task import Task, from_grasp_task
 from afford.grasping.evaluate.comparisons import agreement
 from afford.grasping.evaluate.evaluate_policy import FIGURES
-from afford.surface.negative.distance import distance
+from afford.surface.negative.project import distance_to_points
 from maps.settings import Origin, Settings
 from pipeline import build
 from schemas.episodes import GraspEpisodes
@@ -65,7 +65,7 @@ def played(one: Task) -> tuple[EpisodeBatch, np.ndarray]:
 def test_mesh_and_body_share_a_frame() -> None:
     """Predicted points lie on the body's surface, whose points are 3 mm apart."""
     points = task().body.points
-    assert distance(points, said().points).max() < 0.008 and distance(points, told(said()).N_t).max() < 0.008
+    assert distance_to_points(points, said().points).max() < 0.008 and distance_to_points(points, told(said()).N_t).max() < 0.008
 
 
 def test_a_right_prediction_says_what_is_true() -> None:
@@ -112,7 +112,7 @@ def test_where_hands_belong_is_taken_by_its_use() -> None:
     """In truth it is safe and on the part to hold."""
     own = task()
     on = own.body.points[own.body.point_part == own.body.parts.index(own.hold)]
-    assert distance(on, own.A_t).max() < 1e-6 and distance(own.N_t, own.A_t).min() > 0.02
+    assert distance_to_points(on, own.A_t).max() < 1e-6 and distance_to_points(own.N_t, own.A_t).min() > 0.02
     faces, at = len(looked().mesh.faces), np.array([[0.0, 0.01, 0.02]], np.float32)
     one = PositiveAffordance(own.use, *(np.zeros(shape, np.float32) for shape in (faces, (2, faces), faces, 4)), at)  # type: ignore[arg-type]
     found = told(positives=PositiveAffordances(own.body.name, (replace(one, task="another", A_t=at + 1), one)))
