@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from afford.grasping.env.measures import SAFE_M, nearest
 from afford.grasping.env.task import NEGATIVE_POINTS, make_task, spread_points
-from afford.surface.describe.lexicon import TASKS
-from afford.surface.describe.rules import look_up
+from afford.surface.describe.lexicon import TASKS, look_up
 from schemas.grasp import GraspObject, GraspTask
 from schemas.mesh import ObjectMesh
 from schemas.surface import NegativeAffordance, NegativeAffordances, PositiveAffordance, PositiveAffordances
