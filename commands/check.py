@@ -17,8 +17,8 @@ from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.examine import Examined, examine
-from afford.surface.meshes.files import URDF
-from afford.surface.meshes.references import is_mesh
+from afford.surface.meshes.read import is_mesh
+from afford.surface.meshes.surface import URDF
 from commands.errors import UsageError, unknown
 from commands.settings import settings
 from maps.settings import Settings
@@ -102,13 +102,13 @@ def _holds_meshes(root: Path) -> bool:
 
 def _meshes(root: Path) -> SourceReport:
     from afford.surface.meshes.discover import discover as find
-    from afford.surface.meshes.read import read
+    from afford.surface.meshes.read import read_surface
 
     source, checked = find(root, _unread), SourceReport(str(root), "meshes")
     checked.refused += [(one.name, one.reason) for one in source.refused]
     for files in source.objects:
         try:
-            surface = read(files)
+            surface = read_surface(files)
         except (SourceError, OSError) as error:
             checked.refused.append((files.name, str(error)))
             continue

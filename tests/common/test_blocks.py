@@ -24,7 +24,7 @@ from tests.helpers.stage_files import MODULES
 ROOT = Path(__file__).resolve().parents[2]
 BY_STAGE = {"hand_model"}
 """stages that read the block themselves: what a backend made is completed with it"""
-READERS = {"endpoint": ("afford.models.chat_endpoint",), "umd": ("afford.rgbd.readers.umd",)}
+READERS = {"endpoint": ("afford.models.chat_endpoint",), "vlm": ("afford.models.chat_model",), "umd": ("afford.rgbd.readers.umd",)}
 """backend -> modules that it hands its parameters to"""
 QUESTIONS = 11
 """Protocols of backends that have parameters of their own"""
