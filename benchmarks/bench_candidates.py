@@ -18,7 +18,7 @@ from pathlib import Path
 from afford.common.files import tree
 from afford.grasping.candidates.comparison_report import table
 from afford.grasping.hand.assets import shadow_files
-from afford.surface.negative.files import slug
+from afford.surface.negative.export import task_slug
 from afford.synthetic.splits import object_specs
 from benchmarks.pages import ROOT, into
 from schemas.files import FileTree
@@ -73,7 +73,7 @@ def compared(hand: HandModel, spec: ObjectSpec, model: FileTree, looks: int) -> 
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
     views = view_render.run(built.mesh, view_render.Params(size_px=32, directions=16, share=0.0))
     told = part_describe.run(built.mesh, views, part_describe.Params())
-    with tempfile.TemporaryDirectory(prefix=slug(spec.name)) as scratch:
+    with tempfile.TemporaryDirectory(prefix=task_slug(spec.name)) as scratch:
         params = grasp_compare.Params(looks=looks)
         return grasp_compare.run(hand, built.mesh, built.parts, body, told, model, params, Here(Path(scratch)))
 

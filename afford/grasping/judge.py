@@ -15,7 +15,7 @@ from afford.common.drawing import font
 from afford.common.palette import INK, PAPER
 from afford.common.registry import Own
 from afford.models.chat import Chat, Endpoint, Question, ask
-from afford.surface.describe.answer import ADVICE, QUOTED, objects
+from afford.surface.describe.prompt import ADVICE, QUOTED, json_objects
 
 WEIGHTS = {"vlm": "a vision-language model with a chat template: folder of save_pretrained, or hub id as llava-hf/llava-1.5-7b-hf"}
 SERVER = {"endpoint": "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` "
@@ -73,7 +73,7 @@ def parse_score(name: str, text: str, backend: str) -> float:
 
     ValueError when the answer has no score or several, or the score is not a number from 1 to 10. Nothing is filled in.
     """
-    found = [value["score"] for value in objects(text) if "score" in value]
+    found = [value["score"] for value in json_objects(text) if "score" in value]
     score = found[0] if len(found) == 1 else None
     if isinstance(score, bool) or not isinstance(score, (int, float)) or not MIN_SCORE <= score <= MAX_SCORE:
         got = repr(score)[:QUOTED] if len(found) == 1 else f"{len(found) or 'none'} in {text[:QUOTED]!r}"

@@ -12,8 +12,8 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from afford.models.chat_model import ChatModel, generate, inputs, load_model
-from afford.render.views.draw import contact_sheet, labels
-from afford.surface.describe.question import question
+from afford.render.views.draw import contact_sheet, sheet_labels
+from afford.surface.describe.prompt import part_prompt
 from stages.surface import part_describe
 from tests.helpers.blocks import changed
 from tests.helpers.chat_server import GOOD
@@ -42,7 +42,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def given() -> tuple[str, np.ndarray]:
     x = looked()
-    return question(x.mesh.category, TASK, labels(x.views, 6)), contact_sheet(x.views, 6)
+    return part_prompt(x.mesh.category, TASK, sheet_labels(x.views, 6)), contact_sheet(x.views, 6)
 
 
 def teach(chat: ChatModel, asked: str, sheet: np.ndarray, answer: str) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 from afford.models.chat import Question, ask
-from afford.render.views.draw import contact_sheet, labels
-from afford.surface.describe import Served, Vlm, answer
-from afford.surface.describe.question import question
+from afford.render.views.draw import contact_sheet, sheet_labels
+from afford.surface.describe import Served, Vlm
+from afford.surface.describe import prompt as prompt_module
+from afford.surface.describe.prompt import part_prompt
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 
@@ -27,9 +28,9 @@ def describe_by_server(mesh: ObjectMesh, views: ObjectViews, task: str, params: 
 
 
 def _describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm | Served) -> PartDescription:
-    prompt = question(mesh.category, task, labels(views, params.views))
+    prompt = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     return ask(Question(prompt, contact_sheet(views, params.views), partial(_parse, mesh.name, task)), params)
 
 
 def _parse(name: str, task: str, text: str, backend: str) -> PartDescription:
-    return answer.read(text, name, task, backend)
+    return prompt_module.parse_answer(text, name, task, backend)
