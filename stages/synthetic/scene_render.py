@@ -40,4 +40,4 @@ def run(spec: SceneSpec, params: Params, ctx: Context) -> RenderedClip:
 
     world = build_world(spec)
     recording = render_frames(spec, world, params.supersample, ctx.progress)
-    return write_clip(ctx.scratch / "root", spec, world.play, recording, params.crf)
+    return write_clip(ctx.scratch / "root", spec, world.animation, recording, params.crf)

@@ -69,7 +69,7 @@ Maker = Callable[[Path, Path], None]
 
 def run(store: Path, target: str, graph: Graph) -> None:
     """Make a target; it must go well."""
-    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare").run(graph, target)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(graph, target)
     assert report.ok, report.failures
 
 

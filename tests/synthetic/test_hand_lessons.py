@@ -108,8 +108,8 @@ def test_cameras_across_the_table_are_turned() -> None:
 def test_skin_and_cloth_of_an_arm_are_told_apart() -> None:
     """What is worn on the wrist belongs to the hand."""
     rng = np.random.default_rng(4)
-    one = PersonModel.of(rng)
+    one = PersonModel.sample(rng)
     while one.hands["left"].sleeve is None or one.hands["left"].watch is None:
-        one = PersonModel.of(rng)
-    drawn_arm = drawn._arm(one, drawn.Deed("left", *free_hand_pose("left", rng)))
+        one = PersonModel.sample(rng)
+    drawn_arm = drawn._arm_instances(one, drawn.HandAction("left", *free_hand_pose("left", rng)))
     assert [part.entity for part in drawn_arm] == [drawn.ENTITY["left"], drawn.CLOTH, drawn.ENTITY["left"]]

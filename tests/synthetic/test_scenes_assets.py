@@ -138,7 +138,7 @@ def test_materials_differ_by_seed_and_have_detail() -> None:
 @pytest.mark.parametrize("setting", sorted(rooms.SETTINGS))
 def test_rooms_keep_the_middle_free_and_repeat_by_seed(setting: str) -> None:
     """Nothing taller than a mat stands where the hands work; the same seed builds the same room."""
-    first, again = (rooms.build(setting, np.random.default_rng(5)) for _ in range(2))
+    first, again = (rooms.build_room(setting, np.random.default_rng(5)) for _ in range(2))
     assert first.light == again.light
     for one, two in zip(first.instances, again.instances, strict=True):
         assert one.T_world_mesh.tobytes() == two.T_world_mesh.tobytes()

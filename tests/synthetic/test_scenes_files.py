@@ -22,13 +22,13 @@ def test_polygons_give_the_mask_back_exactly(seed):
     """Tracing a mask and drawing it by VISOR's rule gives the same mask, holes, islands and borders included."""
     noise = np.random.default_rng(seed).standard_normal((256, 456))
     mask = cv2.GaussianBlur(noise, (0, 0), 1.0 + 2 * seed) > 0.01
-    np.testing.assert_array_equal(epic_files.draw(epic_files.trace(mask), 456, 256), mask)
+    np.testing.assert_array_equal(epic_files.polygons_to_mask(epic_files.mask_to_polygons(mask), 456, 256), mask)
 
 
 def test_an_empty_mask_has_no_polygon():
     """Nothing to draw gives no outline, and no outline draws nothing."""
-    assert epic_files.trace(np.zeros((256, 456), bool)) == []
-    assert not epic_files.draw([], 456, 256).any()
+    assert epic_files.mask_to_polygons(np.zeros((256, 456), bool)) == []
+    assert not epic_files.polygons_to_mask([], 456, 256).any()
 
 
 def test_every_class_is_unique_and_hands_are_epics():

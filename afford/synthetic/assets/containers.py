@@ -1,4 +1,4 @@
-"""Cooking vessels: kettle, pan, jar, bottle, water bottle."""
+"""Containers: kettle, pan, jar, bottles, cardboard box, drink carton, can."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def jar(rng: np.random.Generator) -> ObjectModel:
 
 
 def package(rng: np.random.Generator) -> ObjectModel:
-    """A printed cardboard box; its top is a flap on a hinge at the back."""
+    """A printed cardboard box whose top is a flap on a hinge at the back."""
     w, d, h = rng.uniform(0.10, 0.15), rng.uniform(0.045, 0.062), rng.uniform(0.14, 0.20)
     print_ = materials.carton(rng)
     body = box((w, d, h - 0.002), 0.0012)
@@ -166,7 +166,7 @@ def carton(rng: np.random.Generator) -> ObjectModel:
 
 
 def can(rng: np.random.Generator) -> ObjectModel:
-    """A tin with a printed wrapper."""
+    """A tin can with a printed wrapper."""
     r, h = rng.uniform(0.033, 0.040), rng.uniform(0.09, 0.12)
     steel = lathe(
         np.array(

@@ -1,4 +1,4 @@
-"""Crockery and table things: mug, bowl, plate, spoon, knife, spatula, board."""
+"""Tableware and kitchen tools: mug, bowl, plate, spoon, knife, spatula, chopping board."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def plate(rng: np.random.Generator) -> ObjectModel:
 
 
 def spoon(rng: np.random.Generator) -> ObjectModel:
-    """A long cooking spoon that lies on the table, handle towards -y."""
+    """A long cooking spoon lying on the table, handle towards -y."""
     length, wood = rng.uniform(0.20, 0.27), rng.random() < 0.5
     y = np.linspace(-length / 2, length / 2 - 0.05, 18)
     lift = 0.0075 + 0.004 * np.sin(np.linspace(0, np.pi, 18))
@@ -92,7 +92,7 @@ def spoon(rng: np.random.Generator) -> ObjectModel:
 
 
 def knife(rng: np.random.Generator) -> ObjectModel:
-    """A kitchen knife that lies flat, edge towards +x, handle towards -y."""
+    """A kitchen knife lying flat, edge towards +x, handle towards -y."""
     blade, handle, deep = rng.uniform(0.15, 0.19), rng.uniform(0.105, 0.12), rng.uniform(0.034, 0.046)
     s = np.linspace(0, 1, 12)
     cut = np.stack([deep * (1 - 0.08 * s - 0.92 * s**4), blade * s], -1)
@@ -143,7 +143,7 @@ def spatula(rng: np.random.Generator) -> ObjectModel:
 
 
 def board(rng: np.random.Generator) -> ObjectModel:
-    """A chopping board with a hole to hang it by."""
+    """A chopping board with a hanging hole."""
     wide, long, thick = rng.uniform(0.20, 0.25), rng.uniform(0.28, 0.33), rng.uniform(0.014, 0.020)
     slab = box((wide, long, thick), 0.004, uv_per_m=3.2)
     ring = lathe(np.array([(0.0, 0.0), (0.011, 0.0), (0.011, 0.0004), (0, 0.0005)]), 20)

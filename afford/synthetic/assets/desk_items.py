@@ -1,4 +1,4 @@
-"""Desk: stapler, scissors, tape, book, laptop, pen cup, phone."""
+"""Desk objects: stapler, scissors, tape, book, laptop, pen cup, phone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from afford.synthetic.assets.object_model import Joint, ObjectModel, Part, along
 
 
 def stapler(rng: np.random.Generator) -> ObjectModel:
-    """A stapler, mouth towards +y; its top arm swings about the back end."""
+    """A stapler, mouth towards +y, whose top arm is hinged at the back end."""
     long = rng.uniform(0.13, 0.16)
     base = box((0.036, long, 0.012), 0.003, uv_per_m=8)
     y = np.linspace(-long / 2, long / 2 - 0.004, 12)
@@ -42,7 +42,7 @@ def stapler(rng: np.random.Generator) -> ObjectModel:
 
 
 def scissors(rng: np.random.Generator) -> ObjectModel:
-    """Scissors that lie, points towards +y; one half swings."""
+    """Lying scissors, points towards +y, with one moving half."""
     long = rng.uniform(0.16, 0.20)
     steel, hue = materials.metal(rng, tone=180), materials.plastic(rng)
     halves = []
@@ -79,7 +79,7 @@ def scissors(rng: np.random.Generator) -> ObjectModel:
 
 
 def tape(rng: np.random.Generator) -> ObjectModel:
-    """A roll of parcel tape that stands flat."""
+    """A roll of parcel tape standing on its flat side."""
     r, h = rng.uniform(0.042, 0.052), rng.uniform(0.035, 0.05)
     hole = r * 0.72
     roll = lathe(np.array([(hole + 0.003, 0), (r, 0), (r, h), (hole + 0.003, h)]), 48, repeat_u=6)
@@ -89,7 +89,7 @@ def tape(rng: np.random.Generator) -> ObjectModel:
 
 
 def book(rng: np.random.Generator) -> ObjectModel:
-    """A bound book that lies, spine to the left; its cover opens about the spine."""
+    """A lying book, spine to the left, whose cover opens about the spine."""
     w, d, h = rng.uniform(0.13, 0.17), rng.uniform(0.19, 0.23), rng.uniform(0.018, 0.032)
     cover, text = materials.carton(rng), materials.paper(rng)
     leaves = moved(box((w - 0.008, d - 0.010, h - 0.008), 0.0), 0, 0, 0.003)
@@ -111,7 +111,7 @@ def book(rng: np.random.Generator) -> ObjectModel:
 
 
 def laptop(rng: np.random.Generator) -> ObjectModel:
-    """A closed laptop; its screen opens about the back edge."""
+    """A closed laptop whose screen opens about the back edge."""
     w, d = rng.uniform(0.27, 0.31), rng.uniform(0.19, 0.22)
     shell = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng, (70, 72, 78))
     base = box((w, d, 0.012), 0.003, uv_per_m=4)
@@ -164,7 +164,7 @@ def cup(rng: np.random.Generator) -> ObjectModel:
 
 
 def phone(rng: np.random.Generator) -> ObjectModel:
-    """A mobile phone that lies face up."""
+    """A mobile phone lying face up."""
     w, d = rng.uniform(0.070, 0.078), rng.uniform(0.145, 0.160)
     body = box((w, d, 0.009), 0.003, uv_per_m=10)
     glass = moved(box((w - 0.005, d - 0.006, 0.0006), 0.0), 0, 0, 0.009)

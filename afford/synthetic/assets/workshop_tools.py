@@ -1,4 +1,4 @@
-"""Workshop: hammer, screwdriver, drill, wrench, saw, toolbox, glue, wood block, paint can. Tools lie, handle towards -y."""
+"""Workshop objects: hammer, screwdriver, drill, wrench, saw, toolbox, glue, wood block, paint can. Tools lie, handle at -y."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from afford.synthetic.assets.object_model import (
 )
 
 LIE_Y = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""Turns a thing that stands along z so that it lies along y."""
+"""Rotation of a shape along z so that it lies along y."""
 TO_X = np.array([[0, 0, 1.0, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
-"""Turns a thing that stands along z so that it lies along x."""
+"""Rotation of a shape along z so that it lies along x."""
 
 
 def hammer(rng: np.random.Generator) -> ObjectModel:
@@ -63,7 +63,7 @@ def hammer(rng: np.random.Generator) -> ObjectModel:
 
 
 def screwdriver(rng: np.random.Generator) -> ObjectModel:
-    """A screwdriver that lies, tip towards +y."""
+    """A lying screwdriver, tip towards +y."""
     handle, shaft = rng.uniform(0.095, 0.11), rng.uniform(0.09, 0.13)
     profile = np.array(
         [
@@ -117,7 +117,7 @@ def drill(rng: np.random.Generator) -> ObjectModel:
 
 
 def wrench(rng: np.random.Generator) -> ObjectModel:
-    """An open-ended spanner that lies, jaw towards +y."""
+    """A lying open-ended spanner, jaw towards +y."""
     long, wide = rng.uniform(0.17, 0.22), rng.uniform(0.009, 0.012)
     bar = moved(box((2 * wide, long - 0.03, 0.007), 0.002, uv_per_m=6), 0, -0.01, 0.0)
     jaw_at = np.linspace(0.35, 2 * np.pi - 0.35, 22) + np.pi / 2
@@ -136,7 +136,7 @@ def wrench(rng: np.random.Generator) -> ObjectModel:
 
 
 def saw(rng: np.random.Generator) -> ObjectModel:
-    """A small hand saw that lies flat, blade towards +y."""
+    """A small hand saw lying flat, blade towards +y."""
     long = rng.uniform(0.22, 0.28)
     teeth = [(0.0 if k % 2 else 0.0035, long * k / 60) for k in range(61)]
     outline = np.array([(0.075, 0.0), (0.042, long), *[(-t, y) for t, y in teeth[::-1]]])
@@ -156,7 +156,7 @@ def saw(rng: np.random.Generator) -> ObjectModel:
 
 
 def toolbox(rng: np.random.Generator) -> ObjectModel:
-    """A metal box with a lid on a hinge at the back and a handle on the lid."""
+    """A metal box with a lid hinged at the back and a handle on the lid."""
     w, d, h = rng.uniform(0.22, 0.26), rng.uniform(0.12, 0.15), rng.uniform(0.07, 0.09)
     paint, inside = materials.plastic(rng, size=256), materials.plastic(rng, (60, 60, 64))
     wall = 0.003
