@@ -150,13 +150,13 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
 
 def _pictures(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """Pictures to ask models about, none where they are the last frames of rendered sequences; what is learned from is rendered."""
-    from afford.rgbd.readers.static_root import pictures
+    from afford.rgbd.readers.static_set import static_root_files
 
     learned = _sequences(target, None, settings, digest)
     if source is None:
         return learned
     try:
-        found = pictures(source, settings.rgbd.static_read.backend, digest)
+        found = static_root_files(source, settings.rgbd.static_read.backend, digest)
     except ValueError as error:
         raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)
