@@ -262,17 +262,17 @@ def test_loss_by_hand() -> None:
 
 def test_files_come_back(model: Sor3d, tmp_path: Path) -> None:
     """Config and weights, to the bit; another config is refused."""
-    checkpoint.save(model, tmp_path)
-    back = checkpoint.load(tmp_path)
+    checkpoint.save_model(model, tmp_path)
+    back = checkpoint.load_model(tmp_path)
     with torch.no_grad():
         assert back.config == TINY and torch.equal(back(asked(1)).logits, model(asked(1)).logits)
-    checkpoint.save(build(replace(TINY, flow="none"), 0), tmp_path / "other")
+    checkpoint.save_model(build(replace(TINY, flow="none"), 0), tmp_path / "other")
     (tmp_path / checkpoint.WEIGHTS).write_bytes((tmp_path / "other" / checkpoint.WEIGHTS).read_bytes())
     with pytest.raises(ValueError, match=r"model.safetensors: expected the weights that config.json"):
-        checkpoint.load(tmp_path)
+        checkpoint.load_model(tmp_path)
     (tmp_path / checkpoint.CONFIG).write_text("{}")
     with pytest.raises(ValueError, match="expected \"format\""):
-        checkpoint.load(tmp_path)
+        checkpoint.load_model(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["pth", "safetensors"])

@@ -176,20 +176,18 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
         sequences.read(tmp_path / "x.safetensors", "3d")
 
 
-def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
-    """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
-    first and stays at chance.
-    """
+def test_actions_that_differ_only_in_motion_are_separated(dataset: FileTree) -> None:
+    """Twelve squares, pushed or lifted, within 60 steps; a model whose memory saturates stays at chance."""
     paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
-    model = sor3d_train._job(PARAMS).config
-    learned = stack([[sequences.read(path, "3d") for path in paths]], model)
-    net = build(model, seed=0)
-    optimiser = torch.optim.Adam(net.parameters(), 2e-3)
+    config = sor3d_train._job(PARAMS).config
+    batch = stack([[sequences.read(path, "3d") for path in paths]], config)
+    model = build(config, seed=0)
+    optimizer = torch.optim.Adam(model.parameters(), 2e-3)
     for _ in range(60):
-        optimiser.zero_grad()
-        losses(net(*learned.groups), learned.label, learned.action, LossParams(), 0.0)["total"].backward()
-        optimiser.step()
-    assert (net(*learned.groups).action.argmax(1) == learned.action).all()
+        optimizer.zero_grad()
+        losses(model(*batch.groups), batch.label, batch.action, LossParams(), 0.0)["total"].backward()
+        optimizer.step()
+    assert (model(*batch.groups).action.argmax(1) == batch.action).all()
 
 
 def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
@@ -232,7 +230,7 @@ def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None
     assert all(torch.equal(tensor, weights[name]) for name, tensor in job.task(tmp_path, 1).model.appearance.state_dict().items())
     after = sor3d_train.run(dataset, few, scratch(tmp_path, "after"), encoder=before.files)
     assert str(tmp_path) not in after.files.find("card.md").path.read_text()
-    with pytest.raises(ValueError, match=r"expected model/encoder.safetensors of a pre-training"):
+    with pytest.raises(ValueError, match=r"it has no model/encoder.safetensors; give the files of sor3d_pretrain"):
         sor3d_train.run(dataset, few, Scratch(tmp_path), encoder=after.files)
 
 
