@@ -16,8 +16,8 @@ import numpy as np
 import pybullet
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.export import save
-from afford.grasping.hand.kinematics import forward, jacobian, limits, moving
+from afford.grasping.hand.export import save_hand
+from afford.grasping.hand.kinematics import forward_kinematics, jacobian, joint_limits, moving_joints
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
 from stages.grasping import hand_model
@@ -55,10 +55,10 @@ def exactness(hand: HandModel) -> str:
     """Largest difference from MuJoCo over 1000 configurations, and how long kinematics takes."""
     robot = next(file.path for file in shadow_files().files if file.name == "hand/robot.xml")
     model = mujoco.MjModel.from_xml_path(str(robot.with_name("reach.xml")))
-    low, high = limits(hand.joints).T
+    low, high = joint_limits(hand.joints).T
     q = np.random.default_rng(0).uniform(low, high, (1000, len(low)))
     start = time.process_time()
-    T = forward(hand.joints, q)
+    T = forward_kinematics(hand.joints, q)
     middle = time.process_time()
     jacobian(hand.joints, T, hand.fingers.tip_link, hand.fingers.tip_m)
     forward_us, jacobian_us = (1000 * (b - a) for a, b in ((start, middle), (middle, time.process_time())))
@@ -70,7 +70,7 @@ def exactness(hand: HandModel) -> str:
 
 def _difference(model: mujoco.MjModel, hand: HandModel, q: np.ndarray, T_palm: np.ndarray) -> float:
     data = mujoco.MjData(model)
-    for k, value in zip(moving(hand.joints), q, strict=True):
+    for k, value in zip(moving_joints(hand.joints), q, strict=True):
         if hand.joints.role[k] != "wrist":
             data.joint(f"robot0:{hand.joints.name[k]}").qpos = value
     mujoco.mj_kinematics(model, data)
@@ -85,7 +85,7 @@ def costs(folder: Path) -> str:
             "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for capsules in ("capsule", "parts"):
         hand = hand_model.run(shadow_files(), hand_model.Params(capsules=capsules))
-        path = save(hand, folder / capsules)
+        path = save_hand(hand, folder / capsules)
         for touching in ("none", "`contacts` only", "every pair"):
             found = [_close(hand, path, touching) for _ in range(REPEATS)]
             speed = max(run[0] for run in found)
@@ -120,7 +120,7 @@ def overlaps(hand: HandModel, folder: Path) -> str:
     """Pairs of links that touch at q = 0 where the engine lets every pair touch, the deepest first."""
     client = pybullet.connect(pybullet.DIRECT)
     try:
-        body = _load(hand, save(hand, folder / "open"), "every pair", client)
+        body = _load(hand, save_hand(hand, folder / "open"), "every pair", client)
         pybullet.performCollisionDetection(physicsClientId=client)
         deep = dict[tuple[str, ...], float]()
         for contact in pybullet.getContactPoints(body, body, physicsClientId=client):

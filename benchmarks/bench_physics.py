@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.sim.engine import world
+from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.scene import Physics, Scene
-from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, perform
-from afford.synthetic.objects.split import TRAINED, UNSEEN
+from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, grasp_part
+from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
@@ -62,9 +62,9 @@ def _grasp(engine: str, physics: Physics, tools: dict[str, list[GraspObject]]) -
     for category, bodies in tools.items():
         for body in bodies:
             scene, start = Scene(hand, body, physics), time.process_time()
-            made = world(engine, scene)
+            made = make_world(engine, scene)
             middle = time.process_time()
-            found[category].append(perform(made, scene, AT, body.parts.index("handle"), GRASP))
+            found[category].append(grasp_part(made, scene, AT, body.parts.index("handle"), GRASP))
             cpu, build = cpu + time.process_time() - middle, build + middle - start
             made.close()
     return Row(found, cpu, build)
@@ -93,7 +93,7 @@ def _by_kind(rows: list[tuple[str, Physics, Row]]) -> str:
 
 def _hulls() -> str:
     lines = ["| category | parts | hulls | mass kg | stand-out mean mm | worst hull mm | CPU s |", "|---|--:|--:|--:|--:|--:|--:|"]
-    for category in sorted((*TRAINED, *UNSEEN)):
+    for category in sorted((*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES)):
         start = time.process_time()
         body = _object(category, SEEDS[0])
         out = 1000 * body.stand_out_m

@@ -14,9 +14,9 @@ from itertools import chain
 import numpy as np
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.sim.engine import World, world
+from afford.grasping.sim.engine import World, make_world
 from afford.grasping.sim.scene import Physics, Scene
-from afford.grasping.sim.scripted import Grasp, perform
+from afford.grasping.sim.scripted import Grasp, grasp_part
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
@@ -43,7 +43,7 @@ def main() -> None:
     """Search, and print."""
     hand = hand_model.run(shadow_files(), hand_model.Params())
     scenes = [Scene(hand, _object(category, seed), Physics(hand_friction=0.8)) for category, seed in OBJECTS]
-    worlds = [world("mujoco", scene) for scene in scenes]
+    worlds = [make_world("mujoco", scene) for scene in scenes]
     rng, mean, spread = np.random.default_rng(SEED), flat(START), 0.5 * SPREAD
     for generation in range(GENERATIONS):
         drawn = mean + spread * rng.standard_normal((POPULATION, len(mean)))
@@ -74,7 +74,7 @@ def _score(grasp: Grasp, scenes: list[Scene], worlds: list[World], beside: np.nd
     total, held = 0.0, 0
     for scene, made, shift in zip(scenes, worlds, beside, strict=True):
         grip = tuple(np.add(grasp.grip_m, shift).tolist())
-        out = perform(made, scene, AT, scene.body.parts.index("handle"), replace(grasp, grip_m=grip))
+        out = grasp_part(made, scene, AT, scene.body.parts.index("handle"), replace(grasp, grip_m=grip))
         deep_mm = 1000 * float(np.percentile(out.penetration_m, 95)) if len(out.penetration_m) else 0.0
         total += out.held + 0.3 * out.gripped - 4 * min(out.away_m, 0.3) - 4 * min(out.shoved_m, 0.1) - 0.05 * deep_mm
         held += out.held

@@ -15,7 +15,7 @@ from rich.table import Table
 from commands.errors import UsageError, unknown
 
 if TYPE_CHECKING:
-    from afford.grasping.candidates.read_scene import Files
+    from afford.grasping.candidates.read_scene import SceneFiles
     from schemas.grasp import GraspCandidates
 
 HANDS = ("auto", "left", "right", "both")
@@ -34,13 +34,13 @@ class Options:
     json: bool = False
 
 
-def grasp(files: Files, options: Options) -> int:
+def grasp(files: SceneFiles, options: Options) -> int:
     """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
     and options that do not fit.
     """
     _check(files, options)
     from afford.grasping.candidates.read_scene import check_regions, read
-    from afford.grasping.candidates.write_candidates import write
+    from afford.grasping.candidates.write_candidates import write_candidates
     from stages.grasping import grasp_candidates
 
     try:
@@ -50,12 +50,12 @@ def grasp(files: Files, options: Options) -> int:
     except ValueError as error:
         raise UsageError(str(error)) from error
     _claim(options)
-    write(scene, found, options.out)
+    write_candidates(scene, found, options.out)
     missing: list[str] = [hand.side for hand, used in zip(found.hands, scene.hands, strict=True) if used and not len(hand.score)]
     return _tell(found, missing, options)
 
 
-def _check(files: Files, options: Options) -> None:
+def _check(files: SceneFiles, options: Options) -> None:
     from schemas.affordance import TAXONOMY
 
     if files.hands not in HANDS:

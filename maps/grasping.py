@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from afford.grasping.hand.assets import shadow_files
 from maps import surface, twohands
 from maps.common import parameters, record_run, recorded, reported, weights
@@ -322,7 +322,7 @@ def twice(g: Graph, s: School, policy: FileTree, name: str, seed: int, p: Settin
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
     """a hand that grasps as people do and keeps off what must not be touched: prior, teacher with and without, examinations"""
     s, beside = school(g, p), within(p, p.grasping.grasp_report.engines[-1])
-    report(g, "grasp", s, rows(g, s, planned((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside), (), p)
+    report(g, "grasp", s, rows(g, s, planned_runs((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, beside), (), p)
 
 
 def alone(g: Graph, s: School, p: Settings) -> list[tuple[GraspExam, GraspEpisodes]]:
@@ -337,7 +337,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
         drawn, shown = positive(g, s.shop, p)
         s.shop.tasks[POSITIVE], predicted["positives"] = g.collect(drawn), g.collect(drawn, partial=True)
         others.append(g.collect(shown, partial=True))
-    played = rows(g, s, planned(p.grasping.grasp_report.rows, p.grasping.grasp_report.seeds), EXAMINED, p)
+    played = rows(g, s, planned_runs(p.grasping.grasp_report.rows, p.grasping.grasp_report.seeds), EXAMINED, p)
     if (TEACHER, 0) in s.teachers:
         policy = g.pick(s.teachers[TEACHER, 0], lambda t: t.files)
         for name, changes in CONDITIONS.items():

@@ -12,7 +12,7 @@ import numpy as np
 from afford.common.drawing import draw_label
 from afford.common.figures import Figure
 from afford.common.files import tree
-from afford.common.image_files import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.common.palette import LEFT, RIGHT, Palette, colours_of
 from afford.extraction.quality_score import Aligned
 from schemas.affordance import Affordances
@@ -52,7 +52,7 @@ def write(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
     (folder / "metrics.json").write_text(json.dumps(metrics, indent=1, sort_keys=True) + "\n")
     (folder / "report.md").write_text(table(metrics, len(standard), len(hard)) + per_clip(scores))
     plot(scores, folder / "scores.png")
-    (folder / "sheet.jpg").write_bytes(jpeg(sheet(scores), JPEG_QUALITY).tobytes())
+    (folder / "sheet.jpg").write_bytes(encode_jpeg(sheet(scores), JPEG_QUALITY).tobytes())
     return tree("extraction_report", folder)
 
 
@@ -162,7 +162,7 @@ def clip_row(
     name = f"{aligned.truth.clip_id} #{frames.frame[t]}"
     row = np.hstack([_fit(image, width_px) for image in shown])
     draw_label(row, name + (" hard: " + ", ".join(aligned.truth.hard) if aligned.truth.hard else ""), AT_PX, LETTERS_PX)
-    return jpeg(row, JPEG_QUALITY)
+    return encode_jpeg(row, JPEG_QUALITY)
 
 
 def busiest(aligned: Aligned) -> int:

@@ -21,10 +21,20 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from afford.common.geometry import sample_surface
 from afford.common.image_files import jpeg
 from afford.common.palette import Colour
-from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
-from afford.grasping.evaluate.trace_metrics import Traced, traced
-from afford.grasping.hand.kinematics import forward, moving
-from afford.grasping.hand.link_meshes import Skin, skins
+from afford.grasping.env.rendering import (
+    GOAL,
+    NEGATIVE,
+    DrawableEpisode,
+    camera_of,
+    colour_of,
+    goal_ring,
+    hand_colour,
+    hull_pieces,
+    pose_matrix,
+)
+from afford.grasping.evaluate.trace_metrics import TraceMetrics, trace_metrics
+from afford.grasping.hand.kinematics import forward_kinematics, moving_joints
+from afford.grasping.hand.link_meshes import LinkMesh, link_meshes
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
@@ -43,7 +53,7 @@ SPACING_M = 0.003
 """between points of the hand"""
 
 
-def record(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Recording:
+def record(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Recording:
     """The traces of `found`, in their order; `seed` draws points on the hand. ValueError for a trace that is not of this hand."""
     for one in episodes:
         _fits(one.trace, hand)
@@ -56,23 +66,23 @@ def times(trace: GraspTrace, start_ns: int) -> list[int]:
 
 
 def _fits(trace: GraspTrace, hand: HandModel) -> None:
-    joints, fingers = len(moving(hand.joints)), len(hand.fingers.name)
+    joints, fingers = len(moving_joints(hand.joints)), len(hand.fingers.name)
     if trace.q.shape[1] != joints or trace.force.shape[1] != fingers + 1:
         raise ValueError(f"trace {trace.name}: expected {joints} joints and {fingers + 1} forces of the hand {hand.name}, got "
                          f"{trace.q.shape[1]} and {trace.force.shape[1]}; give the hand that was evaluated")
 
 
-def _channels(episodes: Sequence[Episode], hand: HandModel) -> tuple[Channel, ...]:
+def _channels(episodes: Sequence[DrawableEpisode], hand: HandModel) -> tuple[Channel, ...]:
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, PALM: PoseInFrame, OBJECT: PoseInFrame, STATE: GraspState,
              FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document,
              SAID: Log}  # fmt: skip
-    kinds |= {_points(hand, skin): PointCloud for skin in skins(hand)}
+    kinds |= {_points(hand, skin): PointCloud for skin in link_meshes(hand)}
     kinds |= {_joint(name): Scalar for name in _joints(hand)}
     kinds |= {_reward(name): Scalar for one in episodes for name in one.trace.terms}
     return (image_channel(IMAGE), *(channel(topic, kind) for topic, kind in kinds.items()))
 
 
-def _messages(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Iterator[Message]:
+def _messages(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Iterator[Message]:
     start, colour = EPOCH_NS, hand_colour(hand)
     yield stamped(FIGURES, start, Document(name=found.name, media_type="application/json", text=_figures(found)))
     yield from _hand(hand, colour, start, seed)
@@ -85,7 +95,7 @@ def _messages(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel
 
 def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[Message]:
     """Links do not change: their meshes and points come once."""
-    found, rng = skins(hand), np.random.default_rng(seed)
+    found, rng = link_meshes(hand), np.random.default_rng(seed)
     yield scene(SCENE, time_ns, [entity(_frame(hand, skin.link), _frame(hand, skin.link),
                                         [triangles(skin.vertices, skin.faces, colour)]) for skin in found])  # fmt: skip
     for skin in found:
@@ -95,11 +105,11 @@ def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[
         yield cloud(_points(hand, skin), time_ns, _frame(hand, skin.link), points, _rgba([colour] * len(points)))
 
 
-def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
+def _begin(one: DrawableEpisode, hand: HandModel, time_ns: int) -> Iterator[Message]:
     """The object, its goal and the camera, at the beginning of an episode."""
     task, trace = one.task, one.trace
-    meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in pieces(task.body)]
-    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(ring(trace.goal), GOAL)])])
+    meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in hull_pieces(task.body)]
+    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(goal_ring(trace.goal), GOAL)])])
     colours = _rgba([colour_of(task, part) for part in task.body.point_part.tolist()])
     yield cloud(POINTS, time_ns, THING, task.body.points, colours)
     yield cloud(N_T, time_ns, THING, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
@@ -107,13 +117,13 @@ def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
     yield log(SAID, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
 
 
-def _rows(one: Episode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
-    trace, how, T = one.trace, traced(one.trace, one.task), forward(hand.joints, one.trace.q)
+def _rows(one: DrawableEpisode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
+    trace, how, T = one.trace, trace_metrics(one.trace, one.task), forward_kinematics(hand.joints, one.trace.q)
     height, width = one.draw(0).shape[:2]
-    camera = view(trace, hand, width, height)
+    camera = camera_of(trace, hand, width, height)
     for row, time_ns in enumerate(rows):
         frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
-        yield transforms(TRANSFORMS, time_ns, {**frames, THING: matrix(trace.body[row]), CAMERA: camera.T_world_cam})
+        yield transforms(TRANSFORMS, time_ns, {**frames, THING: pose_matrix(trace.body[row]), CAMERA: camera.T_world_cam})
         yield calibration(LENS, time_ns, CAMERA, camera.K, camera.width, camera.height)
         yield image(IMAGE, time_ns, jpeg(one.draw(row)), "jpeg")
         yield pose(PALM, time_ns, trace.palm[row])
@@ -121,7 +131,7 @@ def _rows(one: Episode, hand: HandModel, rows: Sequence[int]) -> Iterator[Messag
         yield from _numbers(trace, how, hand, row, time_ns)
 
 
-def _numbers(trace: GraspTrace, how: Traced, hand: HandModel, row: int, time_ns: int) -> Iterator[Message]:
+def _numbers(trace: GraspTrace, how: TraceMetrics, hand: HandModel, row: int, time_ns: int) -> Iterator[Message]:
     yield stamped(STATE, time_ns, GraspState(
         step=row, goal_m=how.goal_m[row], height_m=how.centre[row, 2], success=bool(how.success[row]),
         as_violation_pct=how.as_violation_pct[row], as_safe_count=how.as_safe_count[row],
@@ -149,7 +159,7 @@ def _figures(found: GraspEpisodes) -> str:
 
 
 def _joints(hand: HandModel) -> list[str]:
-    return [hand.joints.name[k] for k in moving(hand.joints)]
+    return [hand.joints.name[k] for k in moving_joints(hand.joints)]
 
 
 def _joint(name: str) -> str:
@@ -160,7 +170,7 @@ def _reward(name: str) -> str:
     return f"{ROOM}/reward/{name}"
 
 
-def _points(hand: HandModel, skin: Skin) -> str:
+def _points(hand: HandModel, skin: LinkMesh) -> str:
     return f"{ROOM}/points/{hand.links[skin.link]}"
 
 

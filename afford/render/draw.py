@@ -7,12 +7,10 @@ from collections.abc import Iterable, Sequence
 import cv2
 import numpy as np
 
-from afford.render.batch import batch
-from afford.render.lighting import Lighting
-from afford.render.model import Bundle, Camera, Instance, Light, Rendered
+from afford.render.raster import Seen, View, depth
+from afford.render.scene import Bundle, Camera, Instance, Light, Rendered, Textures, batch
 from afford.render.shade import shade
-from afford.render.textures import Textures
-from afford.render.view import Seen, View, depth
+from afford.render.shadows import Lighting
 
 
 def render(

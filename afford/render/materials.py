@@ -8,8 +8,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from afford.render.model import Material
 from afford.render.patterns import FONTS, barcode, cloud, flat, grain, image, ramp, rgb, small_print, vivid, word, write
+from afford.render.scene import Material
 
 SPECIES = {
     "oak": [(196, 156, 104), (172, 128, 80), (140, 100, 60)],

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from afford.render.shadow import lit
+from afford.render.shadows import lit
 
 F = np.float32
 DISPLAY = (np.linspace(0, 1, 4096) ** (2 / 2.2)).astype(np.float32)

@@ -47,6 +47,6 @@ def run(scene: GraspScene, params: Params) -> GraspCandidates:
     """Find the grasps."""
     from dataclasses import asdict
 
-    from afford.grasping.candidates.find import Wish, candidates
+    from afford.grasping.candidates.find import SearchParams, find_candidates
 
-    return candidates(scene, Wish(**asdict(params)))
+    return find_candidates(scene, SearchParams(**asdict(params)))

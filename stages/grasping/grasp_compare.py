@@ -56,12 +56,13 @@ class Params:
 def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, descriptions: PartDescriptions, model: FileTree,
         params: Params, ctx: Context) -> GraspComparison:  # fmt: skip
     """Try them all."""
-    from afford.grasping.candidates.compare import Subject, Trials, compare
-    from afford.grasping.candidates.find import Wish
-    from afford.grasping.candidates.render_view import Eye
-    from afford.surface.positive.asked import asker
+    from afford.grasping.candidates.compare import Subject, Trials, compare_masks
+    from afford.grasping.candidates.find import SearchParams
+    from afford.grasping.candidates.render_view import ViewCamera
+    from afford.surface.positive.predict import load_region_predictor
 
-    ask = asker(model, mesh.category, ctx.scratch / "model") if model.files else None
-    eye, wish = Eye(down_deg=params.down_deg, noise_m=params.noise_m), Wish(places=params.places, span_m=params.span_m, count=1)
-    trials = Trials(params.engines, params.looks, params.xy_m, eye, wish, params.seed)
-    return compare(Subject(hand, mesh, parts, body), descriptions, ask, trials)
+    ask = load_region_predictor(model, mesh.category, ctx.scratch / "model") if model.files else None
+    camera = ViewCamera(down_deg=params.down_deg, noise_m=params.noise_m)
+    search = SearchParams(places=params.places, span_m=params.span_m, count=1)
+    trials = Trials(params.engines, params.looks, params.xy_m, camera, search, params.seed)
+    return compare_masks(Subject(hand, mesh, parts, body), descriptions, ask, trials)

@@ -54,12 +54,12 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileTree, references: ReferenceSet, params: Params,
         ctx: Context) -> GraspEpisodes:  # fmt: skip
     """Play all episodes."""
-    from afford.grasping.evaluate.evaluate_policy import Examination, examine
+    from afford.grasping.evaluate.evaluate_policy import EvaluationParams, evaluate_policy
 
     mine = tuple(one for some in tasks for one in some)
     if not mine:
         raise ValueError("grasp_evaluate: expected tasks, got none; see grasp_tasks for what can be held")
-    wanted = Examination(params.policy, params.engine, params.episodes, params.at_once, params.iterations, params.rate_hz,
+    wanted = EvaluationParams(params.policy, params.engine, params.episodes, params.at_once, params.iterations, params.rate_hz,
                          params.poses, params.push_n, params.base, params.start, params.traces,
                          params.seed)  # fmt: skip
-    return examine(hand, mine, policy, references, wanted, ctx.progress)
+    return evaluate_policy(hand, mine, policy, references, wanted, ctx.progress)

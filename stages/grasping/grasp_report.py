@@ -47,7 +47,7 @@ def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], foll
         predicted: tuple[tuple[GraspTask, ...], ...] = (),
         positives: tuple[tuple[GraspTask, ...], ...] = (), planned: tuple[GraspExam, ...] = ()) -> FileTree:  # fmt: skip
     """One report of all policies."""
-    from afford.grasping.evaluate.report import Beside, write
+    from afford.grasping.evaluate.report import ReportInputs, write_report
 
     told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))
-    return write("grasp", episodes, Beside(logs, followed, pairs, sheets, judged, told, drawn, planned), ctx.scratch)
+    return write_report("grasp", episodes, ReportInputs(logs, followed, pairs, sheets, judged, told, drawn, planned), ctx.scratch)

@@ -52,14 +52,14 @@ class Params:
 def run(files: FileTree, params: Params) -> HandModel:
     """Build the hand; ValueError when a parameter or the source cannot be used."""
     from afford.common.registry import block, load
-    from afford.grasping.hand.model import Gantry, Wishes, coupled, model
+    from afford.grasping.hand.model import Gantry, HandOptions, build_hand, couple_joints
 
     _check(params)
     gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)
     own = block(params, params.backend)
     fingers, pairs = (own.fingers, own.coupled) if own else ((), ())
-    wishes = Wishes(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
-    return model(coupled(load(BACKENDS, params.backend)(files), pairs), wishes)
+    wishes = HandOptions(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
+    return build_hand(couple_joints(load(BACKENDS, params.backend)(files), pairs), wishes)
 
 
 def _check(params: Params) -> None:

@@ -66,16 +66,17 @@ class Params:
 
 def run(motion: HandMotion, hand: HandModel, params: Params) -> Retargeted:
     """Fit the hand to one clip and judge it."""
-    from afford.grasping.motion.clip_rules import Rules
-    from afford.grasping.motion.fit import Weights
-    from afford.grasping.motion.retarget import Wishes, retarget
+    from afford.grasping.motion.clip_rules import ClipRules
+    from afford.grasping.motion.fit import FitWeights
+    from afford.grasping.motion.retarget import RetargetOptions, retarget
 
     _check(params)
-    weights = Weights(params.level_1, params.level_2, params.tips, params.pinch, params.pinch_m, params.acceleration_m)
-    rules = Rules(params.min_s, params.max_point_m_s, params.max_bent_back_m, params.max_bone_change, params.max_error_m,
+    weights = FitWeights(params.level_1, params.level_2, params.tips, params.pinch, params.pinch_m, params.acceleration_m)
+    rules = ClipRules(params.min_s, params.max_point_m_s, params.max_bent_back_m, params.max_bone_change, params.max_error_m,
                   params.max_joint_rad_s, params.max_palm_m_s, params.mirror)
-    return retarget(motion, hand, Wishes(weights, rules, params.keep_tips, params.max_rate_hz, params.max_frames, params.centre,
-                                         params.frame_steps, params.clip_steps))  # fmt: skip
+    options = RetargetOptions(weights, rules, params.keep_tips, params.max_rate_hz, params.max_frames, params.centre,
+                              params.frame_steps, params.clip_steps)  # fmt: skip
+    return retarget(motion, hand, options)
 
 
 def _check(params: Params) -> None:

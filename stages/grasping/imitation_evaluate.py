@@ -50,10 +50,11 @@ class Params:
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], references: ReferenceSet, prior: FileTree, params: Params,
         ctx: Context) -> ClipsFollowed:  # fmt: skip
     """Follow every clip."""
-    from afford.grasping.evaluate.tracking_error import Asked, followed
+    from afford.grasping.evaluate.tracking_error import TrackingParams, evaluate_tracking
 
     if params.at_once < 1 or params.iterations < 1 or not params.tolerance_m > 0:
         raise ValueError(f"imitation_evaluate: expected at_once and iterations of 1 or more and a tolerance_m above 0, got "
                          f"{params.at_once}, {params.iterations} and {params.tolerance_m}")
-    asked = Asked(params.engine, params.level, params.iterations, params.rate_hz, params.tolerance_m, params.at_once, params.seed)
-    return followed(hand, bodies, references.references, prior, asked, ctx.progress)
+    tracking = TrackingParams(params.engine, params.level, params.iterations, params.rate_hz, params.tolerance_m, params.at_once,
+                              params.seed)  # fmt: skip
+    return evaluate_tracking(hand, bodies, references.references, prior, tracking, ctx.progress)

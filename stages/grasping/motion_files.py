@@ -29,8 +29,8 @@ class Params:
 def run(references: ReferenceSet, params: Params, ctx: Context) -> FileTree:
     """One folder of all."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.motion.reference_files import write
+    from afford.grasping.motion.reference_files import write_references
 
     if not references.references:
         raise ValueError(f"{params.name}: expected a motion that can be imitated, got none of {len(references.report.verdicts)}")
-    return tree(params.name, write(empty_folder(ctx.scratch / "motions"), params.name, references))
+    return tree(params.name, write_references(empty_folder(ctx.scratch / "motions"), params.name, references))

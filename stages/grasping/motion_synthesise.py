@@ -69,15 +69,16 @@ def run(target: GraspTarget, params: Params) -> tuple[HandMotion, ...]:
     """All clips for one target."""
     import numpy as np
 
-    from afford.grasping.motion.synthetic import Habits, synthesise
+    from afford.grasping.motion.synthetic import ReachParameters, synthesise
 
     _check(params)
-    habits = Habits(params.rate_hz, params.reach_s, params.close_s, params.hold_s, params.lift_s, params.lift_m, params.distance_m,
-                    params.approach, params.start, params.wander, params.beyond_m, params.peak_share, params.peak_m,
-                    float(np.deg2rad(params.spread_deg)), float(np.deg2rad(params.turn_deg)), params.hooking, params.rest_closing,
-                    params.press, params.noise_m)  # fmt: skip
+    reach = ReachParameters(
+        params.rate_hz, params.reach_s, params.close_s, params.hold_s, params.lift_s, params.lift_m, params.distance_m,
+        params.approach, params.start, params.wander, params.beyond_m, params.peak_share, params.peak_m,
+        float(np.deg2rad(params.spread_deg)), float(np.deg2rad(params.turn_deg)), params.hooking, params.rest_closing,
+        params.press, params.noise_m)  # fmt: skip
     seeds = np.random.SeedSequence(params.seed).generate_state(params.clips, np.uint64)
-    return tuple(synthesise(target, habits, int(seed), f"{target.name}_{k:03d}") for k, seed in enumerate(seeds))
+    return tuple(synthesise(target, reach, int(seed), f"{target.name}_{k:03d}") for k, seed in enumerate(seeds))
 
 
 def _check(params: Params) -> None:

@@ -11,12 +11,12 @@ import psutil
 import pytest
 
 from afford.grasping.sim.engine import State
-from afford.grasping.sim.scene import randomised
+from afford.grasping.sim.scene import randomize_physics
 from afford.grasping.sim.worlds import ProcessWorlds, ThreadWorlds, world_batch
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
 
 CONTROL_S = 0.05
-SCENES = [randomised(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
+SCENES = [randomize_physics(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
 Q, BODY = np.tile(away(), (3, 1)), np.stack([at(z=0.05 * k) for k in range(3)])
 U = np.tile(commands(away()), (3, 1)) + np.arange(3)[:, None] * 0.1
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.sim.engine import BACKENDS, world
-from afford.grasping.sim.rest_poses import dropped
+from afford.grasping.sim.engine import BACKENDS, make_world
+from afford.grasping.sim.rest_poses import dropped_rest_pose
 from tests.helpers.made_scenes import block, scene
 
 
@@ -15,8 +15,8 @@ from tests.helpers.made_scenes import block, scene
 def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
     """Six drops: a face down, on the table to a millimetre, near where it fell; more than one face; the same again."""
     used, body = scene(), block()
-    made = world(engine, used)
-    poses = [dropped(made, used, seed) for seed in range(6)]
+    made = make_world(engine, used)
+    poses = [dropped_rest_pose(made, used, seed) for seed in range(6)]
     downs = set()
     for pose in poses:
         R = Rotation.from_quat(pose[3:])
@@ -26,14 +26,14 @@ def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
         downs.add((int(np.abs(down).argmax()), bool(down[np.abs(down).argmax()] > 0)))
         assert np.abs(pose[:2]).max() < 0.25
     assert len(downs) > 1
-    assert np.array_equal(dropped(made, used, 3), poses[3])
+    assert np.array_equal(dropped_rest_pose(made, used, 3), poses[3])
     made.close()
 
 
 def test_what_does_not_lie_still_is_told() -> None:
     """No time to fall."""
     used = scene()
-    made = world("mujoco", used)
+    made = make_world("mujoco", used)
     with pytest.raises(ValueError, match="take another seed"):
-        dropped(made, used, 0, most_s=0.1)
+        dropped_rest_pose(made, used, 0, most_s=0.1)
     made.close()

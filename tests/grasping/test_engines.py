@@ -10,8 +10,8 @@ import psutil
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward, limits, points
-from afford.grasping.sim.engine import BACKENDS, State, World, world
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
+from afford.grasping.sim.engine import BACKENDS, State, World, make_world
 from afford.grasping.sim.scene import STRICT
 from tests.helpers.made_hands import poses, shadow
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
@@ -56,7 +56,7 @@ def squeeze(made: World, steps: int = 16) -> list[State]:
 @both
 def test_a_falling_body_falls_as_galileo_said(engine: str) -> None:
     """0.3 s from 1 m: 1/2 g t2 to what a step of 1/240 s leaves out, turning on about an axis of its inertia."""
-    made = world(engine, scene())
+    made = make_world(engine, scene())
     made.reset(away(), at(z=1.0))
     state = rest(made, 0.3)
     assert state.body[2] == pytest.approx(1.0 - 0.5 * 9.81 * 0.3**2, abs=0.5 * 9.81 * 0.3 / 240 + 1e-4)
@@ -68,7 +68,7 @@ def test_a_falling_body_falls_as_galileo_said(engine: str) -> None:
 @both
 def test_what_stands_stays(engine: str) -> None:
     """After a second: at rest, where it was, sunk in by less than a millimetre."""
-    made = world(engine, scene())
+    made = make_world(engine, scene())
     made.reset(away(), at(0.1, -0.2))
     state = rest(made)
     assert state.body[:2] == pytest.approx([0.1, -0.2], abs=1e-3)
@@ -83,7 +83,7 @@ def test_engines_agree_where_a_tool_comes_to_rest() -> None:
     """A screwdriver let go above the table: the same place to 3 mm and 3 degrees."""
     found = []
     for engine in sorted(BACKENDS):
-        made = world(engine, scene(tool()))
+        made = make_world(engine, scene(tool()))
         made.reset(away(), at(z=0.01))
         found.append(rest(made, 1.5).body)
         made.close()
@@ -95,7 +95,7 @@ def test_engines_agree_where_a_tool_comes_to_rest() -> None:
 @both
 def test_energy_of_a_throw_is_kept_and_lost_on_the_table(engine: str) -> None:
     """A tumbling body keeps its energy in the air; lying on the table it has none to move with."""
-    made = world(engine, scene())
+    made = make_world(engine, scene())
     made.reset(away(), at(z=1.2))
     made.push(np.array([0.3, 0.1, 2.5]), 0.05)
     rest(made, 0.05)
@@ -117,7 +117,7 @@ def test_energy_of_a_throw_is_kept_and_lost_on_the_table(engine: str) -> None:
 @both
 def test_a_push_gives_its_impulse(engine: str) -> None:
     """In the air: force times time over mass, and nothing afterwards."""
-    made = world(engine, scene(gravity_m_s2=0.0, mass_scale=2.0))
+    made = make_world(engine, scene(gravity_m_s2=0.0, mass_scale=2.0))
     made.reset(away(), at(z=0.5))
     made.push(np.array([0.5, 0.0, 0.0]), 0.1)
     speed = 0.5 * 0.1 / (2.0 * block().mass_kg)
@@ -129,12 +129,12 @@ def test_a_push_gives_its_impulse(engine: str) -> None:
 @both
 def test_kinematics_are_those_of_the_table(engine: str) -> None:
     """Fingertips and palm at ten configurations: those of afford.grasping.hand.kinematics to a micrometre."""
-    made, hand = world(engine, scene()), shadow()
+    made, hand = make_world(engine, scene()), shadow()
     for q in poses(hand, 10, seed=1):
         state = made.reset(q, at(5.0))
-        T = forward(hand.joints, q[None])
+        T = forward_kinematics(hand.joints, q[None])
         assert state.q == pytest.approx(q)
-        assert state.tips == pytest.approx(points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], abs=1e-6)
+        assert state.tips == pytest.approx(points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], abs=1e-6)
         assert state.palm[:3] == pytest.approx(T[0, hand.palm, :3, 3], abs=1e-6)
         turn = Rotation.from_quat(state.palm[3:]) * Rotation.from_matrix(T[0, hand.palm, :3, :3]).inv()
         assert turn.magnitude() < 1e-5
@@ -144,13 +144,13 @@ def test_kinematics_are_those_of_the_table(engine: str) -> None:
 @both
 def test_motors_reach_what_they_are_told_within_limits(engine: str) -> None:
     """Half a second in the air: fingers at their targets, coupled joints at their drivers', nothing beyond its limit."""
-    made, hand = world(engine, scene()), shadow()
+    made, hand = make_world(engine, scene()), shadow()
     made.reset(away(), at(-1.0))
     u = commands(away())
     u[[7, 8, 11, 14, 20]] = [0.9, 1.1, 0.7, 9.0, 0.5]
     for _ in range(16):
         state = made.step(u, CONTROL_S)
-    low, high = limits(hand.joints).T
+    low, high = joint_limits(hand.joints).T
     assert (state.q > low - 0.02).all()
     assert (state.q < high + 0.02).all()
     names = [name for name, kind in zip(hand.joints.name, hand.joints.kind, strict=True) if kind != "fixed"]
@@ -164,7 +164,7 @@ def test_motors_reach_what_they_are_told_within_limits(engine: str) -> None:
 @both
 def test_touching_is_told_by_finger_and_part(engine: str) -> None:
     """Fingers close on the upper half of a block: they press on it, not on its foot; no torque is above what motors have."""
-    made, hand = world(engine, scene(iterations=100)), shadow()
+    made, hand = make_world(engine, scene(iterations=100)), shadow()
     made.reset(above_block(), at())
     states = squeeze(made)
     pressed = np.max([state.force for state in states], axis=0)
@@ -180,14 +180,14 @@ def test_touching_is_told_by_finger_and_part(engine: str) -> None:
 @both
 def test_the_same_commands_give_the_same_bits(engine: str) -> None:
     """In a world of its own, and again in one that has been used before."""
-    used = world(engine, scene())
+    used = make_world(engine, scene())
     used.reset(above_block(), at())
     first = squeeze(used)
     used.reset(away(), at(0.3, z=0.3))
     rest(used, 0.5)
     used.reset(above_block(), at())
     again = squeeze(used)
-    fresh = world(engine, scene())
+    fresh = make_world(engine, scene())
     fresh.reset(above_block(), at())
     other = squeeze(fresh)
     assert same(first[-1], other[-1])
@@ -199,7 +199,7 @@ def test_the_same_commands_give_the_same_bits(engine: str) -> None:
 @both
 def test_what_was_saved_goes_on_to_the_bit(engine: str) -> None:
     """In the middle of a grasp, while a push lasts."""
-    made = world(engine, scene())
+    made = make_world(engine, scene())
     made.reset(above_block(), at())
     squeeze(made, 8)
     made.push(np.array([0.2, 0.0, 0.0]), 0.2)
@@ -217,7 +217,7 @@ def test_what_was_saved_goes_on_to_the_bit(engine: str) -> None:
 @both
 def test_closing_twice_is_harmless(engine: str) -> None:
     """And another world goes on."""
-    one, two = world(engine, scene()), world(engine, scene())
+    one, two = make_world(engine, scene()), make_world(engine, scene())
     one.close()
     one.close()
     two.reset(away(), at())
@@ -229,7 +229,7 @@ def test_closing_twice_is_harmless(engine: str) -> None:
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
 def test_resets_do_not_leak(engine: str, count: int) -> None:
     """Less than 3 MB more after so many resets than after fifty."""
-    made = world(engine, scene(tool()))
+    made = make_world(engine, scene(tool()))
     process = psutil.Process()
     for number in range(count + 50):
         made.reset(away(), at(z=0.01))
@@ -245,7 +245,7 @@ def test_resets_do_not_leak(engine: str, count: int) -> None:
 @both
 def test_bad_commands_are_refused(engine: str) -> None:
     """Wrong sizes, numbers that are none, times that are no whole steps."""
-    made = world(engine, scene())
+    made = make_world(engine, scene())
     made.reset(away(), at())
     with pytest.raises(ValueError, match="step, u: expected 24 numbers"):
         made.step(np.zeros(28), CONTROL_S)
@@ -261,7 +261,7 @@ def test_bad_commands_are_refused(engine: str) -> None:
 def test_an_unknown_engine_is_told() -> None:
     """With those that there are."""
     with pytest.raises(KeyError, match="bullet, mujoco"):
-        world("isaac", scene())
+        make_world("isaac", scene())
 
 
 def test_strict_is_strict() -> None:

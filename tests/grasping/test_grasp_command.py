@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from afford.grasping.candidates.point_cloud import unproject
-from afford.grasping.candidates.read_scene import Files, read
+from afford.grasping.candidates.read_scene import SceneFiles, read
 from schemas.grasp import TERMS, GraspScene
 from tests.helpers.command import Called, call
 from tests.helpers.made_looks import rod
@@ -66,17 +66,17 @@ def test_a_prediction_and_its_depth_become_files(look: Path, tmp_path: Path) -> 
 
 
 def test_metres_and_millimetres_say_the_same(look: Path) -> None:
-    a, b = (read(Files(look / name, look / "masks", intrinsics=look / "camera.json")) for name in ("depth.png", "depth.npy"))
+    a, b = (read(SceneFiles(look / name, look / "masks", intrinsics=look / "camera.json")) for name in ("depth.png", "depth.npy"))
     assert np.abs(a.depth_m - b.depth_m).max() <= 0.0005 + 1e-6 and np.array_equal(a.hands, [False, True])
 
 
 def test_a_focal_length_stands_for_a_centred_camera(look: Path) -> None:
-    K = read(Files(look / "depth.npy", look / "masks", intrinsics=look / "camera.json")).K
-    assert np.allclose(read(Files(look / "depth.npy", look / "masks", focal_px=float(K[0, 0]))).K, K)
+    K = read(SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json")).K
+    assert np.allclose(read(SceneFiles(look / "depth.npy", look / "masks", focal_px=float(K[0, 0]))).K, K)
 
 
 def test_the_taxonomy_and_the_option_choose_hands(look: Path) -> None:
-    files = Files(look / "depth.npy", look / "masks", intrinsics=look / "camera.json")
+    files = SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json")
     assert read(replace(files, taxonomy="both_same")).hands.tolist() == [True, True]
     assert read(replace(files, taxonomy="both_same", hands="left")).hands.tolist() == [True, False]
     assert read(replace(files, masks=None, right=look / "masks" / "right.png")).hands.tolist() == [False, True]
@@ -99,14 +99,14 @@ def test_a_folder_with_the_mask_of_one_hand_is_about_that_hand(look: Path, tmp_p
 
 def test_points_of_the_object_are_put_into_the_camera(look: Path, tmp_path: Path) -> None:
     """negative.json and a pose give the points that an array in the camera's frame gives."""
-    scene = read(Files(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=look / "negative.png"))
+    scene = read(SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=look / "negative.png"))
     points = unproject(scene.depth_m, scene.K)[scene.negative]
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]], [0.1, 0.2, 0.3]
     np.save(tmp_path / "points.npy", points)
     (tmp_path / "negative.json").write_text(json.dumps({"N_t": ((points - T[:3, 3]) @ T[:3, :3]).tolist()}))
     (tmp_path / "pose.json").write_text(json.dumps(T.tolist()))
-    files = Files(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=tmp_path / "points.npy")
+    files = SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=tmp_path / "points.npy")
     of_object = replace(files, negative=tmp_path / "negative.json", object_pose=tmp_path / "pose.json")
     assert np.allclose(read(files).N_t, points) and np.allclose(read(of_object).N_t, points)
 

@@ -12,7 +12,7 @@ import pytest
 from afford.common.files import tree
 from afford.grasping.candidates.compare import masks
 from afford.grasping.candidates.comparison_report import differences, shares, table
-from afford.grasping.candidates.render_view import Eye, look
+from afford.grasping.candidates.render_view import ViewCamera, render_view
 from schemas.files import FileTree
 from schemas.grasp import FIGURES, METHODS, GraspComparison, GraspObject
 from schemas.mesh import ObjectSpec, PartedMesh
@@ -48,7 +48,7 @@ def test_a_look_shows_the_object_where_it_lies() -> None:
     """Faces behind pixels are at the depth that the camera measured; noise is of the size that was asked for."""
     built, _, _ = subject()
     pose = np.array([0.02, -0.01, 0.0, 0.0, 0.0, np.sin(0.5), np.cos(0.5)])
-    exact, noisy = (look(built.mesh, pose, Eye(noise_m=noise, width_px=160, height_px=120), np.random.default_rng(0))
+    exact, noisy = (render_view(built.mesh, pose, ViewCamera(noise_m=noise, width_px=160, height_px=120), np.random.default_rng(0))
                     for noise in (0.0, 0.003))  # fmt: skip
     y, x = np.nonzero(exact.face >= 0)
     assert len(y) > 200
@@ -63,7 +63,8 @@ def test_a_look_shows_the_object_where_it_lies() -> None:
 def test_masks_are_what_they_say() -> None:
     """The affordance lies in the whole; negative parts are told by +N alone and are no part of the affordance."""
     built, _, told = subject()
-    seen = look(built.mesh, np.array([0, 0, 0, 0, 0, 0, 1.0]), Eye(width_px=160, height_px=120), np.random.default_rng(0))
+    camera = ViewCamera(width_px=160, height_px=120)
+    seen = render_view(built.mesh, np.array([0, 0, 0, 0, 0, 0, 1.0]), camera, np.random.default_rng(0))
     said = np.zeros(seen.face.shape, bool)
     found = {name: (region, bad) for name, region, bad in masks(built.parts, seen, told.descriptions[0], said)}
     assert tuple(found) == tuple(METHODS)

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from afford.grasping.env import env
-from afford.grasping.env.observe import blocks, slices
-from afford.grasping.hand.kinematics import driven
+from afford.grasping.env.obs_blocks import block_slices, obs_blocks
+from afford.grasping.hand.kinematics import commanded_joints
 from benchmarks import bench_grasp_env as page
 from tests.helpers.made_hands import shadow
 
@@ -16,13 +16,13 @@ from tests.helpers.made_hands import shadow
 def test_the_contract_in_the_docstring_is_kept() -> None:
     """Which number of an action is which motor, which numbers of the published observation are which block."""
     text = str(env.__doc__)
-    names = [shadow().joints.name[k] for k in driven(shadow().joints)]
+    names = [shadow().joints.name[k] for k in commanded_joints(shadow().joints)]
     rows = re.findall(r"(\d+)-(\d+) +((?:[A-Z]{2}J\d ?)+)", text)
     assert len(rows) == 5
     for first, last, motors in rows:
         assert motors.split() == names[int(first) : int(last) + 1]
     found = {name: (int(a), int(b) + 1) for a, b, name in re.findall(r"(\d+)-(\d+) +([a-z_]+)\b(?! along|,)", text)}
-    assert found == {name: (at.start, at.stop) for name, at in slices(blocks("paper", "prior")).items()}
+    assert found == {name: (at.start, at.stop) for name, at in block_slices(obs_blocks("paper", "prior")).items()}
 
 
 @pytest.mark.parametrize(("name", "block"), [

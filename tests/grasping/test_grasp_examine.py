@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Still, play
-from afford.grasping.env.task import of
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import BaseOnly, rollout
+from afford.grasping.env.task import from_grasp_task
 from afford.grasping.evaluate import result_cells
 from afford.grasping.evaluate.evaluate_policy import FIGURES
-from afford.grasping.evaluate.report import by_row, markdown, metrics
-from afford.grasping.evaluate.result_cells import cells
+from afford.grasping.evaluate.report import logs_by_row, markdown, metrics
+from afford.grasping.evaluate.result_cells import group_cells
 from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -80,8 +80,8 @@ def test_a_trace_agrees_with_the_figures(script: GraspEpisodes) -> None:
 
 def test_an_episode_that_ended_keeps_its_figures() -> None:
     one = tasks()[0]
-    grasping = Grasping(shadow(), [of(one)], Config(base="script", steps=40))
-    played = play(grasping, Still(), [np.random.default_rng(0)])
+    grasping = GraspWorlds(shadow(), [from_grasp_task(one)], GraspEnvConfig(base="script", steps=40))
+    played = rollout(grasping, BaseOnly(), [np.random.default_rng(0)])
     assert played.ended.tolist() == [40] and played.q.shape[1] == 41
     assert played.report["held"][0] == grasping.report()["held"][0]
     grasping.close()
@@ -101,7 +101,7 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     assert two["mujoco.penetration_mm.p95"] == two["mujoco.teacher.penetration_mm.p95"] > two["penetration_mm.p95"]
     assert "mujoco.penetration_mm.p95" not in found
     assert found["control_steps.bullet"] == found["control_steps.mujoco"] == script.depth_m.size == 4 * 40
-    assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(cells([strict, script])) == 2
+    assert found["teacher.succ_low"] < found["teacher.succ"] <= 1 and len(group_cells([strict, script])) == 2
     text = markdown([strict, script])
     assert all(one.name in text for one in tasks()) and "UniDexGrasp++" in text
     here = Scratch(tmp_path_factory.mktemp("report"))
@@ -113,7 +113,7 @@ def test_scores_are_told_seed_by_seed(script: GraspEpisodes) -> None:
     """Where the report has their mean; what cannot be told of one seed is not there."""
     both = [script, replace(script, seed=7, values=script.values * [0.0 if name == "success" else 1.0 for name in FIGURES])]
     told = result_cells.scores(both)
-    (row,) = result_cells.result_rows(cells(both))
+    (row,) = result_cells.result_rows(group_cells(both))
     assert list(told) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
     assert [one["succ"] for one in told.values()] == [2 * row.figures["succ"], 0.0]
     assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in told.values())
@@ -150,7 +150,7 @@ def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: Gr
     files = grasp_report.run((script,), logs, (), (), (), (), grasp_report.Params(), Scratch(tmp_path))
     said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
     assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
-    assert files.find("curves.png") and set(by_row(logs)) == {"teacher"}
+    assert files.find("curves.png") and set(logs_by_row(logs)) == {"teacher"}
 
 
 def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.result_cells import cells, result_rows, scores
+from afford.grasping.evaluate.result_cells import group_cells, result_rows, scores
 from benchmarks import grasp_kept
 from schemas.episodes import GraspEpisodes
 
@@ -30,7 +30,7 @@ def kept(*runs: GraspEpisodes) -> grasp_kept.Kept:
 
 def mean_of(*runs: GraspEpisodes) -> grasp_kept.Kept:
     """As one entry of the seeds 0, 1, ..."""
-    row = result_rows(cells(runs))[0]
+    row = result_rows(group_cells(runs))[0]
     return {f"{row.policy}-0..{len(runs) - 1}-{row.level}-{row.engine}": {"commit": "aaa", "figures": dict(row.figures)}}
 
 
@@ -39,7 +39,7 @@ def test_seeds_that_were_trained_apart_give_the_line_of_those_trained_together(t
     """Whether each is known or only the mean of the first of them."""
     runs = [episodes("teacher", seed) for seed in range(3)]
     known = mean_of(*runs[:together]) | kept(*runs[together:])
-    (row,), (asked,) = grasp_kept.rows(known), result_rows(cells(runs))
+    (row,), (asked,) = grasp_kept.rows(known), result_rows(group_cells(runs))
     assert row.seeds == asked.seeds == 3 and row.figures.keys() == asked.figures.keys()
     assert list(row.figures.values()) == pytest.approx([asked.figures[name] for name in row.figures], abs=1e-12)
 

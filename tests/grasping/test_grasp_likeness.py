@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.human_likeness import criteria, humans, likeness, log_jerk
+from afford.grasping.evaluate.human_likeness import criteria, human_likeness, human_statistics, log_jerk
 from tests.helpers.made_grasps import reference
 from tests.helpers.made_hands import shadow
 
@@ -21,23 +21,23 @@ def path(one) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def] 
 
 
 def test_people_are_human() -> None:
-    known = humans(people(), RATE)
-    scores = [likeness(*path(one), RATE, known)[0] for one in people()]
+    known = human_statistics(people(), RATE)
+    scores = [human_likeness(*path(one), RATE, known)[0] for one in people()]
     assert min(scores) > 6 and float(np.mean(scores)) > 8.5
 
 
 def test_trembling_is_less_human_and_more_of_it_less_so() -> None:
-    known, (q, palm) = humans(people(), RATE), path(people()[0])
+    known, (q, palm) = human_statistics(people(), RATE), path(people()[0])
     noise = np.random.default_rng(0).normal(size=q.shape)
-    scores = [likeness(q + size * noise, palm, RATE, known)[0] for size in (0.0, 0.03, 0.3)]
+    scores = [human_likeness(q + size * noise, palm, RATE, known)[0] for size in (0.0, 0.03, 0.3)]
     assert scores[0] > scores[1] > scores[2]
 
 
 def test_a_detour_costs_by_its_length() -> None:
-    known, (q, palm) = humans(people(), RATE), path(people()[0])
+    known, (q, palm) = human_statistics(people(), RATE), path(people()[0])
     t = np.linspace(0, 2 * np.pi, len(palm))[:, None]
     wide = palm + 0.3 * np.concatenate([np.sin(2 * t), np.cos(2 * t), 0 * t], axis=1)
-    assert likeness(q, wide, RATE, known)[1][0] < likeness(q, palm, RATE, known)[1][0]
+    assert human_likeness(q, wide, RATE, known)[1][0] < human_likeness(q, palm, RATE, known)[1][0]
 
 
 def test_jerk_of_a_minimum_jerk_reach_is_known_and_has_no_unit() -> None:
@@ -51,7 +51,7 @@ def test_jerk_of_a_minimum_jerk_reach_is_known_and_has_no_unit() -> None:
 
 
 def test_motion_within_the_synergies_is_explained() -> None:
-    known = humans(people(), RATE)
+    known = human_statistics(people(), RATE)
     t = np.linspace(0, 1, 40)[:, None]
     within = known.posture + t * known.synergies[:1]
     palm = np.concatenate([0 * t, 0 * t, np.abs(t - 0.5)], axis=1)
@@ -60,4 +60,4 @@ def test_motion_within_the_synergies_is_explained() -> None:
 
 def test_one_person_is_not_people() -> None:
     with pytest.raises(ValueError, match="two references or more"):
-        humans(people()[:1], RATE)
+        human_statistics(people()[:1], RATE)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from afford.grasping.env.reward import negative_times, weights
-from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned
+from afford.grasping.env.reward import reward_weights, scaled_negative_weights
+from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from commands.settings import settings
 from maps.settings import Origin, Settings
 from maps.settings.grasping import FITTED, MOTION
@@ -16,7 +16,7 @@ from stages.grasping import grasp_report, rl_grasp_refinement
 
 
 def test_every_row_with_a_seed_comes_before_the_next_seed() -> None:
-    assert planned((TEACHER, "neither"), 2) == ((TEACHER, 0), ("neither", 0), (TEACHER, 1), ("neither", 1))
+    assert planned_runs((TEACHER, "neither"), 2) == ((TEACHER, 0), ("neither", 0), (TEACHER, 1), ("neither", 1))
 
 
 def test_rows_change_parameters_that_there_are() -> None:
@@ -24,13 +24,13 @@ def test_rows_change_parameters_that_there_are() -> None:
         replace(rl_grasp_refinement.Params(), **changes)
     asked_for = (POSITIVE, "student_no_negative", "paper_reward")
     every = (*grasp_report.Params().rows, *asked_for)
-    assert sorted(every) == sorted((*ROWS, *STUDENTS)) and len(planned(every, 1)) == len(every)
+    assert sorted(every) == sorted((*ROWS, *STUDENTS)) and len(planned_runs(every, 1)) == len(every)
 
 
 def test_the_papers_reward_is_the_papers() -> None:
     """Its four terms with its weights; all rows but it and the transfers learn from ours."""
     row = ROWS["paper_reward"]
-    assert weights(row["reward"], negative_times(row["reward"], row["lambda_n"])) == {
+    assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {
         "hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0}
     assert {name for name, changes in ROWS.items() if "reward" in changes} == {
         "paper_reward", *(name for name in ROWS if name.startswith("transfer_"))}
@@ -52,7 +52,7 @@ def test_what_is_unknown_or_out_of_order_is_refused() -> None:
     for rows, seeds in ((("teacher", "magic"), 1), ((STUDENT, TEACHER), 1), ((TEACHER,), 0),
                         ((TEACHER, "student_no_negative", NO_NEGATIVE), 1), ((TEACHER, "student_no_negative"), 1)):
         with pytest.raises(ValueError, match="grasp rows"):
-            planned(rows, seeds)
+            planned_runs(rows, seeds)
 
 
 def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -> None:

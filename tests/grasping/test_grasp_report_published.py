@@ -10,7 +10,7 @@ import pytest
 from afford.grasping.evaluate.recipes import ROWS as TRAININGS
 from afford.grasping.evaluate.recipes import STUDENTS
 from afford.grasping.evaluate.report import PUBLISHED, SAME, published_lines, same_pairs
-from afford.grasping.evaluate.result_cells import ResultRow, cells, result_rows
+from afford.grasping.evaluate.result_cells import ResultRow, group_cells, result_rows
 from schemas.episodes import GraspEpisodes, GraspExam
 
 FIGURES = ("success", "hls", "as_violation_pct")
@@ -41,7 +41,7 @@ def test_both_know_the_rows() -> None:
 
 def test_ours_and_theirs_stand_in_one_line() -> None:
     """Succ over seeds in percent, AS over successes, theirs as it is published."""
-    found = result_rows(cells([episodes("student", "train"), episodes("student", "train", seed=1, success=(1, 1))]))
+    found = result_rows(group_cells([episodes("student", "train"), episodes("student", "train", seed=1, success=(1, 1))]))
     assert list(beside(found)) == [
         ["vision", "AffordDex", "student", "train", "bullet", "87", "75.0", "8.3", "4.0", "10", "20.0", "2"]]
 
@@ -53,13 +53,13 @@ def test_ours_and_theirs_stand_in_one_line() -> None:
     ("student_no_negative", "train", ["two of HTI, distillation, NAA", "another two of them"])])  # fmt: skip
 def test_only_levels_that_both_have(policy: str, level: str, expected: list[str]) -> None:
     """In every engine."""
-    found = result_rows(cells([episodes(policy, level), episodes(policy, level, "mujoco")]))
+    found = result_rows(group_cells([episodes(policy, level), episodes(policy, level, "mujoco")]))
     assert [theirs.row for _, theirs in same_pairs(found)] == [one for one in expected for _ in range(2)]
     assert all(theirs.level == row.level == level for row, theirs in same_pairs(found))
 
 
 def test_nothing_stands_beside_what_is_not_finished() -> None:
     """No table without a line; the published rows are there all the same."""
-    found = result_rows(cells([episodes("on_script", "train")], [GraspExam("teacher-0", "teacher", "train", "bullet")]))
+    found = result_rows(group_cells([episodes("on_script", "train")], [GraspExam("teacher-0", "teacher", "train", "bullet")]))
     text = "\n".join(published_lines(found))
     assert "Beside" not in text and text.count("\n| ") == len(PUBLISHED) + 1

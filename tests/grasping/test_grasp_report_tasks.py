@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.evaluate.result_cells import cells, of_use, task_lines, use_lines, use_of
+from afford.grasping.evaluate.result_cells import group_cells, of_use, task_lines, use_lines, use_of
 from schemas.episodes import GraspEpisodes
 
 NAMES = ("knife_00/cut", "knife_01/cut", "knife_00/hand_over")
@@ -32,7 +32,7 @@ def test_uses_part_the_episodes() -> None:
 
 def test_a_use_is_told_over_seeds_of_the_first_policy() -> None:
     """Four and two episodes of each of two seeds; the spread is over seeds; other policies and engines are left out."""
-    rows = [line for line in use_lines(cells(RUNS)) if line.startswith("| train")]
+    rows = [line for line in use_lines(group_cells(RUNS)) if line.startswith("| train")]
     spread = 100 * np.std([1.0, 0.5], ddof=1), 100 * np.std([0.0, 1.0], ddof=1)
     assert rows == [f"| train | cut | 2 | 8 | 75.0 | {spread[0]:.1f} | 50.0 |",
                     f"| train | hand_over | 1 | 4 | 50.0 | {spread[1]:.1f} | 50.0 |"]  # fmt: skip
@@ -46,4 +46,4 @@ def test_every_task_of_every_training_has_a_line(seed: int) -> None:
 
 def test_nobody_succeeds() -> None:
     """AS over successes has no value then."""
-    assert use_lines(cells(RUNS[2:3]))[-1] == "| train | hand_over | 1 | 2 | 0.0 |  |  |"
+    assert use_lines(group_cells(RUNS[2:3]))[-1] == "| train | hand_over | 1 | 2 | 0.0 |  |  |"

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Actor
-from afford.grasping.env.studio import NEGATIVE, Studio
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rendering import NEGATIVE, GraspRenderer
+from afford.grasping.env.rollout import Actor
 from afford.grasping.evaluate.comparisons import pair_figures, pair_lines, pair_metrics, shifts_m
-from afford.grasping.evaluate.two_tasks import APART_M, axis, grasp_twice, pair
-from afford.grasping.policies.acting import Policy
+from afford.grasping.evaluate.two_tasks import APART_M, evaluate_task_pairs, long_axis, opposite_end_tasks
+from afford.grasping.policies.load_policy import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import TwoTasks
 from schemas.files import FileTree
@@ -29,7 +29,7 @@ FAST = Physics(iterations=50)
 class Shy:
     """Goes to where N_t is not, as far as the policy of a person would who knows the object."""
 
-    def act(self, now: Grasping) -> np.ndarray:
+    def act(self, now: GraspWorlds) -> np.ndarray:
         points = now.scenery.negative_points(now.state()).mean(axis=1) - now.scenery.centre(now.state())
         x = np.stack([np.cos(now.episode.yaw), np.sin(now.episode.yaw)], axis=1)
         out = np.zeros((len(now.tasks), now.motors))
@@ -40,29 +40,29 @@ class Shy:
 class Told(Policy):
     """A policy that is a function."""
 
-    def actor(self, grasping: Grasping) -> Actor:
+    def actor(self, grasping: GraspWorlds) -> Actor:
         return Shy()
 
 
 def test_ends_are_beyond_the_middle_and_the_object_is_the_same() -> None:
     """100 points of either side, none within 2 cm of the centre of mass along the object; nothing else differs."""
     body = tool("screwdriver")
-    first, other = pair(body)
+    first, other = opposite_end_tasks(body)
     for task, side in ((first, 1), (other, -1)):
-        assert task.N_t.shape == (100, 3) and (side * ((task.N_t - body.com_m) @ axis(body)) > APART_M).all()
+        assert task.N_t.shape == (100, 3) and (side * ((task.N_t - body.com_m) @ long_axis(body)) > APART_M).all()
         assert task.negative == () and task.body is body
     short = replace(body, points=(body.points * np.float32(0.01)).astype(np.float32), com_m=body.com_m * 0.01)
     with pytest.raises(ValueError, match="at both ends, got 0 and 0"):
-        pair(short)
+        opposite_end_tasks(short)
 
 
 def test_a_policy_that_does_not_look_does_not_move_and_one_that_does_moves() -> None:
     """Without a policy both episodes are the same to the bit, whatever N_t; Shy moves away by centimetres, both ways."""
     bodies, args = (tool("screwdriver"), tool("spatula")), ("x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
-    blind, _ = grasp_twice(shadow(), bodies, Policy(FACTS, None, None), *args)
+    blind, _ = evaluate_task_pairs(shadow(), bodies, Policy(FACTS, None, None), *args)
     assert np.array_equal(blind.along_m[:, 0], blind.along_m[:, 1]) and blind.success.any()
     assert shifts_m(blind)[1] == pytest.approx(0.0, abs=0)
-    moved, seen = grasp_twice(shadow(), bodies, Told(FACTS, None, None), *args)
+    moved, seen = evaluate_task_pairs(shadow(), bodies, Told(FACTS, None, None), *args)
     assert (moved.along_m[:, 1] - moved.along_m[:, 0] > 0.02).all() and len(seen) == 2
     assert [task.name.rpartition("/")[2] for task, _ in seen] == ["first_end", "other_end"]
     assert np.array_equal(seen[0][1].body[0], seen[1][1].body[0]) and np.array_equal(seen[0][1].q[0], seen[1][1].q[0])
@@ -88,13 +88,13 @@ def test_figures_are_of_objects_lifted_twice() -> None:
 def test_the_stage_draws_the_object_twice(tmp_path: Path) -> None:
     """The base alone, small pictures; the red of N_t is on them."""
     params = grasp_two_tasks.Params("nobody", "mujoco", rounds=1, iterations=20, width=96, height=72, supersample=1)
-    task = pair(tool("screwdriver"))[0]
+    task = opposite_end_tasks(tool("screwdriver"))[0]
     nobody = FileTree("none", ())
     shown = grasp_two_tasks.run(shadow(), (tool("screwdriver"),), nobody, params, Scratch(tmp_path))
     assert [file.name for file in shown.sheet.files] == ["two_tasks.png"] and shown.pairs.along_m.shape == (1, 2)
     args = (Policy({}, None, None), "x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
-    (_, trace), _ = grasp_twice(shadow(), (task.body,), *args)[1]
-    picture = Studio(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
+    (_, trace), _ = evaluate_task_pairs(shadow(), (task.body,), *args)[1]
+    picture = GraspRenderer(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
     red = (picture[..., 0] > 2 * picture[..., 1]) & (picture[..., 0] > 2 * picture[..., 2])
     assert red.sum() > 10 and NEGATIVE[0] > 2 * NEGATIVE[1]
     with pytest.raises(ValueError, match="an object or more, got none"):

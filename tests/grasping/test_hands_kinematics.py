@@ -11,8 +11,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.export import save
-from afford.grasping.hand.kinematics import driven, forward, jacobian, limits, moving, points, spread
+from afford.grasping.hand.export import save_hand
+from afford.grasping.hand.kinematics import (
+    commanded_joints,
+    coupling_matrix,
+    forward_kinematics,
+    jacobian,
+    joint_limits,
+    moving_joints,
+    points_on_links,
+)
 from schemas.hand import HandModel
 from tests.helpers.made_hands import COUPLED, PINCER, SHARED, hand_of, poses, shadow, tree, written
 
@@ -26,7 +34,7 @@ def original() -> mujoco.MjModel:
 
 def at(model: mujoco.MjModel, data: mujoco.MjData, hand: HandModel, q: np.ndarray) -> None:
     """Put MuJoCo's fingers where ours are."""
-    for k, value in zip(moving(hand.joints), q, strict=True):
+    for k, value in zip(moving_joints(hand.joints), q, strict=True):
         if hand.joints.role[k] in ("actuated", "coupled"):
             data.joint(f"robot0:{hand.joints.name[k]}").qpos = value
     mujoco.mj_kinematics(model, data)
@@ -42,9 +50,9 @@ def test_links_and_fingertips_are_where_mujoco_has_them(original: mujoco.MjModel
     """100 random configurations: every link's frame and every fingertip within a micrometre, seen from the palm."""
     hand = shadow()
     data, q = mujoco.MjData(original), poses(hand, 100, seed=1)
-    T = forward(hand.joints, q)
+    T = forward_kinematics(hand.joints, q)
     T = np.linalg.inv(T[:, hand.palm])[:, None] @ T
-    tips = points(T, hand.fingers.tip_link, hand.fingers.tip_m)
+    tips = points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m)
     for row in range(100):
         at(original, data, hand, q[row])
         base = np.linalg.inv(pose(data.body("robot0:palm")))
@@ -59,14 +67,14 @@ def check_against_pybullet(hand: HandModel, folder: Path, count: int) -> None:
     """Every link of the URDF within 10 micrometres and 1e-5 of a rotation matrix's entry; limits as PyBullet read them."""
     client, q = pybullet.connect(pybullet.DIRECT), poses(hand, count, seed=2)
     try:
-        body = pybullet.loadURDF(str(save(hand, folder)), useFixedBase=True, physicsClientId=client)
+        body = pybullet.loadURDF(str(save_hand(hand, folder)), useFixedBase=True, physicsClientId=client)
         info = [pybullet.getJointInfo(body, k, client) for k in range(pybullet.getNumJoints(body, client))]
         order = {entry[1].decode(): entry for entry in info}
         assert set(order) == set(hand.joints.name)
-        for k, (low, high) in zip(moving(hand.joints), limits(hand.joints), strict=True):
+        for k, (low, high) in zip(moving_joints(hand.joints), joint_limits(hand.joints), strict=True):
             assert order[hand.joints.name[k]][8:12] == (low, high, hand.joints.effort[k], hand.joints.velocity[k])
-        for row, T in zip(q, forward(hand.joints, q), strict=True):
-            for k, value in zip(moving(hand.joints), row, strict=True):
+        for row, T in zip(q, forward_kinematics(hand.joints, q), strict=True):
+            for k, value in zip(moving_joints(hand.joints), row, strict=True):
                 pybullet.resetJointState(body, order[hand.joints.name[k]][0], value, physicsClientId=client)
             for k, name in enumerate(hand.joints.name):
                 state = pybullet.getLinkState(body, order[name][0], computeForwardKinematics=1, physicsClientId=client)
@@ -108,12 +116,12 @@ def test_the_jacobian_is_the_derivative() -> None:
     q, step = poses(hand, 3, seed=3), 1e-6
     links = np.concatenate([hand.fingers.tip_link, hand.fingers.middle_link])
     offsets = np.concatenate([hand.fingers.tip_m, np.full((5, 3), 0.01)])
-    found = jacobian(hand.joints, forward(hand.joints, q), links, offsets)
+    found = jacobian(hand.joints, forward_kinematics(hand.joints, q), links, offsets)
     for column in range(q.shape[1]):
         ahead, behind = q.copy(), q.copy()
         ahead[:, column] += step
         behind[:, column] -= step
-        there, back = (points(forward(hand.joints, moved), links, offsets) for moved in (ahead, behind))
+        there, back = (points_on_links(forward_kinematics(hand.joints, moved), links, offsets) for moved in (ahead, behind))
         change = (there - back) / (2 * step)
         np.testing.assert_allclose(found[..., column], change, atol=1e-8)
     assert np.abs(found).max() > 0.05
@@ -122,18 +130,18 @@ def test_the_jacobian_is_the_derivative() -> None:
 def test_coupled_joints_follow() -> None:
     """24 commands become 28 positions, in which the last joint of a finger equals the one before it."""
     hand = shadow()
-    A, b = spread(hand.joints)
+    A, b = coupling_matrix(hand.joints)
     u = np.random.default_rng(4).uniform(-1, 1, (7, 24))
     q = u @ A.T + b
-    names = [hand.joints.name[k] for k in moving(hand.joints)]
+    names = [hand.joints.name[k] for k in moving_joints(hand.joints)]
     assert A.shape == (28, 24)
     for finger in ("FF", "MF", "RF", "LF"):
         assert (q[:, names.index(f"{finger}J0")] == q[:, names.index(f"{finger}J1")]).all()
-    commanded = [names.index(hand.joints.name[k]) for k in driven(hand.joints)]
+    commanded = [names.index(hand.joints.name[k]) for k in commanded_joints(hand.joints)]
     assert (q[:, commanded] == u).all()
 
 
 def test_q_of_another_length_is_refused() -> None:
     """One sentence says how many columns there should be."""
     with pytest.raises(ValueError, match=r"expected \(n, 28\)"):
-        forward(shadow().joints, np.zeros((1, 24)))
+        forward_kinematics(shadow().joints, np.zeros((1, 24)))

@@ -12,15 +12,15 @@ import pytest
 from afford.codecs import CODEC
 from afford.grasping.hand import Urdf, mjcf, read_urdf
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.export import save
-from afford.grasping.hand.kinematics import forward, limits, moving, points
+from afford.grasping.hand.export import save_hand
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, moving_joints, points_on_links
 from stages.grasping import hand_model
 from tests.helpers.made_hands import read_text, shadow, tree
 
 
 @pytest.fixture(scope="module")
 def source() -> mujoco.MjModel:
-    return mjcf.compiled(shadow_files())
+    return mjcf.compile_hand(shadow_files())
 
 
 def test_joints_are_those_of_the_paper() -> None:
@@ -102,13 +102,14 @@ def test_it_is_a_right_hand_that_closes_towards_its_palm() -> None:
     hand = shadow()
     np.testing.assert_allclose(hand.R_palm_grip, np.eye(3), atol=1e-9)
     assert (hand.side, hand.links[hand.palm]) == ("right", "palm")
-    still = np.clip(0.0, *limits(hand.joints).T)
+    still = np.clip(0.0, *joint_limits(hand.joints).T)
     bent = still.copy()
-    for column, k in enumerate(moving(hand.joints)):
+    for column, k in enumerate(moving_joints(hand.joints)):
         if hand.joints.name[k][2:] in ("J0", "J1", "J2") and not hand.joints.name[k].startswith("TH"):
             bent[column] = 0.8
         bent[column] = {"THJ4": 0.9, "THJ3": 1.2, "THJ1": 0.5}.get(hand.joints.name[k], bent[column])
-    open_tips, closed_tips = points(forward(hand.joints, np.stack([still, bent])), hand.fingers.tip_link, hand.fingers.tip_m)
+    T = forward_kinematics(hand.joints, np.stack([still, bent]))
+    open_tips, closed_tips = points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m)
     assert (closed_tips[1:, 1] < open_tips[1:, 1] - 0.05).all()
     assert np.linalg.norm(closed_tips[0] - closed_tips[1]) < 0.6 * np.linalg.norm(open_tips[0] - open_tips[1])
 
@@ -132,7 +133,7 @@ def test_same_bytes_twice() -> None:
 def test_the_urdf_reads_back_to_the_same_hand(tmp_path: Path) -> None:
     """Through the door for other hands: same joints, couplings and places."""
     hand = shadow(wrist="none")
-    save(hand, tmp_path)
+    save_hand(hand, tmp_path)
     tips = tuple(f"{name}={hand.links[link]}" for name, link in zip(hand.fingers.name, hand.fingers.tip_link, strict=True))
     again = hand_model.run(tree(tmp_path), hand_model.Params(backend="urdf", wrist="none", urdf=Urdf(fingers=tips)))
     assert (again.joints.name, again.joints.role, again.links) == (hand.joints.name, hand.joints.role, hand.links)

@@ -9,7 +9,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.grasping.hand import assets, export
-from afford.grasping.hand.link_meshes import solid
+from afford.grasping.hand.link_meshes import shape_mesh
 from afford.grasping.hand.tree import Tree
 from schemas.files import FileTree
 from stages.grasping import hand_model
@@ -29,9 +29,10 @@ def test_a_hand_without_fingertip_frames(tmp_path: Path) -> None:
 def test_what_is_written_reads_back(tmp_path: Path) -> None:
     """A second time round gives the same text."""
     tree = read_text(PINCER)
-    text = export.write(tree)
+    text = export.urdf_text(tree)
     again = read_text(text)
-    assert export.write(Tree("hand", again.links, again.joints, {})) == export.write(Tree("hand", tree.links, tree.joints, {}))
+    first, second = (export.urdf_text(Tree("hand", one.links, one.joints, {})) for one in (tree, again))
+    assert first == second
     assert again.joints[0].axis == (0.0, -1.0, 0.0)  # made a unit vector
 
 
@@ -51,8 +52,8 @@ def test_a_capsule_in_parts_fills_the_same_room() -> None:
     T[:3, 3] = 0.1, 0.2, 0.3
     whole = Shape("capsule", (0.01, 0.04), T)
     nothing = Tree("", (), (), {})
-    boxes = np.stack([solid(part, nothing).bounds for part in export.split(whole)])
-    np.testing.assert_allclose([boxes[:, 0].min(0), boxes[:, 1].max(0)], solid(whole, nothing).bounds, atol=1e-9)
+    boxes = np.stack([shape_mesh(part, nothing).bounds for part in export.split_capsule(whole)])
+    np.testing.assert_allclose([boxes[:, 0].min(0), boxes[:, 1].max(0)], shape_mesh(whole, nothing).bounds, atol=1e-9)
 
 
 PARENT = '<parent link="index_a"/>'

@@ -12,7 +12,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.grasping.motion.keypoints import COLUMNS
-from afford.grasping.motion.retarget import mirrored
+from afford.grasping.motion.retarget import mirror_motion
 from afford.grasping.motion.targets import grip_axes
 from schemas.hand import PHASES, HandMotion
 from stages.grasping import motion_read
@@ -126,9 +126,9 @@ def test_files_that_are_no_files_of_keypoints(motion: HandMotion, tmp_path: Path
 
 def test_a_mirror_image_is_the_other_hand(motion: HandMotion) -> None:
     """Twice is the motion itself; the palm's axes are those of a left hand, reflected."""
-    left = mirrored(motion)
+    left = mirror_motion(motion)
     assert left.side == "left"
-    np.testing.assert_array_equal(mirrored(left).keypoints_m, motion.keypoints_m)
+    np.testing.assert_array_equal(mirror_motion(left).keypoints_m, motion.keypoints_m)
     right, M = grip_axes(motion.keypoints_m, "right"), np.diag([-1.0, 1, 1])
     np.testing.assert_allclose(grip_axes(left.keypoints_m, "left"), M @ right @ M, atol=1e-12)
 

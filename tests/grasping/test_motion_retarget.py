@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.grasping.hand.kinematics import forward, limits, points
-from afford.grasping.motion.fit import Problem, State, Weights
-from afford.grasping.motion.keypoints import build
-from afford.grasping.motion.retarget import mirrored
-from afford.grasping.motion.targets import hand_points, targets
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
+from afford.grasping.motion.fit import FitState, FitWeights, RetargetProblem
+from afford.grasping.motion.keypoints import hand_motion
+from afford.grasping.motion.retarget import mirror_motion
+from afford.grasping.motion.targets import hand_points, scaled_targets
 from schemas.hand import HandModel, HandMotion, Retargeted
 from stages.grasping import hand_retarget, motion_read, motion_report
 from tests.helpers.made_hands import shadow
@@ -51,13 +51,13 @@ def test_what_is_stored_is_where_the_hand_is(motion: HandMotion) -> None:
     """Forward kinematics of q, gantry and all, gives the stored palm, both levels and the tips."""
     (reference,) = run(motion).references
     hand = shadow()
-    T = forward(hand.joints, reference.q)
+    T = forward_kinematics(hand.joints, reference.q)
     np.testing.assert_allclose(T[:, hand.palm], reference.T_world_palm, atol=1e-9)
     nought = np.zeros((len(hand.fingers.name), 3))
     for links, offsets, stored in ((hand.fingers.base_link, nought, reference.level_1_m),
                                    (hand.fingers.middle_link, nought, reference.level_2_m),
                                    (hand.fingers.tip_link, hand.fingers.tip_m, reference.tips_m)):  # fmt: skip
-        np.testing.assert_allclose(points(T, links, offsets), stored, atol=1e-9)
+        np.testing.assert_allclose(points_on_links(T, links, offsets), stored, atol=1e-9)
 
 
 def test_turned_and_shifted_is_the_same_motion(motion: HandMotion) -> None:
@@ -74,7 +74,7 @@ def test_limits_are_kept_exactly(seed: int) -> None:
     """Even for what no hand can do; coupled joints follow their driver exactly."""
     hand = shadow()
     (reference,) = run(noisy(seed), **ANYTHING).references
-    low, high = limits(hand.joints).T
+    low, high = joint_limits(hand.joints).T
     assert (reference.q >= low).all() and (reference.q <= high).all()
     names = list(hand.joints.name)
     for finger in ("FF", "MF", "RF", "LF"):
@@ -85,7 +85,8 @@ def test_errors_and_slopes_agree() -> None:
     """The analytic J^T e is the derivative of the cost by every unknown of a frame."""
     hand = shadow()
     which, motion = hand_points(hand), own_motion(hand, trajectory(hand, 3, seed=5))
-    problem = Problem(hand, which, targets(hand, which, motion.keypoints_m, 0.0), Weights(1.0, 0.7, 2.0, 1.5, 0.05, 0.0))
+    goal = scaled_targets(hand, which, motion.keypoints_m, 0.0)
+    problem = RetargetProblem(hand, which, goal, FitWeights(1.0, 0.7, 2.0, 1.5, 0.05, 0.0))
     state = problem.start()
     state = state.moved(np.random.default_rng(0).normal(0, 0.1, (3, problem.size)), problem.low, problem.high)
     _, g = problem.normal(state)
@@ -101,11 +102,11 @@ def test_a_left_clip_is_the_mirror_image_of_a_right_one(motion: HandMotion) -> N
     """Mirrored to the left and given to the right hand it comes back to the bit, and says so; or it is dropped when asked."""
     pose = np.tile([0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.9], (60, 1))
     motion = replace(motion, object_pose=pose, object_name="cup")
-    right, left = run(motion), run(mirrored(motion))
+    right, left = run(motion), run(mirror_motion(motion))
     np.testing.assert_array_equal(right.references[0].q, left.references[0].q)
     np.testing.assert_array_equal(right.references[0].object_pose, left.references[0].object_pose)
     assert left.references[0].mirrored and left.verdict.mirrored and not right.references[0].mirrored
-    dropped = run(mirrored(motion), mirror=False)
+    dropped = run(mirror_motion(motion), mirror=False)
     assert (dropped.verdict.reason, dropped.references) == ("other hand", ())
 
 
@@ -167,7 +168,7 @@ def test_a_thumb_that_points_up_is_no_trouble() -> None:
     found = run(own_motion(hand, q), max_joint_rad_s=100.0)
     assert found.verdict.kept and found.verdict.error_p95_m < 1e-3
     (reference,) = found.references
-    np.testing.assert_allclose(forward(hand.joints, reference.q)[:, hand.palm], reference.T_world_palm, atol=1e-3)
+    np.testing.assert_allclose(forward_kinematics(hand.joints, reference.q)[:, hand.palm], reference.T_world_palm, atol=1e-3)
 
 
 def test_fingertips_stay_on_the_object_when_asked() -> None:
@@ -176,7 +177,7 @@ def test_fingertips_stay_on_the_object_when_asked() -> None:
     points = own_motion(hand, trajectory(hand, 30, seed=4, share=0.5)).keypoints_m.copy()
     chains = points[:, 1:].reshape(30, 5, 4, 3)
     chains[:, :, 1:] = chains[:, :, :1] + 0.8 * (chains[:, :, 1:] - chains[:, :, :1])
-    held = build("held", "test", "right", 60.0, points, where="test", object_name="cup",
+    held = hand_motion("held", "test", "right", 60.0, points, where="test", object_name="cup",
                  object_pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (30, 1)))  # fmt: skip
     found = [run(held, keep_tips=keep, centre=False, max_error_m=0.05).references[0].tips_m for keep in (0.0, 1.0)]
     far = [np.linalg.norm(tips - chains[:, :, 3], axis=-1).mean() for tips in found]
@@ -230,7 +231,7 @@ def test_real_motion_is_followed() -> None:
 
 def test_state_turns_in_the_world() -> None:
     """A step turns the palm about the world's axes, and cuts motors at their limits."""
-    state = State(np.eye(4)[None], np.zeros((1, 2)))
+    state = FitState(np.eye(4)[None], np.zeros((1, 2)))
     moved = state.moved(np.array([[1, 2, 3, 0, 0, np.pi / 2, 5, -5]]), np.full(2, -1.0), np.full(2, 1.0))
     np.testing.assert_allclose(moved.palm[0], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], atol=1e-12)
     np.testing.assert_array_equal(moved.motors, [[1, -1]])

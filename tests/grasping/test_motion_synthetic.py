@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.grasping.motion.skeleton import aperture, closings, posed
-from afford.grasping.motion.synthetic import minimum_jerk, through
+from afford.grasping.motion.skeleton import aperture, closings, pose_hand
+from afford.grasping.motion.synthetic import minimum_jerk, minimum_jerk_through
 from schemas.hand import PHASES, HandMotion
 from stages.grasping import hand_retarget, motion_synthesise
 from tests.helpers.made_hands import shadow
@@ -38,7 +38,7 @@ def test_minimum_jerk_has_less_jerk_than_any_neighbour() -> None:
 
 def test_through_knots() -> None:
     times = np.array([0.0, 1.0, 3.0, 9.0])
-    np.testing.assert_array_equal(through(times, np.array([0.0, 1.0, 3.0]), np.array([2.0, 5.0, 1.0])), [2, 5, 1, 1])
+    np.testing.assert_array_equal(minimum_jerk_through(times, np.array([0.0, 1.0, 3.0]), np.array([2.0, 5.0, 1.0])), [2, 5, 1, 1])
 
 
 def test_the_reach_is_a_bell_of_speed() -> None:
@@ -93,7 +93,7 @@ def test_the_object_is_lifted_with_the_hand() -> None:
 
 
 def test_bones_never_change() -> None:
-    points = posed(np.linspace(0, 1, 30), np.linspace(-1, 1, 30))
+    points = pose_hand(np.linspace(0, 1, 30), np.linspace(-1, 1, 30))
     bones = np.linalg.norm(np.diff(points[:, 1:].reshape(30, 5, 4, 3), axis=2), axis=-1)
     np.testing.assert_allclose(bones, np.tile(bones[:1], (30, 1, 1)), atol=1e-12)
     wide, amount = closings(0.0)

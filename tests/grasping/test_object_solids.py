@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from afford.grasping.sim.grasp_object import corners, decomposed
-from afford.surface.meshes.nearest import Nearest
+from afford.grasping.sim.grasp_object import convex_decomposition, simplified_corners
+from afford.surface.meshes.nearest import NearestSurface
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec
 from stages.grasping import object_solids
@@ -57,19 +57,19 @@ def test_a_convex_body_is_one_hull_with_its_own_mass() -> None:
 def test_a_ring_is_cut_until_its_hole_is_free() -> None:
     """One hull would fill the hole; the pieces leave a rod of 80 % of its radius alone."""
     ring = trimesh.creation.annulus(0.04, 0.05, 0.02, sections=64)
-    pieces = decomposed(ring, np.zeros(len(ring.faces), int), 0.002, 24)
+    pieces = convex_decomposition(ring, np.zeros(len(ring.faces), int), 0.002, 24)
     assert 6 <= len(pieces) <= 24
     angle = np.linspace(0, 2 * np.pi, 40)
     rod = 0.032 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     for piece in pieces:
-        planes = ConvexHull(corners(piece, 64)).equations
+        planes = ConvexHull(simplified_corners(piece, 64)).equations
         assert (rod @ planes[:, :3].T + planes[:, 3]).max(axis=1).min() > 0
 
 
 def test_points_lie_on_the_surface_with_its_normals_and_parts() -> None:
     """Each point on its face, and every part that has area has points."""
     mesh, parts, body = solids("hammer")
-    face, _, away = Nearest(mesh.vertices, mesh.faces)(body.points.astype(float))
+    face, _, away = NearestSurface(mesh.vertices, mesh.faces)(body.points.astype(float))
     assert away.max() < 1e-6
     assert np.linalg.norm(body.normals, axis=1) == pytest.approx(np.ones(300), abs=1e-5)
     assert (body.point_part == parts.part[face]).mean() > 0.98  # points on edges between parts belong to either

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.grasping.sim.scene import RANDOM, Range, Scene, finger_of_link, randomised, sensing
+from afford.grasping.sim.scene import DOMAIN_RANDOMIZATION, Range, Scene, finger_of_link, randomize_physics, sensing
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import scene
 
@@ -15,9 +15,9 @@ from tests.helpers.made_scenes import scene
 def test_a_seed_draws_a_scene() -> None:
     """The same again, others for other seeds; every number within its range, and the ranges are used."""
     base = scene()
-    assert randomised(base, 5).physics == randomised(base, 5).physics
-    drawn = [randomised(base, seed).physics for seed in range(200)]
-    for name, allowed in RANDOM.items():
+    assert randomize_physics(base, 5).physics == randomize_physics(base, 5).physics
+    drawn = [randomize_physics(base, seed).physics for seed in range(200)]
+    for name, allowed in DOMAIN_RANDOMIZATION.items():
         values = np.array([getattr(physics, name) for physics in drawn])
         assert (values >= allowed.low).all()
         assert (values <= allowed.high).all()
@@ -34,8 +34,8 @@ def test_scales_are_even_in_the_logarithm() -> None:
 
 def test_a_draw_of_one_number_does_not_depend_on_order() -> None:
     """Of the same names in another order: the same scene."""
-    turned = dict(reversed(list(RANDOM.items())))
-    assert randomised(scene(), 3, turned).physics == randomised(scene(), 3).physics
+    turned = dict(reversed(list(DOMAIN_RANDOMIZATION.items())))
+    assert randomize_physics(scene(), 3, turned).physics == randomize_physics(scene(), 3).physics
 
 
 def test_sensing_is_drawn_within_bounds() -> None:
@@ -58,8 +58,8 @@ def test_what_no_world_can_have_is_refused() -> None:
         with pytest.raises(ValueError, match=f"Physics.{name}"):
             replace(base, physics=replace(base.physics, **{name: number}))
     with pytest.raises(ValueError, match="got wind"):
-        randomised(base, 0, {"wind": Range(0, 1)})
+        randomize_physics(base, 0, {"wind": Range(0, 1)})
     with pytest.raises(ValueError, match="uniform or log"):
-        randomised(base, 0, {"mass_scale": Range(0.5, 1, "normal")})
+        randomize_physics(base, 0, {"mass_scale": Range(0.5, 1, "normal")})
     with pytest.raises(ValueError, match="wrist=gantry"):
         Scene(shadow(wrist="none"), base.body)

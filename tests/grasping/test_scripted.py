@@ -8,10 +8,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward, limits
-from afford.grasping.sim.engine import BACKENDS, world
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits
+from afford.grasping.sim.engine import BACKENDS, make_world
 from afford.grasping.sim.scene import STRICT, Scene, centre
-from afford.grasping.sim.scripted import CLOSE, DESCEND, END_M, GRASP, HOLD, LIFT, LIFT_M, along, at_part, perform, start, targets
+from afford.grasping.sim.scripted import (
+    CLOSE,
+    DESCEND,
+    END_M,
+    GRASP,
+    HOLD,
+    LIFT,
+    LIFT_M,
+    aim_along_axis,
+    aim_at_part,
+    grasp_commands,
+    grasp_part,
+    start_joints,
+)
 from schemas.grasp import GraspObject
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import at, tool
@@ -33,8 +46,8 @@ def test_tools_are_lifted(engine: str, category: str, seed: int) -> None:
     """Held 15 cm up within 5 cm, and no deeper in the hand than a few millimetres: median 1.2 mm, p95 5 mm."""
     body = tool(category, seed)
     scene = strict(body)
-    made = world(engine, scene)
-    out = perform(made, scene, at(z=0.002), handle(body), GRASP)
+    made = make_world(engine, scene)
+    out = grasp_part(made, scene, at(z=0.002), handle(body), GRASP)
     state = made.state()
     made.close()
     assert out.held
@@ -49,9 +62,9 @@ def test_a_turned_and_moved_tool_is_grasped_the_same() -> None:
     """The script goes by the object, not by the table: turned by 70 degrees and put aside, it is held as well."""
     body = tool("screwdriver", 12)
     scene = strict(body)
-    made = world("mujoco", scene)
+    made = make_world("mujoco", scene)
     turned = np.concatenate([[0.1, -0.05, 0.002], Rotation.from_euler("z", 70, degrees=True).as_quat()])
-    assert perform(made, scene, turned, handle(body), GRASP).held
+    assert grasp_part(made, scene, turned, handle(body), GRASP).held
     made.close()
 
 
@@ -59,8 +72,8 @@ def test_without_friction_nothing_is_held() -> None:
     """The test of holding can fail: a slippery hand loses it."""
     body = tool("screwdriver", 12)
     scene = Scene(shadow(), body, replace(STRICT, hand_friction=0.0))
-    made = world("mujoco", scene)
-    assert not perform(made, scene, at(z=0.002), handle(body), GRASP).held
+    made = make_world("mujoco", scene)
+    assert not grasp_part(made, scene, at(z=0.002), handle(body), GRASP).held
     made.close()
 
 
@@ -68,23 +81,23 @@ def test_commands_stay_within_the_hand_and_are_smooth() -> None:
     """34 commands; no wrist moves faster than 0.6 m/s; the start is above, and its palm where the grip says."""
     body = tool("hammer", 12)
     scene = strict(body)
-    u = np.array(list(targets(scene, at_part(scene, at(), handle(body)), GRASP)))
+    u = np.array(list(grasp_commands(scene, aim_at_part(scene, at(), handle(body)), GRASP)))
     assert len(u) == DESCEND + CLOSE + LIFT + HOLD
     assert np.abs(np.diff(u[:, :3], axis=0)).max() < 0.6 * 0.05
     assert u[-1, 2] - u[DESCEND + CLOSE - 1, 2] == pytest.approx(LIFT_M)
-    q = start(scene, at_part(scene, at(), handle(body)), GRASP)
-    low, high = limits(scene.hand.joints).T
+    q = start_joints(scene, aim_at_part(scene, at(), handle(body)), GRASP)
+    low, high = joint_limits(scene.hand.joints).T
     assert (q[:6] >= low[:6]).all()
     assert (q[:6] <= high[:6]).all()
-    T = forward(scene.hand.joints, q[None])[0, scene.hand.palm]
+    T = forward_kinematics(scene.hand.joints, q[None])[0, scene.hand.palm]
     grip = T[:3, :3] @ GRASP.grip_m + T[:3, 3]
-    assert grip[:2] == pytest.approx(at_part(scene, at(), handle(body)).place[:2], abs=1e-9)
+    assert grip[:2] == pytest.approx(aim_at_part(scene, at(), handle(body)).place[:2], abs=1e-9)
 
 
 def test_the_aim_is_on_the_part_towards_the_centre_of_mass() -> None:
     """On a hammer's handle, nearer to the head than its middle, and not within 4 cm of its end."""
     body = tool("hammer", 12)
-    place, yaw = at_part(strict(body), at(), handle(body))
+    place, yaw = aim_at_part(strict(body), at(), handle(body))
     spots = body.points[body.point_part == handle(body)]
     assert spots[:, 1].mean() < place[1] <= spots[:, 1].max() - 0.039
     assert np.sin(yaw) == pytest.approx(1.0, abs=0.02)
@@ -95,11 +108,11 @@ def test_a_place_along_the_object_knows_nothing_of_parts() -> None:
     scene = strict(body)
     turned = Rotation.from_euler("z", 2.0)
     there = np.concatenate([np.zeros(3), turned.as_quat()])
-    middle, aside = along(scene, there, 0.0), along(scene, there, 0.05)
+    middle, aside = aim_along_axis(scene, there, 0.0), aim_along_axis(scene, there, 0.05)
     assert -np.pi / 2 <= middle.yaw <= np.pi / 2
     axis = np.array([np.cos(middle.yaw), np.sin(middle.yaw)])
     assert (aside.place - middle.place)[:2] @ axis == pytest.approx(0.05, abs=1e-9)
     assert (middle.place - centre(body, there))[:2] @ axis == pytest.approx(0.0, abs=1e-9)
-    far = along(scene, there, 9.0).place
+    far = aim_along_axis(scene, there, 9.0).place
     spots = turned.apply(body.points.astype(float))
     assert ((spots[:, :2] - far[:2]) @ axis).max() == pytest.approx(END_M, abs=1e-6)

@@ -10,9 +10,9 @@ import pytest
 
 from afford.common.registry import extra
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.task import task
+from afford.grasping.env.task import make_task
 from afford.grasping.sim.engine import State
-from afford.grasping.sim.scene import Scene, randomised
+from afford.grasping.sim.scene import Scene, randomize_physics
 from afford.grasping.sim.worlds import ThreadWorlds, world_batch
 from tests.grasping.test_engines import above_block
 from tests.helpers.made_hands import shadow
@@ -25,7 +25,7 @@ there = pytest.mark.skipif(not (importlib.util.find_spec("mujoco_warp") and impo
 
 def scenes() -> list[Scene]:
     """Two objects in turn, other physics in each: every batched field differs."""
-    return [randomised(scene(block()), 1), scene(tool()), randomised(scene(block()), 2)]
+    return [randomize_physics(scene(block()), 1), scene(tool()), randomize_physics(scene(block()), 2)]
 
 
 def closing(k: int) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_a_scripted_grasp_is_held_in_both() -> None:
     """In the environment, no actions over the script: the same fall of events, and the tool at its goal at the end."""
     ends = {}
     for engine in ("mujoco", "warp"):
-        made = AffordanceGraspVector(2, shadow(), [task(tool(), ["shaft"])], engine=engine, base="script")
+        made = AffordanceGraspVector(2, shadow(), [make_task(tool(), ["shaft"])], engine=engine, base="script")
         made.reset(seed=0)
         rows = [made._core.state().body]
         for _ in range(39):

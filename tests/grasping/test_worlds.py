@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from afford.grasping.sim.engine import BACKENDS, State, world
-from afford.grasping.sim.scene import randomised
+from afford.grasping.sim.engine import BACKENDS, State, make_world
+from afford.grasping.sim.scene import randomize_physics
 from afford.grasping.sim.worlds import ThreadWorlds
 from tests.helpers.made_scenes import at, away, block, commands, scene, tool
 
@@ -19,7 +19,7 @@ CONTROL_S = 0.05
 @pytest.mark.parametrize("engine", sorted(BACKENDS))
 def test_worlds_together_are_worlds_apart(engine: str, threads: int) -> None:
     """Other objects and physics in each; on one thread and on two: the same bits as alone."""
-    scenes = [randomised(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
+    scenes = [randomize_physics(scene(body), seed) for seed, body in enumerate((block(), tool(), block()))]
     together = ThreadWorlds(engine, scenes, threads)
     q, body = np.tile(away(), (3, 1)), np.stack([at(z=0.05 * k) for k in range(3)])
     together.reset(q, body)
@@ -27,7 +27,7 @@ def test_worlds_together_are_worlds_apart(engine: str, threads: int) -> None:
     for _ in range(4):
         found = together.step(u, CONTROL_S)
     for k, one in enumerate(scenes):
-        alone = world(engine, one)
+        alone = make_world(engine, one)
         alone.reset(q[k], body[k])
         for _ in range(4):
             state = alone.step(u[k], CONTROL_S)

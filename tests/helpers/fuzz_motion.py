@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.grasping.motion import dexycb, keypoints, oakink2, oakink2_import, unidexgrasp
-from afford.grasping.motion.skeleton import posed
+from afford.grasping.motion.skeleton import pose_hand
 from schemas.files import FileRef, FileTree
 from schemas.grasp import SPLITS
 from schemas.hand import HandMotion
@@ -39,7 +39,7 @@ def ref(path: Path) -> FileRef:
 
 def hand() -> np.ndarray:
     """(FRAMES, 21, 3) of a hand that closes, metres."""
-    return posed(np.linspace(0.2, 0.8, FRAMES), np.zeros(FRAMES)) + [0.1, 0.2, 0.9]
+    return pose_hand(np.linspace(0.2, 0.8, FRAMES), np.zeros(FRAMES)) + [0.1, 0.2, 0.9]
 
 
 def record() -> dict[str, object]:

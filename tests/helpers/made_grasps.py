@@ -8,9 +8,9 @@ import numpy as np
 
 from afford.grasping.env.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasping.env.measures import Measures
-from afford.grasping.env.task import Task, task
-from afford.grasping.hand.kinematics import forward, points
-from afford.grasping.motion.retarget import speed, twist
+from afford.grasping.env.task import Task, make_task
+from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
+from afford.grasping.motion.retarget import smoothed_rate, twist
 from schemas.hand import HandModel, HandReference
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_motions import trajectory
@@ -20,7 +20,7 @@ from tests.helpers.made_scenes import tool
 def held_by_handle(category: str = "spatula", seed: int = 12) -> Task:
     """A tool of which only the handle may be touched."""
     body = tool(category, seed)
-    return task(body, [part for part in body.parts if part != "handle"])
+    return make_task(body, [part for part in body.parts if part != "handle"])
 
 
 def env(one: Task | None = None, **config: Any) -> AffordanceGrasp:
@@ -47,9 +47,9 @@ def reference(hand: HandModel, frames: int = 90, seed: int = 0) -> HandReference
     """A gentle motion of the hand itself, above the table, as if somebody had been retargeted."""
     q = trajectory(hand, frames, seed, share=0.3)
     q[:, 2] += 0.6
-    T, zero = forward(hand.joints, q), np.zeros((len(hand.fingers.name), 3))
-    places = (points(T, hand.fingers.base_link, zero), points(T, hand.fingers.middle_link, zero),
-              points(T, hand.fingers.tip_link, hand.fingers.tip_m))  # fmt: skip
-    return HandReference(f"own_{seed}", hand.name, hand.side, False, 60.0, q, speed(q, 60.0), T[:, hand.palm],
+    T, zero = forward_kinematics(hand.joints, q), np.zeros((len(hand.fingers.name), 3))
+    places = (points_on_links(T, hand.fingers.base_link, zero), points_on_links(T, hand.fingers.middle_link, zero),
+              points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m))  # fmt: skip
+    return HandReference(f"own_{seed}", hand.name, hand.side, False, 60.0, q, smoothed_rate(q, 60.0), T[:, hand.palm],
                          twist(T[:, hand.palm], 60.0), *places, np.zeros(frames, np.uint8), "", np.zeros((0, 7)), np.eye(4),
                          np.zeros(frames), np.zeros(frames))  # fmt: skip

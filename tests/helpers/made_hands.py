@@ -10,7 +10,7 @@ import numpy as np
 
 from afford.grasping.hand import read_urdf
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.hand.kinematics import limits
+from afford.grasping.hand.kinematics import joint_limits
 from afford.grasping.hand.tree import Tree
 from runner.canonical import file_digest
 from schemas.files import FileRef, FileTree
@@ -60,7 +60,7 @@ def written(folder: Path, urdf: str) -> FileTree:
 
 def poses(hand: HandModel, count: int, seed: int) -> np.ndarray:
     """(count, d) random configurations within the limits."""
-    low, high = limits(hand.joints).T
+    low, high = joint_limits(hand.joints).T
     return np.random.default_rng(seed).uniform(low, high, (count, len(low)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from afford.render.camera import intrinsics, look_at
-from afford.render.views.rays import Rays
+from afford.render.views.surface import Rays
 from schemas.grasp import GraspScene
 
 WIDTH, HEIGHT, LENGTH_M, RADIUS_M = 240, 160, 0.22, 0.012

@@ -10,8 +10,15 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import driven, forward, limits, moving, points, spread
-from afford.grasping.motion.keypoints import build
+from afford.grasping.hand.kinematics import (
+    commanded_joints,
+    coupling_matrix,
+    forward_kinematics,
+    joint_limits,
+    moving_joints,
+    points_on_links,
+)
+from afford.grasping.motion.keypoints import hand_motion
 from afford.grasping.motion.oakink2 import TIPS
 from afford.grasping.motion.oakink2_import import convert_all
 from afford.grasping.motion.targets import hand_points
@@ -27,20 +34,20 @@ HANDLE_ALONG_X = np.array([[0.0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0
 def trajectory(hand: HandModel, frames: int, seed: int, *, share: float = 0.8) -> np.ndarray:
     """(t, d) sines of all motors and of the wrist within that share of their range, coupled joints with their drivers."""
     rng = np.random.default_rng(seed)
-    columns = [moving(hand.joints).tolist().index(k) for k in driven(hand.joints)]
-    low, high = limits(hand.joints)[columns].T
-    wrist = np.array([hand.joints.role[k] == "wrist" for k in driven(hand.joints)])
-    near = np.where([hand.joints.kind[k] == "prismatic" for k in driven(hand.joints)], 0.3, 1.0)
+    columns = [moving_joints(hand.joints).tolist().index(k) for k in commanded_joints(hand.joints)]
+    low, high = joint_limits(hand.joints)[columns].T
+    wrist = np.array([hand.joints.role[k] == "wrist" for k in commanded_joints(hand.joints)])
+    near = np.where([hand.joints.kind[k] == "prismatic" for k in commanded_joints(hand.joints)], 0.3, 1.0)
     low, high = np.where(wrist, np.maximum(low, -near), low), np.where(wrist, np.minimum(high, near), high)
     wave = np.sin(np.linspace(0, 3, frames)[:, None] + rng.uniform(0, 6, len(columns)))
-    A, b = spread(hand.joints)
+    A, b = coupling_matrix(hand.joints)
     found: np.ndarray = ((low + high) / 2 + share / 2 * (high - low) * wave) @ A.T + b
     return found
 
 
 def own_motion(hand: HandModel, q: np.ndarray, rate_hz: float = 60.0) -> HandMotion:
     """What a tracker would see of the robot hand."""
-    return build("own", "test", hand.side, rate_hz, keypoints_of(hand, forward(hand.joints, q)), where="test")
+    return hand_motion("own", "test", hand.side, rate_hz, keypoints_of(hand, forward_kinematics(hand.joints, q)), where="test")
 
 
 def keypoints_of(hand: HandModel, T: np.ndarray) -> np.ndarray:
@@ -48,7 +55,7 @@ def keypoints_of(hand: HandModel, T: np.ndarray) -> np.ndarray:
     which = hand_points(hand)
     out = np.full((len(T), 21, 3), np.nan)
     out[:, 0] = T[:, hand.palm, :3, 3]
-    out[:, which.keypoint.ravel()] = points(T, which.links, which.offsets_m)
+    out[:, which.keypoint.ravel()] = points_on_links(T, which.links, which.offsets_m)
     return out
 
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from afford.grasping.hand.kinematics import commanded, moving
+from afford.grasping.hand.kinematics import commanded_columns, moving_joints
 from afford.grasping.sim.scene import Physics, Scene
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectSpec
@@ -43,7 +43,7 @@ def scene(body: GraspObject | None = None, **physics: float) -> Scene:
 
 def away() -> np.ndarray:
     """(28,) joints of a hand half a metre above the table and aside."""
-    q = np.zeros(len(moving(shadow().joints)))
+    q = np.zeros(len(moving_joints(shadow().joints)))
     q[[1, 2]] = 0.5
     return q
 
@@ -51,7 +51,7 @@ def away() -> np.ndarray:
 def commands(q: np.ndarray) -> np.ndarray:
     """(24,) the motors' share of joints."""
     joints = shadow().joints
-    found: np.ndarray = q[commanded(joints)]
+    found: np.ndarray = q[commanded_columns(joints)]
     return found
 
 

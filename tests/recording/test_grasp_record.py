@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.grasping.env.measures import nearest
-from afford.grasping.env.studio import matrix
-from afford.grasping.hand.link_meshes import skins
+from afford.grasping.env.rendering import pose_matrix
+from afford.grasping.hand.link_meshes import link_meshes
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.content import EPOCH_NS
@@ -110,7 +110,7 @@ def test_transforms_put_points_where_the_trace_has_them(said: dict[str, list[tup
 def test_meshes_hang_on_their_frames(said: dict[str, list[tuple[int, Any]]]) -> None:
     """Every link with a shape, then object and goal anew with each episode; the object's triangles by part."""
     hand, scenes = shadow(), [value for _, value in said[SCENE]]
-    assert [one.id for one in scenes[0].entities] == [f"hand/{hand.links[skin.link]}" for skin in skins(hand)]
+    assert [one.id for one in scenes[0].entities] == [f"hand/{hand.links[skin.link]}" for skin in link_meshes(hand)]
     assert [[one.id for one in value.entities] for value in scenes[1:]] == [["object", "goal"]] * 2
     thing = scenes[1].entities[0]
     assert thing.frame_id == "object" and thing.frame_locked and len(thing.triangles) == len(hammer().body.hull_part)
@@ -162,4 +162,4 @@ def _pose(found: Any) -> list[float]:
 
 def _matrix(one: Any) -> np.ndarray:
     t, q = one.translation, one.rotation
-    return matrix(np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]))
+    return pose_matrix(np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]))

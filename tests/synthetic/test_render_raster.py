@@ -7,9 +7,8 @@ import pytest
 
 from afford.render.draw import draw_ids, render, render_bundle
 from afford.render.mesh import merge, moved
-from afford.render.model import BACKGROUND, Camera, Instance, Light, Material
+from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, Textures
 from afford.render.solids import box, lathe, patch, tube
-from afford.render.textures import Textures
 
 GREY = Material(np.full((8, 8, 3), 128, np.uint8))
 NOISE = Material(np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8))

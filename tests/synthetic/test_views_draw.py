@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.render.views.cameras import CARDINAL, Sphere, camera
+from afford.render.camera import CARDINAL, Sphere, camera
 from afford.render.views.draw import BACKGROUND, Studio
-from afford.render.views.rays import Rays
+from afford.render.views.surface import Rays
 from tests.helpers.made_meshes import as_object, ball, cup, ring, slotted
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup}

@@ -9,14 +9,14 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.candidates.find import Wish, candidates
-from afford.grasping.candidates.render_view import Eye, Look, look
+from afford.grasping.candidates.find import SearchParams, find_candidates
+from afford.grasping.candidates.render_view import DepthView, ViewCamera, render_view
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.task import placed
-from afford.grasping.sim.engine import World, world
-from afford.grasping.sim.rest_poses import laid
+from afford.grasping.env.task import placed_pose
+from afford.grasping.sim.engine import World, make_world
+from afford.grasping.sim.rest_poses import placed_rest_pose
 from afford.grasping.sim.scene import STRICT, Scene
-from afford.grasping.sim.scripted import GRASP, Grasp, Outcome, before, carried, moves, settled
+from afford.grasping.sim.scripted import GRASP, Grasp, Outcome, joints_before, run_commands, settle, wrist_commands
 from schemas.grasp import FIGURES, GraspComparison, GraspObject, GraspScene
 from schemas.hand import HandModel
 from schemas.mesh import MeshParts, ObjectMesh
@@ -44,12 +44,12 @@ class Trials:
     engines: tuple[str, ...]
     looks: int
     xy_m: float
-    eye: Eye
-    wish: Wish
+    eye: ViewCamera
+    wish: SearchParams
     seed: int
 
 
-def compare(subject: Subject, told: PartDescriptions, ask: Ask | None, trials: Trials) -> GraspComparison:
+def compare_masks(subject: Subject, told: PartDescriptions, ask: Ask | None, trials: Trials) -> GraspComparison:
     """All trials on an object, of its tasks that differ in their parts; without a model to ask, its rows are left out. ValueError
     for an object that has no part where a hand belongs, or that does not lie still.
     """
@@ -58,9 +58,9 @@ def compare(subject: Subject, told: PartDescriptions, ask: Ask | None, trials: T
         raise ValueError(f"{subject.mesh.name}: expected a task with positive parts among {', '.join(subject.parts.names)}, got "
                          "none; leave the object out")  # fmt: skip
     scene = Scene(subject.hand, subject.body, STRICT)
-    worlds = [world(engine, scene) for engine in trials.engines]
+    worlds = [make_world(engine, scene) for engine in trials.engines]
     try:
-        rest = laid(worlds[0], scene)
+        rest = placed_rest_pose(worlds[0], scene)
         rows = [[_tried(subject, scene, worlds, rest, one, ask, trials, n) for n in range(trials.looks)] for one in mine]
     finally:
         for made in worlds:
@@ -71,7 +71,7 @@ def compare(subject: Subject, told: PartDescriptions, ask: Ask | None, trials: T
                            np.moveaxis(values, 3, 1))
 
 
-def masks(parts: MeshParts, seen: Look, one: PartDescription,
+def masks(parts: MeshParts, seen: DepthView, one: PartDescription,
           said: np.ndarray | None) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:  # fmt: skip
     """(name of the method, region, negative), (h, w) bool each."""
     on = seen.face >= 0
@@ -87,16 +87,16 @@ def _tried(subject: Subject, scene: Scene, worlds: list[World], rest: np.ndarray
            trials: Trials, number: int) -> dict[str, np.ndarray]:  # fmt: skip
     """Method -> (e, k) figures, of one look."""
     rng = np.random.default_rng((trials.seed, crc32(f"{subject.mesh.name}/{one.task}".encode()), number))
-    pose = placed(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
-    seen = look(subject.mesh, pose, trials.eye, rng)
+    pose = placed_pose(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
+    seen = render_view(subject.mesh, pose, trials.eye, rng)
     said = ask(seen.rgb, one.task) if ask else None
     all_masks = list(masks(subject.parts, seen, one, said))
-    return {name: _judged(scene, worlds, pose, seen, region, bad, all_masks[0][1], one, trials.wish)
+    return {name: _figures_of_mask(scene, worlds, pose, seen, region, bad, all_masks[0][1], one, trials.wish)
             for name, region, bad in all_masks}  # fmt: skip
 
 
-def _judged(scene: Scene, worlds: list[World], pose: np.ndarray, seen: Look, region: np.ndarray, bad: np.ndarray, truth: np.ndarray,
-            one: PartDescription, wish: Wish) -> np.ndarray:  # fmt: skip
+def _figures_of_mask(scene: Scene, worlds: list[World], pose: np.ndarray, seen: DepthView, region: np.ndarray, bad: np.ndarray,
+                     truth: np.ndarray, one: PartDescription, search: SearchParams) -> np.ndarray:  # fmt: skip
     """(e, k) figures of grasps from one mask; a mask of which nothing has depth gives no grasp."""
     iou = (region & truth).sum() / max(int((region | truth).sum()), 1)
     nothing = np.tile([0.0] * (len(FIGURES) - 1) + [iou], (len(worlds), 1))
@@ -104,7 +104,7 @@ def _judged(scene: Scene, worlds: list[World], pose: np.ndarray, seen: Look, reg
         return nothing
     sight = GraspScene(scene.body.name, seen.depth_m, seen.rgb, seen.K, np.stack([np.zeros_like(region), region]), RIGHT, bad,
                        np.zeros((0, 3)))  # fmt: skip
-    found = candidates(sight, wish).hands[1]
+    found = find_candidates(sight, search).hands[1]
     if not len(found.score):
         return nothing
     negative = np.array([_role(one, name) == "negative" for name in scene.body.parts])
@@ -114,7 +114,7 @@ def _judged(scene: Scene, worlds: list[World], pose: np.ndarray, seen: Look, reg
 
 def _figures(made: World, scene: Scene, pose: np.ndarray, T: np.ndarray, negative: np.ndarray, score: float,
              iou: float) -> list[float]:  # fmt: skip
-    out = execute(made, scene, pose, T)
+    out = execute_candidate(made, scene, pose, T)
     end, ever = out.force[negative].sum() > TOUCH_N, out.force_most[negative].sum() > TOUCH_N
     return [1.0, float(out.held), float(out.held and end), float(ever), float(out.held and not end), score, iou]
 
@@ -138,7 +138,7 @@ FROM_ABOVE = Rotation.from_euler("x", np.pi / 2)
 """axes of a grasp straight from above: x along the thing, y up"""
 
 
-def wrist(scene: Scene, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> np.ndarray:
+def wrist_at_grasp(scene: Scene, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> np.ndarray:
     """(6,) of the gantry for a grasp (4, 4) of a right hand: x, y, z, yaw, pitch, roll."""
     palm_of_script = Rotation.from_euler("ZYX", [grasp.yaw_rad, grasp.pitch_rad, grasp.roll_rad])
     to_grip = Rotation.from_matrix(np.array(scene.hand.R_palm_grip))
@@ -147,11 +147,11 @@ def wrist(scene: Scene, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> np.n
     return np.concatenate([T_world_grasp[:3, 3] - turn.apply(to_grip.apply(grasp.grip_m)), yaw_pitch_roll])
 
 
-def execute(world: World, scene: Scene, body: np.ndarray, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> Outcome:
+def execute_candidate(world: World, scene: Scene, body: np.ndarray, T_world_grasp: np.ndarray, grasp: Grasp = GRASP) -> Outcome:
     """Grasp the object that rests at the pose (7,). ValueError for a hand that is no right hand; leaves the world at the end."""
     if scene.hand.side != "right":
         raise ValueError(f"{scene.hand.name}: expected a right hand, got a {scene.hand.side} one; mirror the grasp")
     back = T_world_grasp[:3, 1]
-    at = wrist(scene, T_world_grasp, grasp)
-    state = settled(world, scene, before(scene, grasp, at, back), body)
-    return carried(world, scene, state, moves(scene, grasp, at, back))
+    at = wrist_at_grasp(scene, T_world_grasp, grasp)
+    state = settle(world, scene, joints_before(scene, grasp, at, back), body)
+    return run_commands(world, scene, state, wrist_commands(scene, grasp, at, back))

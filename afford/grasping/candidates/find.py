@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.candidates.point_cloud import LIFT_M, Cloud, Support, cloud, support, thing
-from afford.grasping.candidates.sample_poses import Pose, places, poses
+from afford.grasping.candidates.point_cloud import LIFT_M, PointCloud, SupportPlane, object_points, point_cloud, support_plane
+from afford.grasping.candidates.sample_poses import GraspPose, sample_poses, spread_places
 from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
 from schemas.video import SIDES, Hand
 
@@ -33,15 +33,15 @@ EASY = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class ScoringContext:
     """What poses of one hand are judged against."""
 
-    cloud: Cloud
+    cloud: PointCloud
     region: np.ndarray
     """(n,) share of each point where this hand belongs"""
     body: np.ndarray
     """(n,) bool, the points of the thing"""
-    support: Support
+    support: SupportPlane
     negative: np.ndarray
     """(k, 3) points that no hand may touch"""
     span_m: float
@@ -51,7 +51,7 @@ class Sight:
     side: str
 
 
-def tips(found: Sequence[Pose], side: str, room_m: float = 0.0) -> np.ndarray:
+def fingertips(found: Sequence[GraspPose], side: str, room_m: float = 0.0) -> np.ndarray:
     """(n, 5, 3) where fingers end, thumb first; `room_m` farther apart than what they hold is wide."""
     mirror = 1.0 if side == "right" else -1.0
     local = np.zeros((len(found), 5, 3))
@@ -61,9 +61,9 @@ def tips(found: Sequence[Pose], side: str, room_m: float = 0.0) -> np.ndarray:
     return np.einsum("nij,nkj->nki", R, local) + place[:, None]
 
 
-def judge(found: Sequence[Pose], sight: Sight) -> np.ndarray:
+def score_terms(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     """(n, 8) the terms of each pose."""
-    ends, open_ends = tips(found, sight.side), tips(found, sight.side, ROOM_M)
+    ends, open_ends = fingertips(found, sight.side), fingertips(found, sight.side, ROOM_M)
     columns = {
         "positive": _positive(found, sight), "negative": _negative(ends, open_ends, sight),
         "antipodal": np.array([0.5 * (1 + pose.square) for pose in found]), "centred": _centred(found, sight),
@@ -79,7 +79,7 @@ def score(terms: np.ndarray, weights: Mapping[str, float] = WEIGHTS) -> np.ndarr
     return found
 
 
-def _positive(found: Sequence[Pose], sight: Sight) -> np.ndarray:
+def _positive(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     """Share of what is between thumb and fingers that is positive."""
     points, share, tree = sight.cloud.points[sight.body], sight.region[sight.body], cKDTree(sight.cloud.points[sight.body])
     mirror = 1.0 if sight.side == "right" else -1.0
@@ -94,7 +94,7 @@ def _positive(found: Sequence[Pose], sight: Sight) -> np.ndarray:
     return out
 
 
-def _negative(ends: np.ndarray, open_ends: np.ndarray, sight: Sight) -> np.ndarray:
+def _negative(ends: np.ndarray, open_ends: np.ndarray, sight: ScoringContext) -> np.ndarray:
     """0 within SAFE_M of a negative point, open or closed, 1 from FREE_M on."""
     if not len(sight.negative):
         return np.ones(len(ends))
@@ -104,7 +104,7 @@ def _negative(ends: np.ndarray, open_ends: np.ndarray, sight: Sight) -> np.ndarr
     return found
 
 
-def _centred(found: Sequence[Pose], sight: Sight) -> np.ndarray:
+def _centred(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     """How near the middle of all that is seen of the thing is, beside the approach: a thing held there does not turn."""
     middle = sight.cloud.points[sight.body].mean(0)
     aside = [middle - pose.place - pose.R[:, 1] * (pose.R[:, 1] @ (middle - pose.place)) for pose in found]
@@ -113,7 +113,7 @@ def _centred(found: Sequence[Pose], sight: Sight) -> np.ndarray:
     return found_
 
 
-def _clear(found: Sequence[Pose], open_ends: np.ndarray, sight: Sight) -> np.ndarray:
+def _clear(found: Sequence[GraspPose], open_ends: np.ndarray, sight: ScoringContext) -> np.ndarray:
     """How far open fingers stay from other things, and above what all lies on."""
     height = sight.support.height(open_ends).min(1)
     above = ((height + SINK_M) / SINK_M).clip(0.0, 1.0)
@@ -126,20 +126,20 @@ def _clear(found: Sequence[Pose], open_ends: np.ndarray, sight: Sight) -> np.nda
     return np.minimum(above, (near / CLEAR_M).clip(0.0, 1.0))
 
 
-def _fit(found: Sequence[Pose], span_m: float) -> np.ndarray:
+def _fit(found: Sequence[GraspPose], span_m: float) -> np.ndarray:
     """1 for what is held with ease, 0 for what the hand does not span."""
     width = np.array([pose.width_m for pose in found])
     return (span_m - width) / ((1 - EASY) * span_m)
 
 
-def _upright(found: Sequence[Pose], sight: Sight) -> np.ndarray:
+def _upright(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     """How straight the hand comes to what the thing lies on; without that, to the side that the camera sees."""
     up = sight.support.up if sight.support.known else -sight.cloud.points[sight.body].mean(0)
     straight = np.array([pose.R[:, 1] @ up for pose in found]) / np.linalg.norm(up)
     return straight.clip(0.0, 1.0) ** 2
 
 
-def _reach(found: Sequence[Pose], sight: Sight) -> np.ndarray:
+def _reach(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     """Whether fingers point away from the shoulder that the arm comes from, beside the approach."""
     out = np.zeros(len(found))
     for n, pose in enumerate(found):
@@ -156,7 +156,7 @@ APART_M = 0.09
 
 
 @dataclass(frozen=True)
-class Wish:
+class SearchParams:
     """What is asked of the grasps."""
 
     count: int = 10
@@ -175,16 +175,16 @@ class Wish:
     """where the right arm comes from, camera frame; the left one mirrored in x"""
 
 
-def candidates(scene: GraspScene, wish: Wish) -> GraspCandidates:
+def find_candidates(scene: GraspScene, wish: SearchParams) -> GraspCandidates:
     """All grasps of a look. ValueError when a hand that is taken has no region with depth."""
-    found = cloud(scene, wish.cell_m, wish.around_m)
-    on = support(found)
+    found = point_cloud(scene, wish.cell_m, wish.around_m)
+    on = support_plane(found)
     hands = tuple(_hand(scene, found, on, side, n, wish) if scene.hands[n] else _none(side) for n, side in enumerate(SIDES))
-    pair, pair_score = paired(hands[0], hands[1]) if scene.hands.all() else (np.zeros((0, 2), np.int32), np.zeros(0))
+    pair, pair_score = pair_hands(hands[0], hands[1]) if scene.hands.all() else (np.zeros((0, 2), np.int32), np.zeros(0))
     return GraspCandidates(scene.name, hands, pair, pair_score, on.up)
 
 
-def paired(left: HandCandidates, right: HandCandidates) -> tuple[np.ndarray, np.ndarray]:
+def pair_hands(left: HandCandidates, right: HandCandidates) -> tuple[np.ndarray, np.ndarray]:
     """(p, 2) int32 indices of grasps that go together and (p,) scores, best first: both good, and apart."""
     far = np.linalg.norm(left.T_cam_grasp[:, None, :3, 3] - right.T_cam_grasp[None, :, :3, 3], axis=2)
     both = np.sqrt(left.score[:, None] * right.score[None]) * ((far - APART_M) / APART_M).clip(0.0, 1.0)
@@ -194,23 +194,23 @@ def paired(left: HandCandidates, right: HandCandidates) -> tuple[np.ndarray, np.
     return rows[good], both.reshape(-1)[order][good]
 
 
-def _hand(scene: GraspScene, found: Cloud, on: Support, side: Hand, row: int, wish: Wish) -> HandCandidates:
+def _hand(scene: GraspScene, found: PointCloud, on: SupportPlane, side: Hand, row: int, wish: SearchParams) -> HandCandidates:
     share = found.region[row]
     if not (share >= 0.5).any():
         raise ValueError(f"{scene.name}: expected a region with depth for the {side} hand, got none; leave that hand out")
-    body = thing(found, share >= 0.5, on)
-    spots = places((share >= 0.5) & body, found, wish.places)
-    tried = [pose for pose in poses(found, body, spots, on, wish.lean_deg, wish.cell_m) if pose.width_m <= wish.span_m]
+    body = object_points(found, share >= 0.5, on)
+    spots = spread_places((share >= 0.5) & body, found, wish.places)
+    tried = [pose for pose in sample_poses(found, body, spots, on, wish.lean_deg, wish.cell_m) if pose.width_m <= wish.span_m]
     if not tried:
         return _none(side)
     mirror = np.array([1.0 if side == "right" else -1.0, 1.0, 1.0])
     bad = np.concatenate([found.points[found.negative >= 0.5], scene.N_t])
-    sight = Sight(found, share, body, on, bad, wish.span_m, mirror * wish.shoulder_m, side)
-    terms = judge(tried, sight)
+    sight = ScoringContext(found, share, body, on, bad, wish.span_m, mirror * wish.shoulder_m, side)
+    terms = score_terms(tried, sight)
     return _best(tried, terms, score(terms), side, wish.count)
 
 
-def _best(tried: Sequence[Pose], terms: np.ndarray, value: np.ndarray, side: Hand, count: int) -> HandCandidates:
+def _best(tried: Sequence[GraspPose], terms: np.ndarray, value: np.ndarray, side: Hand, count: int) -> HandCandidates:
     """The best that differ from each other, none with a score of 0."""
     kept: list[int] = []
     for k in np.argsort(-value, kind="stable"):
@@ -221,17 +221,17 @@ def _best(tried: Sequence[Pose], terms: np.ndarray, value: np.ndarray, side: Han
     return _rows([tried[k] for k in kept], terms[kept], value[kept], side)
 
 
-def _alike(a: Pose, b: Pose) -> bool:
+def _alike(a: GraspPose, b: GraspPose) -> bool:
     if np.linalg.norm(a.place - b.place) > ALIKE_M:
         return False
     return bool(Rotation.from_matrix(a.R.T @ b.R).magnitude() < ALIKE_RAD)
 
 
-def _rows(found: Sequence[Pose], terms: np.ndarray, value: np.ndarray, side: Hand) -> HandCandidates:
+def _rows(found: Sequence[GraspPose], terms: np.ndarray, value: np.ndarray, side: Hand) -> HandCandidates:
     T = np.tile(np.eye(4), (len(found), 1, 1))
     for row, pose in zip(T, found, strict=True):
         row[:3, :3], row[:3, 3] = pose.R, pose.place
-    ends = tips(found, side) if found else np.zeros((0, 5, 3))
+    ends = fingertips(found, side) if found else np.zeros((0, 5, 3))
     return HandCandidates(side, T, -T[:, :3, 1], np.array([pose.width_m for pose in found]), ends, value, terms)
 
 

@@ -19,7 +19,7 @@ LONELY = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class PointCloud:
     """n points as the camera sees them (camera frame, metres)."""
 
     points: np.ndarray
@@ -33,9 +33,9 @@ class Cloud:
     rgb: np.ndarray
     """(n, 3) uint8"""
 
-    def cut(self, keep: np.ndarray) -> Cloud:
+    def cut(self, keep: np.ndarray) -> PointCloud:
         """The points of a mask (n,)."""
-        return Cloud(self.points[keep], self.normals[keep], self.region[:, keep], self.negative[keep], self.rgb[keep])
+        return PointCloud(self.points[keep], self.normals[keep], self.region[:, keep], self.negative[keep], self.rgb[keep])
 
 
 def unproject(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -47,7 +47,7 @@ def unproject(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
     return found
 
 
-def cloud(scene: GraspScene, cell_m: float, around_m: float) -> Cloud:
+def point_cloud(scene: GraspScene, cell_m: float, around_m: float) -> PointCloud:
     """The cloud within `around_m` of any region, a point for each cell of `cell_m`. ValueError when no region has depth."""
     points, seen = unproject(scene.depth_m, scene.K), scene.depth_m > 0
     wanted = (scene.region & scene.hands[:, None, None]).any(0)
@@ -60,10 +60,10 @@ def cloud(scene: GraspScene, cell_m: float, around_m: float) -> Cloud:
     low, high = core.min(0) - around_m, core.max(0) + around_m
     near = seen & ((points >= low) & (points <= high)).all(-1)
     values = np.concatenate([points[near], scene.region[:, near].T, scene.negative[near][:, None], scene.rgb[near]], axis=1)
-    return _solid(thinned(points[near], values, cell_m), cell_m)
+    return _solid(voxel_downsample(points[near], values, cell_m), cell_m)
 
 
-def thinned(points: np.ndarray, values: np.ndarray, cell_m: float) -> np.ndarray:
+def voxel_downsample(points: np.ndarray, values: np.ndarray, cell_m: float) -> np.ndarray:
     """(c, k) mean of the values (n, k) of the points (n, 3) in each cell of a grid."""
     _, cell = np.unique(np.floor(points / cell_m).astype(np.int64), axis=0, return_inverse=True)
     cell = cell.reshape(-1)
@@ -71,7 +71,7 @@ def thinned(points: np.ndarray, values: np.ndarray, cell_m: float) -> np.ndarray
     return np.stack([np.bincount(cell, column) / count for column in values.T], axis=1)
 
 
-def normals(points: np.ndarray, neighbours: int = NEIGHBOURS) -> np.ndarray:
+def estimate_normals(points: np.ndarray, neighbours: int = NEIGHBOURS) -> np.ndarray:
     """(n, 3) unit normals of the planes through each point's neighbours, towards the origin."""
     _, near = cKDTree(points).query(points, k=min(neighbours, len(points)))
     local = points[near.reshape(len(points), -1)]
@@ -80,7 +80,7 @@ def normals(points: np.ndarray, neighbours: int = NEIGHBOURS) -> np.ndarray:
     return np.where((found * points).sum(1, keepdims=True) > 0, -found, found)
 
 
-def _solid(rows: np.ndarray, cell_m: float) -> Cloud:
+def _solid(rows: np.ndarray, cell_m: float) -> PointCloud:
     """Without points that hang in the air."""
     if len(rows) > 4:
         rows = rows[cKDTree(rows[:, :3]).query(rows[:, :3], k=5)[0][:, 4] <= LONELY * cell_m]
@@ -88,7 +88,7 @@ def _solid(rows: np.ndarray, cell_m: float) -> Cloud:
         raise ValueError(f"expected a region and its surroundings of {NEIGHBOURS} points or more {1000 * cell_m:g} mm apart, got "
                          f"{len(rows)}; check that depth is in metres, or make cell_m smaller")
     points = rows[:, :3]
-    return Cloud(points, normals(points), rows[:, 3:5].T, rows[:, 5], np.rint(rows[:, 6:9]).astype(np.uint8))
+    return PointCloud(points, estimate_normals(points), rows[:, 3:5].T, rows[:, 5], np.rint(rows[:, 6:9]).astype(np.uint8))
 
 
 PROPOSALS = 64
@@ -108,7 +108,7 @@ MINE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class SupportPlane:
     """A plane: normal @ x = offset, its normal towards the camera. Without one `up` is zero, and everything is far above it."""
 
     up: np.ndarray
@@ -124,10 +124,10 @@ class Support:
         return points @ self.up - self.offset_m if self.known else np.full(points.shape[:-1], np.inf)
 
 
-NONE = Support(np.zeros(3), 0.0)
+NONE = SupportPlane(np.zeros(3), 0.0)
 
 
-def support(found: Cloud) -> Support:
+def support_plane(found: PointCloud) -> SupportPlane:
     """The plane that holds most of what is in no region, if it holds enough."""
     rest = np.flatnonzero((found.region.max(0) < 0.5) & (found.negative < 0.5))
     spots = rest[farthest_point_sampling(found.points[rest], PROPOSALS)]
@@ -142,7 +142,7 @@ def support(found: Cloud) -> Support:
     return plane if best.mean() >= LEAST_SHARE and _narrow(found.points[best]) >= WIDE_M else NONE
 
 
-def thing(found: Cloud, region: np.ndarray, on: Support) -> np.ndarray:
+def object_points(found: PointCloud, region: np.ndarray, on: SupportPlane) -> np.ndarray:
     """(n,) bool: the points of what the region (n,) bool is a part of: pieces above the support that hold some of it, and it."""
     high = np.flatnonzero(on.height(found.points) > LIFT_M)
     if not len(high):
@@ -161,10 +161,10 @@ def _narrow(points: np.ndarray) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(local.T @ local / len(points))[1]))
 
 
-def _through(points: np.ndarray) -> Support:
+def _through(points: np.ndarray) -> SupportPlane:
     """The plane nearest to points."""
     middle = points.mean(0)
     local = points - middle
     up = np.linalg.eigh(local.T @ local)[1][:, 0]
     up = -up if up @ middle > 0 else up
-    return Support(up, float(up @ middle))
+    return SupportPlane(up, float(up @ middle))

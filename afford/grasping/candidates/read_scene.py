@@ -19,7 +19,7 @@ FITS = "masks, depth and picture must show the same pixels"
 
 
 @dataclass(frozen=True)
-class Files:
+class SceneFiles:
     """Where the parts of a look lie."""
 
     depth: Path
@@ -40,7 +40,7 @@ class Files:
     """auto, left, right or both"""
 
 
-def read(files: Files) -> GraspScene:
+def read(files: SceneFiles) -> GraspScene:
     """The look. SourceError when a part is missing or does not fit the others."""
     depth_m = read_depth(files.depth)
     region = _regions(files, depth_m.shape)
@@ -49,7 +49,7 @@ def read(files: Files) -> GraspScene:
                       _hands(files, region), mask, points)
 
 
-def check_regions(files: Files, scene: GraspScene) -> None:
+def check_regions(files: SceneFiles, scene: GraspScene) -> None:
     """SourceError, which names the file, when no hand is taken, or one whose region holds no pixel with depth."""
     places = _places(files)
     if not scene.hands.any():
@@ -76,7 +76,7 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     return flat > 0
 
 
-def _places(files: Files) -> list[Path | None]:
+def _places(files: SceneFiles) -> list[Path | None]:
     """The mask of the left and of the right hand; a folder with that of one hand is about this hand."""
     inside: list[Path | None] = [files.masks / f"{side}.png" if files.masks else None for side in SIDES]
     if any(path and path.exists() for path in inside):
@@ -84,7 +84,7 @@ def _places(files: Files) -> list[Path | None]:
     return [given or path for given, path in zip((files.left, files.right), inside, strict=True)]
 
 
-def _regions(files: Files, shape: tuple[int, ...]) -> np.ndarray:
+def _regions(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
     paths = _places(files)
     if not any(paths):
         raise SourceError("masks", "a folder of `predict` or a mask of a hand", "none",
@@ -105,7 +105,7 @@ def _picture(path: Path | None, depth_m: np.ndarray) -> np.ndarray:
     return rgb
 
 
-def _camera(files: Files, shape: tuple[int, ...]) -> np.ndarray:
+def _camera(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
     """K (3, 3)."""
     if (files.intrinsics is None) == (files.focal_px is None):
         got = "neither" if files.intrinsics is None else "both"
@@ -118,7 +118,7 @@ def _camera(files: Files, shape: tuple[int, ...]) -> np.ndarray:
     return np.array([[focal, 0.0, (shape[1] - 1) / 2], [0.0, focal, (shape[0] - 1) / 2], [0.0, 0.0, 1.0]])
 
 
-def _hands(files: Files, region: np.ndarray) -> np.ndarray:
+def _hands(files: SceneFiles, region: np.ndarray) -> np.ndarray:
     """(2,) bool: forced, by the taxonomy, as the prediction chose, or those with a mask."""
     if files.hands != "auto":
         return np.array([files.hands in (side, "both") for side in SIDES])
@@ -133,7 +133,7 @@ def _hands(files: Files, region: np.ndarray) -> np.ndarray:
     return np.asarray(region.any((1, 2)))
 
 
-def _negative(files: Files, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _negative(files: SceneFiles, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """(h, w) bool mask and (k, 3) points in the camera's frame."""
     path, none = files.negative, np.zeros((0, 3))
     if path is None:

@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.render.batch import batch
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import render
 from afford.render.materials import wood
 from afford.render.mesh import solid
-from afford.render.model import BACKGROUND, Camera, Instance, Light
+from afford.render.raster import View, depth
+from afford.render.scene import BACKGROUND, Camera, Instance, Light, Textures, batch
 from afford.render.solids import patch
-from afford.render.textures import Textures
-from afford.render.view import View, depth
 from afford.render.views.draw import drawable, material
 from schemas.mesh import ObjectMesh
 
@@ -26,7 +24,7 @@ LIGHT = Light(centre=(0.0, 0.0, 0.05), radius_m=0.5)
 
 
 @dataclass(frozen=True)
-class Eye:
+class ViewCamera:
     """Where the camera is."""
 
     distance_m: float = 0.6
@@ -41,7 +39,7 @@ class Eye:
     """standard deviation of depth"""
 
 
-class Look(NamedTuple):
+class DepthView(NamedTuple):
     """rgb (h, w, 3) uint8; depth_m (h, w) float32 with noise; face (h, w) int32 of the object, -1 beside it; K; T_world_cam."""
 
     rgb: np.ndarray
@@ -51,7 +49,7 @@ class Look(NamedTuple):
     T_world_cam: np.ndarray
 
 
-def look(mesh: ObjectMesh, body: np.ndarray, eye: Eye, rng: np.random.Generator, supersample: int = 2) -> Look:
+def render_view(mesh: ObjectMesh, body: np.ndarray, eye: ViewCamera, rng: np.random.Generator, supersample: int = 2) -> DepthView:
     """The object at the pose (7,) on a table z = 0 of drawn wood, from before and above."""
     T_world_obj = np.eye(4)
     T_world_obj[:3, :3], T_world_obj[:3, 3] = Rotation.from_quat(body[3:]).as_matrix(), body[:3]
@@ -64,10 +62,10 @@ def look(mesh: ObjectMesh, body: np.ndarray, eye: Eye, rng: np.random.Generator,
     face = _faces(mesh, instances, textures, camera)
     noise = rng.normal(0.0, eye.noise_m, shown.depth_m.shape) if eye.noise_m else 0.0
     noisy = np.where(shown.depth_m > 0, shown.depth_m + noise, 0.0).astype(np.float32)
-    return Look(shown.rgb, noisy, face, camera.K, camera.T_world_cam)
+    return DepthView(shown.rgb, noisy, face, camera.K, camera.T_world_cam)
 
 
-def _camera(target: np.ndarray, eye: Eye) -> Camera:
+def _camera(target: np.ndarray, eye: ViewCamera) -> Camera:
     down = np.radians(eye.down_deg)
     place = target + eye.distance_m * np.array([0.0, -np.cos(down), np.sin(down)])
     return Camera(intrinsics(eye.width_px, eye.height_px, eye.field_deg), look_at(place, target), eye.width_px, eye.height_px)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from afford.common.geometry import farthest_point_sampling
-from afford.grasping.candidates.point_cloud import Cloud, Support
+from afford.grasping.candidates.point_cloud import PointCloud, SupportPlane
 
 PATCH_M = 0.03
 """around a place: where its long axis and its normal come from"""
@@ -35,7 +35,7 @@ EDGE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class GraspPose:
     """One grasp before it is judged."""
 
     R: np.ndarray
@@ -47,20 +47,20 @@ class Pose:
     """-1..1, how far the normals at both ends of the section face the fingers; 0 for an end that is not seen"""
 
 
-def places(region: np.ndarray, found: Cloud, count: int) -> np.ndarray:
+def spread_places(region: np.ndarray, found: PointCloud, count: int) -> np.ndarray:
     """(k,) indices of points of the region (n,) bool, far apart."""
     mine = np.flatnonzero(region)
     return mine[farthest_point_sampling(found.points[mine], count)]
 
 
-def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_deg: float,
-          cell_m: float) -> list[Pose]:  # fmt: skip
+def sample_poses(found: PointCloud, body: np.ndarray, spots: np.ndarray, on: SupportPlane, lean_deg: float,
+          cell_m: float) -> list[GraspPose]:  # fmt: skip
     """Poses of a right or left hand over each spot (k,); `body` (n,) bool are the points of the thing. Each comes twice, with
     the fingers on either side. Points stand for cells of `cell_m`.
     """
     points, facing = found.points[body], found.normals[body]
     around = cKDTree(points).query_ball_point(found.points[spots], PATCH_M)
-    out: list[Pose] = []
+    out: list[GraspPose] = []
     for spot, near in zip(spots, around, strict=True):
         if len(near) < 4:
             continue
@@ -69,7 +69,7 @@ def poses(found: Cloud, body: np.ndarray, spots: np.ndarray, on: Support, lean_d
     return out
 
 
-def _axes(patch: np.ndarray, facing: np.ndarray, spot: np.ndarray, on: Support, lean_deg: float) -> Iterator[np.ndarray]:
+def _axes(patch: np.ndarray, facing: np.ndarray, spot: np.ndarray, on: SupportPlane, lean_deg: float) -> Iterator[np.ndarray]:
     """(3, 3) axes to try over a patch (k, 3)."""
     local = patch - patch.mean(0)
     spread, axes = np.linalg.eigh(local.T @ local)
@@ -90,8 +90,8 @@ def _frame(along: np.ndarray, back: np.ndarray) -> np.ndarray:
     return np.stack([x, back, np.cross(x, back)], axis=1)
 
 
-def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarray, on: Support,
-           cell_m: float) -> list[Pose]:  # fmt: skip
+def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarray, on: SupportPlane,
+           cell_m: float) -> list[GraspPose]:  # fmt: skip
     """The section under a spot -> the pose amid it, and the same with the fingers on the other side; none without a section."""
     local = (points - spot) @ R
     across = np.flatnonzero((np.abs(local[:, 0]) <= HALF_SLICE_M) & (np.abs(local[:, 1]) <= DEEP_M))
@@ -103,7 +103,7 @@ def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarr
     place = spot + R @ np.array([0.0, top - _thick(width, float(on.height(spot + top * R[:, 1]))) / 2, (low + high) / 2])
     square = _square(local[run, 2], facing[run] @ R[:, 2])
     other = R * np.array([-1.0, 1.0, -1.0])
-    return [Pose(R, place, width, square), Pose(other, place, width, square)]
+    return [GraspPose(R, place, width, square), GraspPose(other, place, width, square)]
 
 
 def _thick(width_m: float, height_m: float) -> float:

@@ -26,7 +26,7 @@ HEAD = ("ply\nformat binary_little_endian 1.0\ncomment metres, camera frame: x r
         "end_header\n")  # fmt: skip
 
 
-def write(scene: GraspScene, found: GraspCandidates, out: Path) -> None:
+def write_candidates(scene: GraspScene, found: GraspCandidates, out: Path) -> None:
     """All three, in a folder that exists."""
     write_json(out / RECORD, record(scene, found))
     (out / OVERLAY).write_bytes(encode_png(overlay(scene, found)[..., ::-1]).tobytes())

@@ -8,25 +8,25 @@ from math import ceil
 
 import numpy as np
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, play
-from afford.grasping.env.metrics import MEANING
-from afford.grasping.env.task import of
-from afford.grasping.evaluate.human_likeness import CRITERIA, Humans, humans, likeness, log_jerk
-from afford.grasping.policies.acting import load
-from afford.grasping.sim.engine import stageable
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.measures import METRICS
+from afford.grasping.env.rollout import EpisodeBatch, rollout
+from afford.grasping.env.task import from_grasp_task
+from afford.grasping.evaluate.human_likeness import CRITERIA, HumanStatistics, human_likeness, human_statistics, log_jerk
+from afford.grasping.policies.load_policy import load_policy
+from afford.grasping.sim.engine import check_stage_engine
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel, ReferenceSet
 
-FIGURES = (*MEANING, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
+FIGURES = (*METRICS, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
 """of each episode: metrics.MEANING, likeness.py"""
 
 
 @dataclass(frozen=True)
-class Examination:
+class EvaluationParams:
     """What is asked: Params of stages/grasping/grasp_evaluate.py say what each field means."""
 
     policy: str
@@ -43,23 +43,23 @@ class Examination:
     seed: int
 
     def __post_init__(self) -> None:
-        stageable(self.engine)
+        check_stage_engine(self.engine)
 
 
-def examine(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet, asked: Examination,
+def evaluate_policy(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet, asked: EvaluationParams,
             progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
     """Episodes in rounds: each task as often as another. ValueError for a policy that does not fit."""
-    policy = load(files, {"base": asked.base, "start": asked.start})
+    policy = load_policy(files, {"base": asked.base, "start": asked.start})
     config = policy.config(asked.engine, _physics(asked), asked.poses, asked.push_n)
-    people = humans(references.references, 1 / config.control_s)
+    people = human_statistics(references.references, 1 / config.control_s)
     rounds = ceil(asked.episodes / len(tasks))
     values, depths, names, traces = [], [], [], list[GraspTrace]()
     for first in range(0, len(tasks), asked.at_once):
         some = tasks[first : first + asked.at_once]
-        grasping = Grasping(hand, [of(one) for one in some], config)
+        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in some], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([asked.seed, first + k, number]) for k in range(len(some))]
-            played = play(grasping, policy.actor(grasping), rngs)
+            played = rollout(grasping, policy.actor(grasping), rngs)
             values.append(_figures(played, people))
             depths.append(played.depth_m)
             names += [one.name for one in some]
@@ -73,23 +73,23 @@ def examine(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, refere
         depth_m=np.concatenate(depths), traces=tuple(traces))  # fmt: skip
 
 
-def _physics(asked: Examination) -> Physics:
+def _physics(asked: EvaluationParams) -> Physics:
     return Physics(iterations=asked.iterations, rate_hz=asked.rate_hz)
 
 
-def _figures(played: Round, people: Humans) -> np.ndarray:
+def _figures(played: EpisodeBatch, people: HumanStatistics) -> np.ndarray:
     """(n, k) in the order of FIGURES."""
     human = [_human(played.q[k, : end + 1, 6:], played.palm[k, : end + 1, :3], played.rate_hz, people)
              for k, end in enumerate(played.ended)]
-    return np.concatenate([np.stack([played.report[name] for name in MEANING], axis=1), np.array(human)], axis=1)
+    return np.concatenate([np.stack([played.report[name] for name in METRICS], axis=1), np.array(human)], axis=1)
 
 
-def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: Humans) -> list[float]:
-    score, parts = likeness(q, palm, rate_hz, people)
+def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: HumanStatistics) -> list[float]:
+    score, parts = human_likeness(q, palm, rate_hz, people)
     return [score, *parts.tolist(), (log_jerk(q, rate_hz) + log_jerk(palm, rate_hz)) / 2]
 
 
-def _traces(played: Round, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:
+def _traces(played: EpisodeBatch, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:
     """Of the first round, tasks that are spread evenly over all."""
     if number:
         return []
@@ -103,10 +103,11 @@ ITERATIONS = 100
 
 def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, seed: int) -> list[GraspTrace]:
     """One episode of each task, side by side; the policy's mean action. ValueError for files that are no policy."""
-    policy = load(files, {})
-    grasping = Grasping(hand, [of(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    policy = load_policy(files, {})
+    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks],
+                           policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
     try:
-        played = play(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
+        played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
     finally:
         grasping.close()
     return [played.trace(k, one.name, 0) for k, one in enumerate(tasks)]

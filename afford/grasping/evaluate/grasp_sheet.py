@@ -14,8 +14,8 @@ from afford.common.image_files import encode_png
 from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.studio import Episode
-from afford.grasping.evaluate.trace_metrics import PHASES, phases, traced
+from afford.grasping.env.rendering import DrawableEpisode
+from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
 BAD: Colour = (190, 40, 36)
@@ -26,7 +26,7 @@ STILL_S = 0.8
 """how long the last picture of a film stays"""
 
 
-def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
+def sheet(rows: Mapping[str, DrawableEpisode]) -> np.ndarray:
     """(h, w, 3) uint8: label -> an episode; its columns are `traced.PHASES`. ValueError when there is none."""
     if not rows:
         raise ValueError("rows: expected episodes to show, got none")
@@ -36,12 +36,12 @@ def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
     return np.concatenate([head, *strips])
 
 
-def write_sheet(path: Path, rows: Mapping[str, Episode]) -> None:
+def write_sheet(path: Path, rows: Mapping[str, DrawableEpisode]) -> None:
     """`sheet` as a PNG."""
     path.write_bytes(encode_png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
 
 
-def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> None:
+def write_film(path: Path, rows: Mapping[str, DrawableEpisode], columns: int = 3) -> None:
     """All episodes at once in a grid, as an MP4 at their own pace; those that are over stay. ValueError for none, or for traces of
     different rates.
     """
@@ -51,8 +51,8 @@ def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> Non
     write_video(path, _frames(rows, columns, round(STILL_S * min(rates))), CRF, round(min(rates)))
 
 
-def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[np.ndarray]:
-    words = [(label, one, traced(one.trace, one.task).success) for label, one in rows.items()]
+def _frames(rows: Mapping[str, DrawableEpisode], columns: int, still: int) -> Iterator[np.ndarray]:
+    words = [(label, one, trace_metrics(one.trace, one.task).success) for label, one in rows.items()]
     longest = max(len(one.trace.q) for one in rows.values())
     wide = min(columns, len(words))
     for row in (*range(longest), *[longest - 1] * still):
@@ -61,18 +61,18 @@ def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[n
         yield _even(np.concatenate([np.concatenate(tiles[k : k + wide], axis=1) for k in range(0, len(tiles), wide)]))
 
 
-def _strip(label: str, one: Episode) -> np.ndarray:
+def _strip(label: str, one: DrawableEpisode) -> np.ndarray:
     """Words, then the moments."""
     tiles = [cv2.copyMakeBorder(one.draw(row), 0, GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=PAPER)
-             for row in phases(one.trace, one.task)]  # fmt: skip
+             for row in key_frames(one.trace, one.task)]  # fmt: skip
     lines = [(label, INK), (one.trace.task, FAINT), *_verdict(one)]
     words = _page(WORDS_PX, tiles[0].shape[0], [(8, 10 + 22 * k, text, colour) for k, (text, colour) in enumerate(lines)])
     return np.concatenate([words, *tiles], axis=1)
 
 
-def _verdict(one: Episode) -> list[tuple[str, Colour]]:
+def _verdict(one: DrawableEpisode) -> list[tuple[str, Colour]]:
     """How it went, as metrics have it."""
-    how, trace = traced(one.trace, one.task), one.trace
+    how, trace = trace_metrics(one.trace, one.task), one.trace
     pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
     return [("reached the goal" if how.success[-1] else "never at the goal", GOOD if how.success[-1] else BAD),
             (f"{how.as_violation_pct[-1]:.0f} % of fingertips unsafe", BAD if how.as_violation_pct[-1] else GOOD),
@@ -80,7 +80,7 @@ def _verdict(one: Episode) -> list[tuple[str, Colour]]:
             (f"{1000 * trace.penetration_m.max():.1f} mm deep at most", FAINT)]  # fmt: skip
 
 
-def _tile(label: str, one: Episode, row: int, success: np.ndarray) -> np.ndarray:
+def _tile(label: str, one: DrawableEpisode, row: int, success: np.ndarray) -> np.ndarray:
     """A row with its label, its task, and whether the goal was reached."""
     page = Image.fromarray(one.draw(row))
     draw = ImageDraw.Draw(page)

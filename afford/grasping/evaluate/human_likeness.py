@@ -29,7 +29,7 @@ SCALES = np.array([0.25, 3.0, 0.25])
 
 
 @dataclass(frozen=True, eq=False)
-class Humans:
+class HumanStatistics:
     """What is usual among people."""
 
     mean: np.ndarray
@@ -42,7 +42,7 @@ class Humans:
     """(SYNERGIES, k) orthonormal"""
 
 
-def humans(references: Sequence[HandReference], rate_hz: float) -> Humans:
+def human_statistics(references: Sequence[HandReference], rate_hz: float) -> HumanStatistics:
     """Measured at `rate_hz`, the rate of what will be judged. ValueError for fewer than two references."""
     if len(references) < 2:
         raise ValueError(f"likeness: expected two references or more to compare with, got {len(references)}")
@@ -51,10 +51,10 @@ def humans(references: Sequence[HandReference], rate_hz: float) -> Humans:
     posture = joints.mean(axis=0)
     synergies = np.linalg.svd(joints - posture, full_matrices=False)[2][:SYNERGIES]
     found = np.array([criteria(q, palm, rate_hz, posture, synergies) for q, palm in clips])
-    return Humans(found.mean(axis=0), found.std(axis=0), posture, synergies)
+    return HumanStatistics(found.mean(axis=0), found.std(axis=0), posture, synergies)
 
 
-def likeness(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: Humans) -> tuple[float, np.ndarray]:
+def human_likeness(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: HumanStatistics) -> tuple[float, np.ndarray]:
     """Of fingers' joints (t, k) and the palm's places (t, 3): 0..10, and its three parts (3,) of 0..1."""
     found = criteria(q, palm, rate_hz, people.posture, people.synergies)
     parts = np.exp(-(found - people.mean - people.spread).clip(min=0) / SCALES)

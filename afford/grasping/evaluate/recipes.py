@@ -37,7 +37,7 @@ paper's own four terms instead of `dense`; positive*: fingertips are drawn to wh
 truth, or as the two-hand model predicts it); transfer_*: both plugged into the rewards of UniDexGrasp++"""
 
 
-def planned(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
+def planned_runs(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
     """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, a student before its teacher, or no
     seed.
     """

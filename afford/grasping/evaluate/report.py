@@ -13,7 +13,7 @@ import numpy as np
 from afford.common.files import empty_folder, tree, write_json
 from afford.grasping.evaluate import comparisons, result_cells
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, STUDENT, TEACHER
-from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow, cells, number
+from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow, group_cells, number
 from afford.grasping.evaluate.training_curves import write_curves
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasks
 from schemas.files import FileTree
@@ -120,7 +120,7 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
     their first word (lambda.half).
     """
     out = dict[str, float]()
-    for cell in cells(episodes, planned):
+    for cell in group_cells(episodes, planned):
         row = GROUP.sub(r"\1.", cell.policy)
         prefix = f"{row}." if cell.engine == MAIN else f"{cell.engine}.{row}."
         named = {**result_cells.result_rows([cell])[0].figures, "seeds": float(len(cell.runs)), "unfinished": float(cell.missing)}
@@ -137,13 +137,13 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
 
 def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planned: Sequence[GraspExam] = ()) -> str:
     """All cells, those that are not finished marked so, `more` lines, published rows, and the first policy task by task."""
-    found, table = cells(episodes), result_cells.result_rows(cells(episodes, planned))
+    found, table = group_cells(episodes), result_cells.result_rows(group_cells(episodes, planned))
     parts = [["# Grasps", "", *ABOUT, ""], result_cells.row_lines(table), [""], result_cells.use_lines(found), [""], more,
              published_lines(table), [""], result_cells.task_lines(episodes), [""]]  # fmt: skip
     return "\n".join(line for part in parts for line in part)
 
 
-def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
+def logs_by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     """Trainings named <row>-<seed> that have curves of episodes -> row: its seeds."""
     out = dict[str, list[TrainingLog]]()
     for log in logs:
@@ -153,7 +153,7 @@ def by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
     return out
 
 
-class Beside(NamedTuple):
+class ReportInputs(NamedTuple):
     """What was measured beside episodes."""
 
     logs: Sequence[TrainingLog] = ()
@@ -170,7 +170,7 @@ class Beside(NamedTuple):
     """of what was to be played"""
 
 
-def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch: Path) -> FileTree:
+def write_report(name: str, episodes: Sequence[GraspEpisodes], beside: ReportInputs, scratch: Path) -> FileTree:
     """metrics.json, scores.json, report.md, curves.png and the first of the sheets; ValueError when nothing was played."""
     if not episodes:
         raise ValueError(f"{name}: expected episodes to report of, got none")
@@ -189,7 +189,7 @@ def write(name: str, episodes: Sequence[GraspEpisodes], beside: Beside, scratch:
     lines = [*comparisons.clip_lines(beside.followed, compared), *comparisons.pair_lines(beside.pairs),
              *comparisons.negative_lines(beside.predicted, episodes), *comparisons.positive_lines(beside.positives)]  # fmt: skip
     (folder / "report.md").write_text(markdown(episodes, lines, beside.planned), encoding="utf-8")
-    if runs := by_row(logs):
+    if runs := logs_by_row(logs):
         write_curves(folder / "curves.png", runs)
     for sheet in beside.sheets[:1]:
         for file in sheet.files:

@@ -20,7 +20,7 @@ MAIN = "bullet"
 PCT = 100.0
 
 
-class Cell(NamedTuple):
+class ResultCell(NamedTuple):
     """One policy on one level in one engine, over seeds."""
 
     policy: str
@@ -66,7 +66,7 @@ class Cell(NamedTuple):
         return sum(len(one.task) for one in self.runs)
 
 
-def cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[Cell]:
+def group_cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[ResultCell]:
     """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS; those that were planned
     also where none is finished.
     """
@@ -75,7 +75,8 @@ def cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) 
     engines = dict.fromkeys((MAIN, *(one.engine for one in every)))
     wanted = Counter((one.policy, one.level, one.engine) for one in planned)
     keys = product(policies, levels, engines)
-    found = [Cell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key), wanted[key]) for key in keys]
+    found = [ResultCell(*key, tuple(one for one in episodes if (one.policy, one.level, one.engine) == key), wanted[key])
+             for key in keys]  # fmt: skip
     return [cell for cell in found if cell.runs or cell.planned]
 
 
@@ -90,7 +91,7 @@ def number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else ""
 
 
-FIGURES: tuple[tuple[str, str, Callable[[Cell], float]], ...] = (
+FIGURES: tuple[tuple[str, str, Callable[[ResultCell], float]], ...] = (
     ("succ", "Succ %", lambda c: c.mean("success")),
     ("succ_low", "95 %, from", lambda c: c.interval()[0]),
     ("succ_high", "to", lambda c: c.interval()[1]),
@@ -125,7 +126,7 @@ class ResultRow(NamedTuple):
     """how many there were to be"""
 
 
-def result_rows(found: Sequence[Cell]) -> list[ResultRow]:
+def result_rows(found: Sequence[ResultCell]) -> list[ResultRow]:
     """The line of each cell."""
     return [ResultRow(cell.policy, cell.level, cell.engine, _cell_figures(cell), len(cell.runs), cell.planned) for cell in found]
 
@@ -133,7 +134,7 @@ def result_rows(found: Sequence[Cell]) -> list[ResultRow]:
 def scores(episodes: Sequence[GraspEpisodes]) -> dict[str, dict[str, float]]:
     """Seed by seed: policy-seed-level-engine -> its figures."""
     return {f"{cell.policy}-{cell.runs[0].seed}-{cell.level}-{cell.engine}": _cell_figures(cell)
-            for one in episodes for cell in cells([one])}  # fmt: skip
+            for one in episodes for cell in group_cells([one])}  # fmt: skip
 
 
 def row_lines(found: Sequence[ResultRow]) -> list[str]:
@@ -142,7 +143,7 @@ def row_lines(found: Sequence[ResultRow]) -> list[str]:
             f"|---|---|---|{'--:|' * (len(FIGURES) + 1)}", *map(_row_line, found)]  # fmt: skip
 
 
-def _cell_figures(cell: Cell) -> dict[str, float]:
+def _cell_figures(cell: ResultCell) -> dict[str, float]:
     each = {name: of(cell) for name, _, of in FIGURES} if cell.runs else {}
     return {name: value for name, value in each.items() if np.isfinite(value)}
 
@@ -156,7 +157,7 @@ def _digits(head: str) -> int:
     return 2 if "depth" in head or "contact" in head else 0 if head == "n" else 1
 
 
-def use_lines(found: Sequence[Cell]) -> list[str]:
+def use_lines(found: Sequence[ResultCell]) -> list[str]:
     """What things are for, over all seeds."""
     mine = [cell for cell in found if (cell.policy, cell.engine) == (found[0].policy, found[0].engine)]
     lines = ["## Use by use", "", f"{found[0].policy}, {found[0].engine}, over seeds.", "",
@@ -165,7 +166,7 @@ def use_lines(found: Sequence[Cell]) -> list[str]:
     return [*lines, *(_use_line(*one) for one in each)]
 
 
-def _use_line(cell: Cell, use: str) -> str:
+def _use_line(cell: ResultCell, use: str) -> str:
     only = cell._replace(runs=tuple(of_use(run, use) for run in cell.runs))
     values = PCT * only.mean("success"), PCT * only.spread("success"), only.mean("as_violation_pct", successes=True)
     things = len({task for run in only.runs for task in run.task})

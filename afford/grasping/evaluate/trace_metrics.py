@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.measures import TOUCH_N, nearest
-from afford.grasping.env.metrics import as_safe_count, as_violation_pct
-from afford.grasping.env.reward import GOAL_M
+from afford.grasping.env.measures import GOAL_M, TOUCH_N, as_safe_count, as_violation_pct, nearest
 from afford.grasping.env.scenery import to_world
-from afford.grasping.env.task import of
+from afford.grasping.env.task import from_grasp_task
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspTask
 
@@ -20,7 +18,7 @@ RAISED_M = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Traced:
+class TraceMetrics:
     """The rows of a trace, judged as metrics judge them."""
 
     centre: np.ndarray
@@ -37,20 +35,20 @@ class Traced:
     """(t,) how many are"""
 
 
-def traced(trace: GraspTrace, task: GraspTask) -> Traced:
+def trace_metrics(trace: GraspTrace, task: GraspTask) -> TraceMetrics:
     """All rows. ValueError for the task of another trace."""
     if trace.task != task.name:
         raise ValueError(f"trace {trace.name}: expected its task {trace.task}, got {task.name}; give each trace its own task")
     centre = to_world(trace.body, task.body.com_m[None, None])[:, 0]
     goal_m, N_m = np.linalg.norm(centre - trace.goal, axis=1), _to_negative(trace, task)
-    return Traced(centre, goal_m, np.logical_or.accumulate(goal_m < GOAL_M), N_m, as_violation_pct(N_m), as_safe_count(N_m))
+    return TraceMetrics(centre, goal_m, np.logical_or.accumulate(goal_m < GOAL_M), N_m, as_violation_pct(N_m), as_safe_count(N_m))
 
 
-def phases(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
+def key_frames(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
     """The rows of PHASES: the first; where the hand first touches (or is nearest); the last before the object is raised; where it
     is half as high as it ever gets; the last. Where it is never raised, they are spread evenly from the touch on.
     """
-    rise, last = traced(trace, task).centre[:, 2], len(trace.q) - 1
+    rise, last = trace_metrics(trace, task).centre[:, 2], len(trace.q) - 1
     rise = rise - rise[0]
     touches = np.flatnonzero(trace.force.sum(axis=1) > TOUCH_N)
     near = nearest(trace.tips, to_world(trace.body, task.body.points[None].astype(float)))[0].mean(axis=1)
@@ -64,7 +62,7 @@ def phases(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
 
 def _to_negative(trace: GraspTrace, task: GraspTask) -> np.ndarray:
     """(t, f) distances of fingertips to what must not be touched, in truth."""
-    points = of(task).N_true
+    points = from_grasp_task(task).N_true
     if not len(points):
         return np.full(trace.tips.shape[:2], np.inf)
     return nearest(trace.tips, to_world(trace.body, points[None]))[0]

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.evaluate import Still
-from afford.grasping.env.task import task
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
-from afford.grasping.policies.acting import Policy, load
+from afford.grasping.env.rollout import BaseOnly
+from afford.grasping.env.task import make_task
+from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
+from afford.grasping.policies.load_policy import Policy, load_policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import ClipsFollowed
 from schemas.files import FileTree
@@ -24,11 +24,11 @@ from schemas.hand import HandModel, HandReference
 
 FOLLOWERS = ("prior", "clip", "still")
 FIGURES = ("level_1_m", "level_2_m", "tips_error_m", "followed")
-Follower = Callable[[Rehearsing], np.ndarray]
+Follower = Callable[[GraspImitationWorlds], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Asked:
+class TrackingParams:
     """Params of stages/grasping/imitation_evaluate.py say what each field means."""
 
     engine: str
@@ -40,19 +40,20 @@ class Asked:
     seed: int
 
 
-def followed(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree, asked: Asked,
-             progress: Callable[[int, int], None]) -> ClipsFollowed:  # fmt: skip
+def evaluate_tracking(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree,
+                      asked: TrackingParams, progress: Callable[[int, int], None]) -> ClipsFollowed:  # fmt: skip
     """Every clip once by each of FOLLOWERS, from where the clip begins. ValueError for files that are no prior, no clips, or a clip
     whose object is not among the bodies.
     """
-    policy, of = load(files, {}), {one.name: task(one) for one in bodies}
+    policy, of = load_policy(files, {}), {one.name: make_task(one) for one in bodies}
     _check(policy, set(of), references)
-    config = Rehearsal(engine=asked.engine, physics=Physics(asked.rate_hz, asked.iterations), steps=int(policy.facts["steps"]),
+    config = GraspImitationConfig(engine=asked.engine, physics=Physics(asked.rate_hz, asked.iterations),
+                                  steps=int(policy.facts["steps"]),
                        lift_m=float(policy.facts["lift_m"]), tolerance_m=asked.tolerance_m)  # fmt: skip
     parts = list[np.ndarray]()
     for first in range(0, len(references), asked.at_once):
         some = references[first : first + asked.at_once]
-        core = Rehearsing(hand, [of[one.object_name] for one in some], some, config, alone=True)
+        core = GraspImitationWorlds(hand, [of[one.object_name] for one in some], some, config, alone=True)
         parts.append(np.stack([_follow(core, _actor(name, policy, core), asked.seed) for name in FOLLOWERS]))
         core.close()
         progress(first + len(some), len(references))
@@ -72,14 +73,14 @@ def _check(policy: Policy, known: set[str], references: Sequence[HandReference])
                          f"got {wrong or ', '.join(unknown)}; give it what hand_imitation made, and clips of those objects")
 
 
-def _actor(name: str, policy: Policy, core: Rehearsing) -> Follower:
+def _actor(name: str, policy: Policy, core: GraspImitationWorlds) -> Follower:
     if name == "clip":
-        return Rehearsing.expert
-    actor = policy.actor(core.grasping) if name == "prior" else Still()
+        return GraspImitationWorlds.expert
+    actor = policy.actor(core.grasping) if name == "prior" else BaseOnly()
     return lambda now: actor.act(now.grasping)
 
 
-def _follow(core: Rehearsing, act: Follower, seed: int) -> np.ndarray:
+def _follow(core: GraspImitationWorlds, act: Follower, seed: int) -> np.ndarray:
     """(n, FIGURES) of an episode of every world, all of it, whether it failed or not."""
     n = len(core.clips.references)
     rngs = [np.random.default_rng([seed, k]) for k in range(n)]

@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, play
-from afford.grasping.env.task import NEGATIVE_POINTS, of, spread_points
-from afford.grasping.policies.acting import Policy
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import EpisodeBatch, rollout
+from afford.grasping.env.task import NEGATIVE_POINTS, from_grasp_task, spread_points
+from afford.grasping.policies.load_policy import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspTrace, TwoTasks
 from schemas.grasp import GraspObject, GraspTask
@@ -24,16 +24,16 @@ APART_M = 0.02
 ENDS = ("first", "other")
 
 
-def axis(body: GraspObject) -> np.ndarray:
+def long_axis(body: GraspObject) -> np.ndarray:
     """(3,) of the long axis, level as the object was built, towards its first end."""
     spots = body.points[:, :2].astype(np.float64)
     found = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2][0]
     return np.append(found if found[0] > 0 or (found[0] == 0 and found[1] > 0) else -found, 0.0)
 
 
-def pair(body: GraspObject) -> tuple[GraspTask, GraspTask]:
+def opposite_end_tasks(body: GraspObject) -> tuple[GraspTask, GraspTask]:
     """N_t at the first end, and at the other. ValueError for an object that does not reach so far to both sides."""
-    along = (body.points - body.com_m) @ axis(body)
+    along = (body.points - body.com_m) @ long_axis(body)
     sides = [body.points[side * along > APART_M].astype(np.float64) for side in (1, -1)]
     if not all(map(len, sides)):
         raise ValueError(f"{body.name}: expected points farther than {APART_M:g} m from the centre of mass at both ends, got "
@@ -48,11 +48,12 @@ def _keeping_off(body: GraspObject, end: str, points: np.ndarray) -> GraspTask:
                      N_t=spread_points(points, NEGATIVE_POINTS), told=(), A_t=np.zeros((0, 3)))
 
 
-def grasp_twice(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, name: str, engine: str, physics: Physics,
+def evaluate_task_pairs(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, name: str, engine: str, physics: Physics,
                 rounds: int, at_once: int, shown: int, seed: int,
                 progress: Callable[[int, int], None]) -> tuple[TwoTasks, list[tuple[GraspTask, GraspTrace]]]:  # fmt: skip
     """Both tasks of every body, `rounds` times, and traces of both of the `shown` bodies whose hand moved farthest from the
-    negative end in the first round, among those that were lifted twice. ValueError without bodies, or such as `pair` refuses.
+    negative end in the first round, among those that were lifted twice. ValueError without bodies, or for a body
+    that `opposite_end_tasks` refuses.
     """
     if not bodies:
         raise ValueError("two tasks: expected an object or more, got none")
@@ -61,11 +62,11 @@ def grasp_twice(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, 
     traced = list[tuple[float, list[tuple[GraspTask, GraspTrace]]]]()
     for first in range(0, len(bodies), at_once):
         some = bodies[first : first + at_once]
-        tasks = [one for body in some for one in pair(body)]
-        grasping = Grasping(hand, [of(one) for one in tasks], config)
+        tasks = [one for body in some for one in opposite_end_tasks(body)]
+        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([seed, first + k // 2, number]) for k in range(len(tasks))]
-            played = play(grasping, policy.actor(grasping), rngs)
+            played = rollout(grasping, policy.actor(grasping), rngs)
             along.append(_along(played, some, grasping.scenery.palm_offset))
             success.append(played.report["success"].reshape(-1, 2) > 0)
             names += [body.name for body in some]
@@ -78,17 +79,17 @@ def grasp_twice(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, 
     return made, [one for _, both in best for one in both]
 
 
-def _along(played: Round, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
+def _along(played: EpisodeBatch, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
     """(b, 2) m."""
     rows = np.arange(len(played.ended))
     palm, lies = played.palm[rows, played.ended], played.body[rows, played.ended]
     middle = Rotation.from_quat(palm[:, 3:]).apply(palm_offset) + palm[:, :3]
     local = Rotation.from_quat(lies[:, 3:]).inv().apply(middle - lies[:, :3])
-    each = [(spot - bodies[k // 2].com_m) @ axis(bodies[k // 2]) for k, spot in enumerate(local)]
+    each = [(spot - bodies[k // 2].com_m) @ long_axis(bodies[k // 2]) for k, spot in enumerate(local)]
     return np.array(each).reshape(-1, 2)
 
 
-def _traces(played: Round, tasks: Sequence[GraspTask], along: np.ndarray,
+def _traces(played: EpisodeBatch, tasks: Sequence[GraspTask], along: np.ndarray,
             success: np.ndarray) -> list[tuple[float, list[tuple[GraspTask, GraspTrace]]]]:  # fmt: skip
     """Of every body: how far the hand moved (m), -inf where it was not lifted twice, and its two traces."""
     moved = np.where(success.all(axis=1), along[:, 1] - along[:, 0], -np.inf)

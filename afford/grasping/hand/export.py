@@ -15,8 +15,8 @@ from schemas.hand import HandMesh, HandModel
 UP, DOWN = 0.5, -0.5
 
 
-def write(tree: Tree) -> str:
-    """The whole hand. Capsules become `<capsule>`: MuJoCo, PyBullet, Drake and newer ROS read it (see `split`)."""
+def urdf_text(tree: Tree) -> str:
+    """The whole hand. Capsules become `<capsule>`: MuJoCo, PyBullet, Drake and newer ROS read it (see `split_capsule`)."""
     robot = Xml.Element("robot", name=tree.name)
     for link in tree.links:
         _link(robot, link)
@@ -26,7 +26,7 @@ def write(tree: Tree) -> str:
     return Xml.tostring(robot, encoding="unicode") + "\n"
 
 
-def split(shape: Shape) -> tuple[Shape, ...]:
+def split_capsule(shape: Shape) -> tuple[Shape, ...]:
     """A capsule as standard URDF has it: a cylinder and two spheres; any other shape as it is."""
     if shape.kind != "capsule":
         return (shape,)
@@ -97,12 +97,12 @@ def _words(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(number) + 0.0) for number in numbers)
 
 
-def files(hand: HandModel) -> dict[str, bytes]:
+def mesh_files(hand: HandModel) -> dict[str, bytes]:
     """The meshes that the URDF names, by file name without folder, for engines that read from memory."""
     return {mesh.file.rpartition("/")[2]: _obj(mesh).encode() for mesh in hand.meshes}
 
 
-def save(hand: HandModel, folder: Path) -> Path:
+def save_hand(hand: HandModel, folder: Path) -> Path:
     """Write `<name>.urdf` and the meshes that it names; gives the URDF. The same hand gives the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     for mesh in hand.meshes:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.grasping.hand.kinematics import forward, limits, moving, points
-from afford.grasping.hand.link_meshes import farthest
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, moving_joints, points_on_links
+from afford.grasping.hand.link_meshes import farthest_point
 from afford.grasping.hand.tree import Joint, Tree
 from schemas.hand import FINGERS, HandFingers, HandJoints
 
@@ -33,7 +33,7 @@ class Finger:
     """(3,) in the frame of the last link"""
 
 
-def fingers(tree: Tree, named: Sequence[str] = ()) -> tuple[Finger, ...]:
+def find_fingers(tree: Tree, named: Sequence[str] = ()) -> tuple[Finger, ...]:
     """Thumb first; `named` says finger=last link where names do not tell. SourceError when there is no thumb or nothing else."""
     leaves = dict(_named(tree, named)) if named else _guessed(tree)
     if "thumb" not in leaves or len(leaves) < 2:
@@ -49,7 +49,7 @@ def common_link(tree: Tree, links: Sequence[str]) -> str:
     return [steps[0] for steps in zip(*paths, strict=False) if len(set(steps)) == 1][-1]
 
 
-def beyond(path: list[Joint], link: str) -> list[Joint]:
+def below_link(path: list[Joint], link: str) -> list[Joint]:
     """The part of a path that hangs on a link of it."""
     return path[[joint.parent for joint in path].index(link) :]
 
@@ -76,7 +76,7 @@ def _guessed(tree: Tree) -> dict[str, str]:
 
 def _finger(tree: Tree, palm: str, name: str, leaf: str) -> Finger:
     """A frame that is fixed beyond the last joint is the fingertip; else the source says where it is, or the shapes do."""
-    chain = beyond(tree.path(leaf), palm)
+    chain = below_link(tree.path(leaf), palm)
     last = max((k for k, joint in enumerate(chain) if joint.kind != "fixed"), default=-1)
     if last < 0:
         raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "none",
@@ -108,7 +108,7 @@ def _tip(tree: Tree, link: str, beyond: Sequence[Joint]) -> np.ndarray:
     T = np.eye(4)
     for joint in beyond:
         T = T @ joint.T_parent_joint
-    return T[:3, 3].copy() if beyond else farthest(tree, link)
+    return T[:3, 3].copy() if beyond else farthest_point(tree, link)
 
 
 STRAIGHT = ("middle", "index", "ring", "little")
@@ -128,7 +128,7 @@ def grip_axes(joints: HandJoints, fingers: HandFingers, palm: int) -> np.ndarray
     return np.stack([np.cross(y, z), y, z], axis=1) + 0.0  # no minus zero
 
 
-def side(joints: HandJoints, fingers: HandFingers, palm: int, R_palm_grip: np.ndarray) -> str:
+def hand_side(joints: HandJoints, fingers: HandFingers, palm: int, R_palm_grip: np.ndarray) -> str:
     """right when the thumb is on the side of +x, left when it is on that of -x."""
     thumb, _ = _finger_ends(joints, fingers, palm, fingers.name.index("thumb"), 0.0)
     others = [_finger_ends(joints, fingers, palm, k, 0.0)[0] for k, name in enumerate(fingers.name) if name != "thumb"]
@@ -137,14 +137,14 @@ def side(joints: HandJoints, fingers: HandFingers, palm: int, R_palm_grip: np.nd
 
 def _finger_ends(joints: HandJoints, fingers: HandFingers, palm: int, finger: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
     """Base and tip in the palm's frame; joints at or nearest to 0, those that only bend one way by `bend` of their range."""
-    low, high = limits(joints).T
+    low, high = joint_limits(joints).T
     still = np.clip(0.0, low, high)
-    of_finger = np.array([joints.role[k] in ("actuated", "coupled") for k in moving(joints)])
+    of_finger = np.array([joints.role[k] in ("actuated", "coupled") for k in moving_joints(joints)])
     one_way = of_finger & (np.abs(low + high) > ONE_WAY * (high - low))
     q = np.where(one_way, np.where(high > -low, bend * high, bend * low), still)
-    T = forward(joints, q[None])
+    T = forward_kinematics(joints, q[None])
     links = np.array([fingers.base_link[finger], fingers.tip_link[finger]])
-    ends = points(T, links, np.stack([np.zeros(3), fingers.tip_m[finger]]))[0]
+    ends = points_on_links(T, links, np.stack([np.zeros(3), fingers.tip_m[finger]]))[0]
     T_palm_root = np.linalg.inv(T[0, palm])
     base, tip = ends @ T_palm_root[:3, :3].T + T_palm_root[:3, 3]
     return base, tip

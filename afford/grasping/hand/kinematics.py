@@ -10,17 +10,17 @@ import numpy as np
 from schemas.hand import HandJoints
 
 
-def moving(joints: HandJoints) -> np.ndarray:
+def moving_joints(joints: HandJoints) -> np.ndarray:
     """(d,) indices of the joints that are not fixed: the columns of q."""
     return np.array([k for k, kind in enumerate(joints.kind) if kind != "fixed"], np.int64)
 
 
-def limits(joints: HandJoints) -> np.ndarray:
+def joint_limits(joints: HandJoints) -> np.ndarray:
     """(d, 2) lower and upper, rad or m."""
-    return np.stack([joints.lower, joints.upper], axis=1)[moving(joints)]
+    return np.stack([joints.lower, joints.upper], axis=1)[moving_joints(joints)]
 
 
-def forward(joints: HandJoints, q: np.ndarray) -> np.ndarray:
+def forward_kinematics(joints: HandJoints, q: np.ndarray) -> np.ndarray:
     """(n, d) -> (n, l, 4, 4) T_root_link, for any q; ValueError when d is not that of the hand."""
     motion = _motions(joints, q)
     out = np.tile(np.eye(4), (len(q), len(joints.name) + 1, 1, 1))
@@ -29,7 +29,7 @@ def forward(joints: HandJoints, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def points(T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
+def points_on_links(T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
     """(n, l, 4, 4) poses, (k,) links, (k, 3) offsets in them -> (n, k, 3) in the root's frame."""
     found: np.ndarray = np.einsum("nkij,kj->nki", T[:, links][..., :3, :3], offsets_m) + T[:, links][..., :3, 3]
     return found
@@ -38,12 +38,12 @@ def points(T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarra
 def jacobian(joints: HandJoints, T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
     """How points on links move with q: (n, k, 3, d), metres per radian (per metre where a joint slides).
 
-    T (n, l, 4, 4) is `forward` of the configurations; (k,) links and (k, 3) offsets as in `points`.
+    T (n, l, 4, 4) is `forward_kinematics` of the configurations; (k,) links and (k, 3) offsets as in `points_on_links`.
     """
-    move = moving(joints)
+    move = moving_joints(joints)
     carried = joints.child[move]
     axis = np.einsum("ndij,dj->ndi", T[:, carried][..., :3, :3], joints.axis[move])
-    arm = points(T, links, offsets_m)[:, :, None] - T[:, None, carried][..., :3, 3]
+    arm = points_on_links(T, links, offsets_m)[:, :, None] - T[:, None, carried][..., :3, 3]
     turns = np.array([joints.kind[k] == "revolute" for k in move])
     speed = np.where(turns[:, None], np.cross(axis[:, None], arm), axis[:, None])
     speed = speed * ancestry(joints)[np.ix_(links, carried)][..., None]
@@ -60,7 +60,7 @@ def ancestry(joints: HandJoints) -> np.ndarray:
 
 def _motions(joints: HandJoints, q: np.ndarray) -> np.ndarray:
     """(n, j, 4, 4): what each joint adds at q; Rodrigues' formula, identity where fixed."""
-    move = moving(joints)
+    move = moving_joints(joints)
     if q.ndim != 2 or q.shape[1] != len(move):
         raise ValueError(f"q: expected (n, {len(move)}), one column for each joint that moves, got {q.shape}")
     out = np.tile(np.eye(4), (len(q), len(joints.name), 1, 1))
@@ -75,24 +75,24 @@ def _motions(joints: HandJoints, q: np.ndarray) -> np.ndarray:
     return out
 
 
-def driven(joints: HandJoints) -> np.ndarray:
+def commanded_joints(joints: HandJoints) -> np.ndarray:
     """(m,) indices of the joints that are commanded, wrist first: the columns of u."""
     return np.array([k for k, role in enumerate(joints.role) if role in ("wrist", "actuated")], np.int64)
 
 
-def commanded(joints: HandJoints) -> np.ndarray:
+def commanded_columns(joints: HandJoints) -> np.ndarray:
     """(m,) where the joints that are commanded stand in q: u is q[commanded]."""
-    return np.searchsorted(moving(joints), driven(joints))
+    return np.searchsorted(moving_joints(joints), commanded_joints(joints))
 
 
-def limits_u(joints: HandJoints) -> np.ndarray:
+def command_limits(joints: HandJoints) -> np.ndarray:
     """(m, 2) lowest and highest position of the joints that are commanded, rad or m."""
-    return np.stack([joints.lower, joints.upper], axis=1)[driven(joints)]
+    return np.stack([joints.lower, joints.upper], axis=1)[commanded_joints(joints)]
 
 
-def spread(joints: HandJoints) -> tuple[np.ndarray, np.ndarray]:
+def coupling_matrix(joints: HandJoints) -> tuple[np.ndarray, np.ndarray]:
     """A (d, m) and b (d,): q = A u + b. A Jacobian by q times A is one by u."""
-    rows, columns = moving(joints), driven(joints)
+    rows, columns = moving_joints(joints), commanded_joints(joints)
     follows = np.where(joints.driver[rows] < 0, rows, joints.driver[rows])
     ratio = np.where(joints.driver[rows] < 0, 1.0, joints.ratio[rows])
     return (follows[:, None] == columns) * ratio[:, None], joints.offset[rows].copy()

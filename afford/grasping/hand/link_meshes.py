@@ -19,7 +19,7 @@ SIDES = 24
 """corners around anything round, where nothing else is said"""
 
 
-def solid(shape: Shape, tree: Tree, sides: int = SIDES) -> trimesh.Trimesh:
+def shape_mesh(shape: Shape, tree: Tree, sides: int = SIDES) -> trimesh.Trimesh:
     """A shape in the frame of its link, metres; so many corners around anything round."""
     return _solid(shape, tree, sides).apply_transform(shape.T_link_shape)
 
@@ -38,19 +38,19 @@ def _solid(shape: Shape, tree: Tree, sides: int) -> trimesh.Trimesh:
     return capsule.apply_translation(-capsule.bounds.mean(axis=0))
 
 
-def farthest(tree: Tree, link: str) -> np.ndarray:
+def farthest_point(tree: Tree, link: str) -> np.ndarray:
     """(3,) the point of a link's shapes that is farthest from its origin, in its frame; SourceError when it has no shapes."""
     found = next(entry for entry in tree.links if entry.name == link)
     shapes = found.collisions or found.visuals
     if not shapes:
         raise SourceError(f"{tree.name}, link {link!r}", "a shape, or a frame fixed to it, that says where the fingertip is",
                           "neither", "add a fixed joint to a link at the fingertip")
-    corners = np.concatenate([solid(shape, tree).vertices for shape in shapes])
+    corners = np.concatenate([shape_mesh(shape, tree).vertices for shape in shapes])
     tip: np.ndarray = corners[np.linalg.norm(corners, axis=1).argmax()]
     return tip
 
 
-class Skin(NamedTuple):
+class LinkMesh(NamedTuple):
     """The surface of a link."""
 
     link: int
@@ -61,7 +61,7 @@ class Skin(NamedTuple):
     """(f, 3) int64, counter-clockwise seen from outside"""
 
 
-def skins(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides: int = SIDES) -> tuple[Skin, ...]:
+def link_meshes(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides: int = SIDES) -> tuple[LinkMesh, ...]:
     """Of the links that have a shape of the first of `kinds` that they have: what they are to look like, or, where nobody says
     what they collide with; so many corners around anything round.
     """
@@ -71,11 +71,11 @@ def skins(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides
     return tuple(_skin(link, named[name], tree, sides) for link, name in enumerate(hand.links) if named.get(name))
 
 
-def _skin(link: int, elements: list[Xml.Element], tree: Tree, sides: int) -> Skin:
-    solids = [solid(_shape(element, tree.name), tree, sides) for element in elements]
+def _skin(link: int, elements: list[Xml.Element], tree: Tree, sides: int) -> LinkMesh:
+    solids = [shape_mesh(_shape(element, tree.name), tree, sides) for element in elements]
     starts = np.cumsum([0] + [len(one.vertices) for one in solids[:-1]])
     faces = [np.asarray(one.faces) + start for one, start in zip(solids, starts, strict=True)]
-    return Skin(link, np.concatenate([one.vertices for one in solids]), np.concatenate(faces))
+    return LinkMesh(link, np.concatenate([one.vertices for one in solids]), np.concatenate(faces))
 
 
 def _shape(element: Xml.Element, name: str) -> Shape:

@@ -24,7 +24,7 @@ WORLD = """<mujoco><compiler angle="radian"/><include file="shared.xml"/><asset>
 <worldbody><include file="robot.xml"/></worldbody></mujoco>"""
 
 
-def compiled(files: FileTree) -> mujoco.MjModel:
+def compile_hand(files: FileTree) -> mujoco.MjModel:
     """The hand alone as MuJoCo compiles it; SourceError when it cannot."""
     try:
         return mujoco.MjModel.from_xml_string(WORLD, {f.name.rpartition("/")[2]: f.path.read_bytes() for f in files.files})
@@ -35,7 +35,7 @@ def compiled(files: FileTree) -> mujoco.MjModel:
 
 def read(files: FileTree) -> Tree:
     """The hand from the forearm on; link and joint names without their prefix."""
-    model = compiled(files)
+    model = compile_hand(files)
     bodies = [b for b in range(1, model.nbody) if model.body(b).name != MOUNT]
     joints = [_joint(model, b) for b in bodies if model.body(int(model.body_parentid[b])).name not in ("world", MOUNT)]
     pairs = {tuple(_name(model.body(int(model.geom_bodyid[g]))) for g in (model.pair_geom1[p], model.pair_geom2[p]))

@@ -9,13 +9,13 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.grasping.hand import export
-from afford.grasping.hand.fingers import Finger, beyond, common_link, fingers, grip_axes, side
-from afford.grasping.hand.tree import Coupling, Joint, Link, Tree, cut, ordered
+from afford.grasping.hand.fingers import Finger, below_link, common_link, find_fingers, grip_axes, hand_side
+from afford.grasping.hand.tree import Coupling, Joint, Link, Tree, ordered, subtree
 from schemas.hand import HandFingers, HandJoints, HandMesh, HandModel
 
 
 @dataclass(frozen=True)
-class Wishes:
+class HandOptions:
     """What a hand is wanted like."""
 
     root: str = ""
@@ -28,19 +28,19 @@ class Wishes:
     """finger=last link, where names do not tell"""
 
 
-def model(tree: Tree, wishes: Wishes) -> HandModel:
+def build_hand(tree: Tree, wishes: HandOptions) -> HandModel:
     """The hand; SourceError when it lacks something."""
-    found = fingers(tree, wishes.fingers)
+    found = find_fingers(tree, wishes.fingers)
     palm = common_link(tree, [finger.tip_link for finger in found])
     hand = _cut(tree, wishes.root or palm, palm)
-    hand = hand if wishes.gantry is None else mounted(hand, wishes.gantry)
+    hand = hand if wishes.gantry is None else mount_on_gantry(hand, wishes.gantry)
     hand = hand if wishes.capsules else _split(hand)
     at = {link.name: number for number, link in enumerate(hand.links)}
     joints = _joints(hand, at, palm)
     table = _fingers(found, at)
     R = grip_axes(joints, table, at[palm])
     return HandModel(
-        name=hand.name, side=side(joints, table, at[palm], R), urdf=export.write(hand), links=tuple(at),
+        name=hand.name, side=hand_side(joints, table, at[palm], R), urdf=export.urdf_text(hand), links=tuple(at),
         mass_kg=np.array([link.mass_kg for link in hand.links]),
         rgb=np.round(np.array([link.rgb for link in hand.links]) * 255).astype(np.uint8),
         joints=joints, fingers=table, palm=at[palm], R_palm_grip=R, contacts=_contacts(hand, at, found),
@@ -53,7 +53,7 @@ def _cut(tree: Tree, root: str, palm: str) -> Tree:
     if root not in above:
         raise SourceError(f"{tree.name}, root", f"a link that carries the palm: {', '.join(above)}", repr(root),
                           "choose one of them")
-    out = cut(tree, root)
+    out = subtree(tree, root)
     kept = {joint.name for joint in out.joints}
     lost = [joint for joint in out.joints if joint.coupling is not None and joint.coupling.driver not in kept]
     if lost:
@@ -64,7 +64,8 @@ def _cut(tree: Tree, root: str, palm: str) -> Tree:
 
 def _split(tree: Tree) -> Tree:
     return replace(tree, links=tuple(
-        replace(link, collisions=tuple(part for shape in link.collisions for part in export.split(shape))) for link in tree.links))
+        replace(link, collisions=tuple(part for shape in link.collisions for part in export.split_capsule(shape)))
+        for link in tree.links))
 
 
 def _joints(tree: Tree, at: dict[str, int], palm: str) -> HandJoints:
@@ -106,7 +107,7 @@ def _contacts(tree: Tree, at: dict[str, int], found: tuple[Finger, ...]) -> np.n
     if pairs is None:
         bodies = {link.name for link in tree.links if link.collisions}
         palm = common_link(tree, [finger.tip_link for finger in found])
-        below = [[j.child for j in beyond(tree.path(f.tip_link), palm) if j.child in bodies] for f in found]
+        below = [[j.child for j in below_link(tree.path(f.tip_link), palm) if j.child in bodies] for f in found]
         crossing = [(a, b) for k, one in enumerate(below) for other in below[k + 1 :] for a in one for b in other]
         pairs = (*crossing, *((palm, link) for link in below[0][-1:] if palm in bodies))
     return np.array(sorted(sorted((at[a], at[b])) for a, b in pairs), np.int32).reshape(-1, 2)
@@ -134,7 +135,7 @@ class Gantry:
     """of each of its six parts"""
 
 
-def mounted(tree: Tree, gantry: Gantry) -> Tree:
+def mount_on_gantry(tree: Tree, gantry: Gantry) -> Tree:
     """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll). SourceError when the hand has links or
     joints of the gantry's names.
     """
@@ -153,7 +154,7 @@ def _gantry_joint(step: str, parent: str, child: str, gantry: Gantry) -> Joint:
                  gantry.torque_nm if turns else gantry.force_n, SPEED_RAD_S if turns else SPEED_M_S)
 
 
-def coupled(tree: Tree, pairs: Sequence[str]) -> Tree:
+def couple_joints(tree: Tree, pairs: Sequence[str]) -> Tree:
     """The tree with more couplings, each written follower=driver; SourceError when they are not joints that can be coupled."""
     wanted = {follower: driver for follower, _, driver in (pair.partition("=") for pair in pairs)}
     moves = {joint.name for joint in tree.joints if joint.kind != "fixed"}

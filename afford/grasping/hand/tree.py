@@ -117,7 +117,7 @@ def ordered(tree: Tree) -> Tree:
     return replace(tree, links=tuple(tree.links[links[name]] for name in names), joints=tuple(joints))
 
 
-def cut(tree: Tree, root: str) -> Tree:
+def subtree(tree: Tree, root: str) -> Tree:
     """Only what hangs on `root`, with the meshes that it needs."""
     joints = _below(tree, root)
     kept = {root, *(joint.child for joint in joints)}

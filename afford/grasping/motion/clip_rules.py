@@ -14,7 +14,7 @@ SMALL_M = 0.005
 
 
 @dataclass(frozen=True)
-class Rules:
+class ClipRules:
     """Limits; a clip that passes one is dropped."""
 
     min_s: float
@@ -36,47 +36,47 @@ class Rules:
 
 
 @dataclass(frozen=True)
-class Broken:
+class BrokenRule:
     """The rule that a clip breaks."""
 
     reason: str
     detail: str
 
 
-def before(motion: HandMotion, hand: HandModel, rules: Rules) -> Broken | None:
+def check_motion(motion: HandMotion, hand: HandModel, rules: ClipRules) -> BrokenRule | None:
     """What is wrong with a person's motion; None when nothing is."""
     if motion.side != hand.side and not rules.mirror:
-        return Broken("other hand", f"a {motion.side} hand; the robot's is the {hand.side} one")
+        return BrokenRule("other hand", f"a {motion.side} hand; the robot's is the {hand.side} one")
     points, frames = motion.keypoints_m, len(motion.keypoints_m)
     back = bent_back(points, motion.side)
     if back > rules.max_bent_back_m:
         limit = f"{1000 * rules.max_bent_back_m:g} mm"
-        return Broken("bends backwards", f"fingertips {1000 * back:.0f} mm of {limit} behind the back of a {motion.side} hand")
+        return BrokenRule("bends backwards", f"fingertips {1000 * back:.0f} mm of {limit} behind the back of a {motion.side} hand")
     if frames == 1:
         return None
     if frames / motion.rate_hz < rules.min_s:
-        return Broken("too short", f"{frames / motion.rate_hz:.3f} s of {rules.min_s:g} s")
+        return BrokenRule("too short", f"{frames / motion.rate_hz:.3f} s of {rules.min_s:g} s")
     fastest = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1) * motion.rate_hz
     if fastest.max() > rules.max_point_m_s:
-        return Broken("teleport", f"{fastest.max():.1f} m/s of {rules.max_point_m_s:g} m/s after frame {int(fastest.argmax())}")
+        return BrokenRule("teleport", f"{fastest.max():.1f} m/s of {rules.max_point_m_s:g} m/s after frame {int(fastest.argmax())}")
     change = bone_changes(points)
     if change > rules.max_bone_change:
-        return Broken("bones change", f"by {change:.0%} of {rules.max_bone_change:.0%}")
+        return BrokenRule("bones change", f"by {change:.0%} of {rules.max_bone_change:.0%}")
     return None
 
 
-def after(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: tuple[str, float] | None,
-          rules: Rules) -> Broken | None:
+def check_fit(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: tuple[str, float] | None,
+          rules: ClipRules) -> BrokenRule | None:
     """What is wrong with a fit: error_m (t,), fastest finger joint and palm, the gantry's joint that passes its limits."""
     if beyond is not None:
-        return Broken("out of reach", f"{beyond[0]} passes its limit by {beyond[1]:.3f}")
+        return BrokenRule("out of reach", f"{beyond[0]} passes its limit by {beyond[1]:.3f}")
     p95 = float(np.percentile(error_m, 95))
     if p95 > rules.max_error_m:
-        return Broken("error too large", f"{1000 * p95:.1f} mm of {1000 * rules.max_error_m:g} mm")
+        return BrokenRule("error too large", f"{1000 * p95:.1f} mm of {1000 * rules.max_error_m:g} mm")
     if joint_rad_s > rules.max_joint_rad_s:
-        return Broken("joint speed", f"{joint_rad_s:.1f} rad/s of {rules.max_joint_rad_s:g} rad/s")
+        return BrokenRule("joint speed", f"{joint_rad_s:.1f} rad/s of {rules.max_joint_rad_s:g} rad/s")
     if palm_m_s > rules.max_palm_m_s:
-        return Broken("palm speed", f"{palm_m_s:.2f} m/s of {rules.max_palm_m_s:g} m/s")
+        return BrokenRule("palm speed", f"{palm_m_s:.2f} m/s of {rules.max_palm_m_s:g} m/s")
     return None
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.common.bounded import load_npz
 from afford.common.errors import SourceError
-from afford.grasping.motion.keypoints import build
+from afford.grasping.motion.keypoints import hand_motion
 from schemas.files import FileRef, FileTree
 from schemas.hand import PHASES, HandMotion
 
@@ -54,6 +54,6 @@ def _of_object(where: str, number: int, table: np.ndarray) -> list[HandMotion]:
         got = f"{table.dtype} {table.shape}"
         raise SourceError(f"{where}, {number}/{FIELD}", "numbers (grasps, 63)", got, "21 joints x 3 in a row")
     hold, there = np.full(1, PHASES.index("hold"), np.uint8), np.array([[0.0, 0, 0, 0, 0, 0, 1]])
-    return [build(f"{number:02d}_{NAMES[number]}_{k:03d}", "dexycb", "right", RATE_HZ, row.reshape(1, 21, 3)[:, OURS],
+    return [hand_motion(f"{number:02d}_{NAMES[number]}_{k:03d}", "dexycb", "right", RATE_HZ, row.reshape(1, 21, 3)[:, OURS],
                   where=f"{where}, {number}/{FIELD}, row {k}", phase=hold, object_name=NAMES[number], object_pose=there)
             for k, row in enumerate(table)]  # fmt: skip

@@ -11,7 +11,15 @@ import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import driven, forward, jacobian, limits, moving, points, spread
+from afford.grasping.hand.kinematics import (
+    commanded_joints,
+    coupling_matrix,
+    forward_kinematics,
+    jacobian,
+    joint_limits,
+    moving_joints,
+    points_on_links,
+)
 from afford.grasping.motion.targets import OF_FINGER, TIP, HandPoints, Targets
 from schemas.hand import HandModel
 
@@ -20,7 +28,7 @@ ENOUGH = 1e-7
 """a gain of less than this share of the cost ends the fit"""
 
 
-def fit_frames(problem: Problem, steps: int) -> State:
+def fit_frames(problem: RetargetProblem, steps: int) -> FitState:
     """Every frame alone, from the middle of its joints; each has its own damping."""
     state = problem.start()
     cost = np.square(problem.errors(state)).sum(axis=1)
@@ -32,14 +40,14 @@ def fit_frames(problem: Problem, steps: int) -> State:
         tried = state.moved(step, problem.low, problem.high)
         new = np.square(problem.errors(tried)).sum(axis=1)
         better = new < cost
-        state = State(np.where(better[:, None, None], tried.palm, state.palm),
+        state = FitState(np.where(better[:, None, None], tried.palm, state.palm),
                       np.where(better[:, None], tried.motors, state.motors))
         cost = np.where(better, new, cost)
         damping = np.clip(np.where(better, damping / 5, damping * 4), *DAMPING_RANGE)
     return state
 
 
-def fit_clip(problem: Problem, state: State, rate_hz: float, steps: int) -> State:
+def fit_clip(problem: RetargetProblem, state: FitState, rate_hz: float, steps: int) -> FitState:
     """All frames together, from what each is alone; a clip of fewer than three has no acceleration and stays as it is."""
     if len(state.motors) < 3:
         return state
@@ -60,7 +68,7 @@ def fit_clip(problem: Problem, state: State, rate_hz: float, steps: int) -> Stat
     return state
 
 
-def _held(problem: Problem, state: State, H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _held(problem: RetargetProblem, state: FitState, H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Motors at a limit that want to go beyond keep still: their rows and columns become those of the identity. Also
     (t, s) 1 where free, else 0.
     """
@@ -79,14 +87,14 @@ def _damped(H: np.ndarray, damping: np.ndarray) -> np.ndarray:
     return H
 
 
-def _prices(problem: Problem, rate_hz: float) -> np.ndarray:
+def _prices(problem: RetargetProblem, rate_hz: float) -> np.ndarray:
     """(s,) weight of a squared second difference between frames."""
     each = np.full(problem.size, 100.0)
     each[:3] = 10.0
     return np.square(problem.weights.acceleration_m * rate_hz**2 / each)
 
 
-def _second(state: State) -> np.ndarray:
+def _second(state: FitState) -> np.ndarray:
     """(t - 2, s) second differences; turns of the palm in the world."""
     R = state.palm[:, :3, :3]
     turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
@@ -103,7 +111,7 @@ def _transposed(second: np.ndarray) -> np.ndarray:
     return out
 
 
-def _clip_cost(problem: Problem, state: State, price: np.ndarray) -> float:
+def _clip_cost(problem: RetargetProblem, state: FitState, price: np.ndarray) -> float:
     return float(np.square(problem.errors(state)).sum() + (price * np.square(_second(state))).sum())
 
 
@@ -131,7 +139,7 @@ REST = 1e-7
 
 
 @dataclass(frozen=True)
-class Weights:
+class FitWeights:
     """What a metre of each kind of error counts, and what an acceleration does."""
 
     level_1: float
@@ -147,7 +155,7 @@ class Weights:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class FitState:
     """A hand in t frames."""
 
     palm: np.ndarray
@@ -155,47 +163,47 @@ class State:
     motors: np.ndarray
     """(t, m) actuated joints, rad"""
 
-    def moved(self, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> State:
+    def moved(self, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> FitState:
         """After a step (t, 6 + m), motors cut at their limits."""
         palm = self.palm.copy()
         palm[:, :3, 3] += step[:, :3]
         palm[:, :3, :3] = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ palm[:, :3, :3]
-        return State(palm, np.clip(self.motors + step[:, 6:], low, high))
+        return FitState(palm, np.clip(self.motors + step[:, 6:], low, high))
 
 
-class Problem:
+class RetargetProblem:
     """A hand and what it should reach: errors, their slopes, and where everything is."""
 
-    def __init__(self, hand: HandModel, which: HandPoints, goal: Targets, weights: Weights) -> None:
+    def __init__(self, hand: HandModel, which: HandPoints, goal: Targets, weights: FitWeights) -> None:
         self.hand, self.which, self.goal, self.weights = hand, which, goal, weights
-        roles = np.array([hand.joints.role[k] for k in driven(hand.joints)])
-        A, self.offset = spread(hand.joints)
+        roles = np.array([hand.joints.role[k] for k in commanded_joints(hand.joints)])
+        A, self.offset = coupling_matrix(hand.joints)
         self.A = A[:, roles == "actuated"]
-        self.low, self.high = (column[[moving(hand.joints).tolist().index(k) for k in driven(hand.joints)[roles == "actuated"]]]
-                               for column in limits(hand.joints).T)  # fmt: skip
+        moving, motors = moving_joints(hand.joints).tolist(), commanded_joints(hand.joints)[roles == "actuated"]
+        self.low, self.high = joint_limits(hand.joints)[[moving.index(k) for k in motors]].T.copy()
         self.size = 6 + len(self.low)
         level = np.sqrt([weights.level_1, weights.level_2, weights.level_2, weights.tips])
         near = np.exp(-np.square(np.linalg.norm(goal.pinches_m, axis=-1) / weights.pinch_m))
         self.scale = np.concatenate([np.tile(level, (len(goal.palm), len(which.keypoint))), np.sqrt(weights.pinch * near)], axis=1)
 
-    def start(self) -> State:
+    def start(self) -> FitState:
         """The person's palm, and every motor in the middle of its range."""
-        return State(self.goal.palm, np.tile((self.low + self.high) / 2, (len(self.goal.palm), 1)))
+        return FitState(self.goal.palm, np.tile((self.low + self.high) / 2, (len(self.goal.palm), 1)))
 
-    def q(self, state: State) -> np.ndarray:
+    def q(self, state: FitState) -> np.ndarray:
         """(t, d) with the wrist at rest."""
         found: np.ndarray = state.motors @ self.A.T + self.offset
         return found
 
-    def points_of(self, state: State) -> np.ndarray:
+    def points_of(self, state: FitState) -> np.ndarray:
         """(t, 4 f, 3) in the world."""
         return self._world(state, self._links(state)[1])
 
-    def errors(self, state: State) -> np.ndarray:
+    def errors(self, state: FitState) -> np.ndarray:
         """(t, r) weighted errors in metres, rest included."""
         return self._errors(state, self.points_of(state))
 
-    def normal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def normal(self, state: FitState) -> tuple[np.ndarray, np.ndarray]:
         """J^T J (t, s, s) and J^T e (t, s)."""
         T, local = self._links(state)
         R = state.palm[:, None, :3, :3]
@@ -214,16 +222,16 @@ class Problem:
         g[:, 6:] += np.sqrt(REST) * errors[:, slope.shape[1] :]
         return H, g
 
-    def _links(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def _links(self, state: FitState) -> tuple[np.ndarray, np.ndarray]:
         """Poses of links with the wrist at rest, and the points in the palm's frame."""
-        T = forward(self.hand.joints, self.q(state))
-        return T, points(np.linalg.inv(T[:, self.hand.palm])[:, None] @ T, self.which.links, self.which.offsets_m)
+        T = forward_kinematics(self.hand.joints, self.q(state))
+        return T, points_on_links(np.linalg.inv(T[:, self.hand.palm])[:, None] @ T, self.which.links, self.which.offsets_m)
 
-    def _world(self, state: State, local: np.ndarray) -> np.ndarray:
+    def _world(self, state: FitState, local: np.ndarray) -> np.ndarray:
         found: np.ndarray = np.einsum("tij,tkj->tki", state.palm[:, :3, :3], local) + state.palm[:, None, :3, 3]
         return found
 
-    def _errors(self, state: State, ours: np.ndarray) -> np.ndarray:
+    def _errors(self, state: FitState, ours: np.ndarray) -> np.ndarray:
         theirs = self.goal.points_m.reshape(ours.shape)
         tips = ours[:, TIP::OF_FINGER]
         errors = np.concatenate([ours - theirs, tips[:, 1:] - tips[:, :1] - self.goal.pinches_m], axis=1) * self.scale[..., None]

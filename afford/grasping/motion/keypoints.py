@@ -47,7 +47,7 @@ def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
     rate = _numbers(file, record, "fps")
     if rate.size != 1:
         raise SourceError(f"{file.name}, fps", "one number", f"{rate.size}", DOCS)
-    return build(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
+    return hand_motion(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
                  keypoints * UNITS[unit], where=file.name, phase=_phase(file, record) if "phase" in record else None,
                  object_name=_text(file, record, "object_name", ""), object_pose=pose, T_world_palm=palm)  # fmt: skip
 
@@ -117,8 +117,9 @@ RATE_HZ = (1.0, 1000.0)
 DOCS = "see docs/grasping/motion-format.md"
 
 
-def build(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str, phase: np.ndarray | None = None,
-          object_name: str = "", object_pose: np.ndarray | None = None, T_world_palm: np.ndarray | None = None) -> HandMotion:
+def hand_motion(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str,
+                phase: np.ndarray | None = None, object_name: str = "", object_pose: np.ndarray | None = None,
+                T_world_palm: np.ndarray | None = None) -> HandMotion:  # fmt: skip
     """The motion; SourceError names `where` when the numbers cannot be one of a hand in metres.
 
     keypoints (t, 21, 3) in the order of KEYPOINTS; phase (t,); object_pose (t, 7) with quaternions x y z w of any length but 0;

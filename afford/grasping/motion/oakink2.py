@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from afford.common import text
 from afford.common.bounded import TooLargeError, load_npz, reason
 from afford.common.errors import SourceError
-from afford.grasping.motion.keypoints import build
+from afford.grasping.motion.keypoints import hand_motion
 from schemas.files import FileRef, FileTree
 from schemas.hand import HandMotion
 
@@ -166,7 +166,8 @@ def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: Mano, interval: t
     except ValueError as error:  # of SciPy, for a rotation that is none
         raise SourceError(where, "rotations", reason(error), "get the sequence again") from error
     name = f"{file.name.removesuffix('.npz')}_{short}_{start:05d}_{entry.get(f'primitive_{short}') or 'hold'}"
-    return build(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "", object_pose=track)
+    return hand_motion(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "",
+                       object_pose=track)  # fmt: skip
 
 
 def _poses(T: np.ndarray) -> np.ndarray:

@@ -14,13 +14,13 @@ from afford.common.files import write_json
 from schemas.hand import PHASES, HandReference, ReferenceSet, RetargetVerdict
 
 
-def write(root: Path, name: str, found: ReferenceSet) -> Path:
+def write_references(root: Path, name: str, found: ReferenceSet) -> Path:
     """references/*.npz, verdicts.csv, metrics.json and report.md in `root`."""
     (root / "references").mkdir()
     for reference in found.references:
         file = root / "references" / f"{reference.name.replace('/', '_')}.npz"
         np.savez(file, **arrays(reference))  # type: ignore[arg-type]  # of names, none of which is a keyword of savez
-    (root / "verdicts.csv").write_text(table(found.report.verdicts), encoding="utf-8", newline="\n")
+    (root / "verdicts.csv").write_text(verdict_table(found.report.verdicts), encoding="utf-8", newline="\n")
     write_json(root / "metrics.json", metrics(found))
     (root / "report.md").write_text(report(name, found), encoding="utf-8", newline="\n")
     return root
@@ -32,7 +32,7 @@ def arrays(one: HandReference) -> dict[str, np.ndarray]:
     return fields | {"phases": np.asarray(PHASES)}
 
 
-def table(verdicts: Sequence[RetargetVerdict]) -> str:
+def verdict_table(verdicts: Sequence[RetargetVerdict]) -> str:
     """CSV: every clip with its verdict and figures, by name; figures that were not reached are empty."""
     out = io.StringIO()
     names = [field.name for field in dataclasses.fields(RetargetVerdict)]

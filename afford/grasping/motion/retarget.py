@@ -8,16 +8,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import forward, limits, moving
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, moving_joints
 from afford.grasping.hand.model import STEPS
 from afford.grasping.motion import clip_rules
-from afford.grasping.motion.clip_rules import Broken, Rules
-from afford.grasping.motion.fit import Problem, State, Weights, fit_clip, fit_frames
-from afford.grasping.motion.targets import LEVEL_1, LEVEL_2, OF_FINGER, TIP, bone_angles, hand_points, targets
+from afford.grasping.motion.clip_rules import BrokenRule, ClipRules
+from afford.grasping.motion.fit import FitState, FitWeights, RetargetProblem, fit_clip, fit_frames
+from afford.grasping.motion.targets import LEVEL_1, LEVEL_2, OF_FINGER, TIP, bone_angles, hand_points, scaled_targets
 from schemas.hand import HandModel, HandMotion, HandReference, Retargeted, RetargetVerdict
 
 
-def placed(motion: HandMotion, palm: np.ndarray) -> np.ndarray:
+def centred_world(motion: HandMotion, palm: np.ndarray) -> np.ndarray:
     """(4, 4) T_world_source: the gantry's yaw is 0 on average, so that it stays far from its limits, and the object of the first
     frame, or the palm where there is none, is at x = y = 0. palm (t, 4, 4) in the source's world.
     """
@@ -35,7 +35,7 @@ M = np.diag([-1.0, 1.0, 1.0])
 OTHER = {"left": "right", "right": "left"}
 
 
-def mirrored(motion: HandMotion) -> HandMotion:
+def mirror_motion(motion: HandMotion) -> HandMotion:
     """The same motion of the other hand. Rotations R become M R M: the object must be mirrored in its own frame as well."""
     pose = motion.object_pose * np.array([-1, 1, 1, 1, -1, -1, 1])
     palm = motion.T_world_palm.copy()
@@ -49,11 +49,11 @@ NONE = -1.0
 
 
 @dataclass(frozen=True)
-class Wishes:
+class RetargetOptions:
     """How a hand is fitted."""
 
-    weights: Weights
-    rules: Rules
+    weights: FitWeights
+    rules: ClipRules
     keep_tips: float
     """with an object: 1 leaves fingertips where the person has them, 0 where a robot's longer finger of that shape ends"""
     max_rate_hz: float
@@ -66,33 +66,33 @@ class Wishes:
     clip_steps: int
 
 
-def retarget(motion: HandMotion, hand: HandModel, wishes: Wishes) -> Retargeted:
+def retarget(motion: HandMotion, hand: HandModel, wishes: RetargetOptions) -> Retargeted:
     """Fit the hand to a clip and judge it; the same input gives the same bytes."""
-    motion = thinned(motion, wishes.max_rate_hz, wishes.max_frames)
-    wrong = clip_rules.before(motion, hand, wishes.rules)
+    motion = subsampled(motion, wishes.max_rate_hz, wishes.max_frames)
+    wrong = clip_rules.check_motion(motion, hand, wishes.rules)
     if wrong is not None:
         return Retargeted(motion.name, _verdict(motion, hand, wrong), ())
-    ours = motion if motion.side == hand.side else mirrored(motion)
-    reference = fitted(ours, hand, wishes, mirrored=ours is not motion)
+    ours = motion if motion.side == hand.side else mirror_motion(motion)
+    reference = fit_hand(ours, hand, wishes, mirrored=ours is not motion)
     fingers, palm = _fastest(hand, reference)
-    wrong = clip_rules.after(reference.error_m, fingers, palm, beyond(hand, reference.q), wishes.rules)
+    wrong = clip_rules.check_fit(reference.error_m, fingers, palm, gantry_overrun(hand, reference.q), wishes.rules)
     verdict = _verdict(motion, hand, wrong, reference, fingers, palm)
     return Retargeted(motion.name, verdict, () if wrong else (reference,))
 
 
-def fitted(motion: HandMotion, hand: HandModel, wishes: Wishes, *, mirrored: bool = False) -> HandReference:
+def fit_hand(motion: HandMotion, hand: HandModel, wishes: RetargetOptions, *, mirrored: bool = False) -> HandReference:
     """The hand in every frame of a motion of its own side. The gantry may pass its limits, motors never do."""
     which = hand_points(hand)
-    goal = targets(hand, which, motion.keypoints_m, wishes.keep_tips if len(motion.object_pose) else 0.0)
-    problem = Problem(hand, which, goal, wishes.weights)
+    goal = scaled_targets(hand, which, motion.keypoints_m, wishes.keep_tips if len(motion.object_pose) else 0.0)
+    problem = RetargetProblem(hand, which, goal, wishes.weights)
     state = fit_clip(problem, fit_frames(problem, wishes.frame_steps), motion.rate_hz, wishes.clip_steps)
     points = problem.points_of(state).reshape(goal.points_m.shape)
     error = np.linalg.norm(points - goal.points_m, axis=-1).mean(axis=(1, 2))
-    T = placed(motion, state.palm) if wishes.centre else np.eye(4)
+    T = centred_world(motion, state.palm) if wishes.centre else np.eye(4)
     return _reference(motion, hand, problem, state, T, error, bone_angles(which, points, motion.keypoints_m), mirrored)
 
 
-def thinned(motion: HandMotion, max_rate_hz: float, max_frames: int) -> HandMotion:
+def subsampled(motion: HandMotion, max_rate_hz: float, max_frames: int) -> HandMotion:
     """Every k-th frame, so that there are no more than max_rate_hz, and the first max_frames of those."""
     step = max(1, int(np.ceil(motion.rate_hz / max_rate_hz - 1e-9)))
     part = slice(0, step * max_frames, step)
@@ -100,14 +100,14 @@ def thinned(motion: HandMotion, max_rate_hz: float, max_frames: int) -> HandMoti
                    object_pose=motion.object_pose[part], T_world_palm=motion.T_world_palm[part])
 
 
-def _reference(motion: HandMotion, hand: HandModel, problem: Problem, state: State, T: np.ndarray, error: np.ndarray,
+def _reference(motion: HandMotion, hand: HandModel, problem: RetargetProblem, state: FitState, T: np.ndarray, error: np.ndarray,
                bones: np.ndarray, mirrored: bool) -> HandReference:
     palm = T @ state.palm
-    q = on_gantry(hand, problem.q(state), palm)
-    points = problem.points_of(State(palm, state.motors)).reshape(len(q), -1, OF_FINGER, 3)
+    q = gantry_joints(hand, problem.q(state), palm)
+    points = problem.points_of(FitState(palm, state.motors)).reshape(len(q), -1, OF_FINGER, 3)
     return HandReference(
         name=motion.name, hand=hand.name, side=hand.side, mirrored=mirrored, rate_hz=motion.rate_hz, q=q,
-        qd=speed(q, motion.rate_hz), T_world_palm=palm, palm_twist=twist(palm, motion.rate_hz),
+        qd=smoothed_rate(q, motion.rate_hz), T_world_palm=palm, palm_twist=twist(palm, motion.rate_hz),
         level_1_m=points[:, :, LEVEL_1].copy(), level_2_m=points[:, :, LEVEL_2].copy(), tips_m=points[:, :, TIP].copy(),
         phase=motion.phase, object_name=motion.object_name, object_pose=_moved(motion.object_pose, T), T_world_source=T,
         error_m=error, bone_error_rad=bones)  # fmt: skip
@@ -126,12 +126,12 @@ def _fastest(hand: HandModel, reference: HandReference) -> tuple[float, float]:
     """Fastest finger joint in rad/s and fastest palm in m/s, frame by frame, not smoothed."""
     if len(reference.q) < 2:
         return 0.0, 0.0
-    fingers = [column for column, k in enumerate(moving(hand.joints)) if hand.joints.role[k] in ("actuated", "coupled")]
+    fingers = [column for column, k in enumerate(moving_joints(hand.joints)) if hand.joints.role[k] in ("actuated", "coupled")]
     return (float(np.abs(np.diff(reference.q[:, fingers], axis=0)).max() * reference.rate_hz),
             float(np.linalg.norm(np.diff(reference.T_world_palm[:, :3, 3], axis=0), axis=-1).max() * reference.rate_hz))
 
 
-def _verdict(motion: HandMotion, hand: HandModel, wrong: Broken | None, reference: HandReference | None = None,
+def _verdict(motion: HandMotion, hand: HandModel, wrong: BrokenRule | None, reference: HandReference | None = None,
              joint_rad_s: float = NONE, palm_m_s: float = NONE) -> RetargetVerdict:
     errors = None if reference is None else reference.error_m
     return RetargetVerdict(
@@ -146,7 +146,7 @@ def _verdict(motion: HandMotion, hand: HandModel, wrong: Broken | None, referenc
 SIGMA_FRAMES = 2.0
 
 
-def speed(values: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
+def smoothed_rate(values: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
     """(t, ...) -> (t, ...) change a second; 0 for a single frame."""
     if len(values) < 2:
         return np.zeros_like(values)
@@ -160,7 +160,7 @@ def twist(T: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> 
     R = T[:, :3, :3]
     steps = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
     both = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
-    return np.concatenate([speed(T[:, :3, 3], rate_hz, sigma_frames), _smooth(both * rate_hz, sigma_frames)], axis=1)
+    return np.concatenate([smoothed_rate(T[:, :3, 3], rate_hz, sigma_frames), _smooth(both * rate_hz, sigma_frames)], axis=1)
 
 
 def _smooth(values: np.ndarray, sigma_frames: float) -> np.ndarray:
@@ -177,14 +177,14 @@ def has_gantry(hand: HandModel) -> bool:
     return hand.joints.name[: len(STEPS)] == tuple(f"wrist_{step}" for step in STEPS)
 
 
-def on_gantry(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> np.ndarray:
+def gantry_joints(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> np.ndarray:
     """q (t, d) whose first six columns are put so that the palm is at (t, 4, 4); angles do not jump by a turn from frame to frame.
 
     Not cut at limits. A hand without a gantry keeps q: its root is free, and the palm's pose says where it is.
     """
     if not has_gantry(hand):
         return q
-    still = forward(hand.joints, np.concatenate([np.zeros((len(q), 6)), q[:, 6:]], axis=1))
+    still = forward_kinematics(hand.joints, np.concatenate([np.zeros((len(q), 6)), q[:, 6:]], axis=1))
     T = T_world_palm @ np.linalg.inv(still[:, hand.palm])
     R = T[:, :3, :3]
     pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
@@ -196,14 +196,14 @@ def on_gantry(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> np.nd
     return out
 
 
-def beyond(hand: HandModel, q: np.ndarray) -> tuple[str, float] | None:
+def gantry_overrun(hand: HandModel, q: np.ndarray) -> tuple[str, float] | None:
     """The joint of the gantry that passes its limits most, and by how much; None when none does."""
     if not has_gantry(hand):
         return None
-    low, high = limits(hand.joints)[:6].T
+    low, high = joint_limits(hand.joints)[:6].T
     over = np.maximum(low - q[:, :6], q[:, :6] - high).max(axis=0)
     worst = int(over.argmax())
-    return (hand.joints.name[moving(hand.joints)[worst]], float(over[worst])) if over[worst] > 0 else None
+    return (hand.joints.name[moving_joints(hand.joints)[worst]], float(over[worst])) if over[worst] > 0 else None
 
 
 def _held(angle: np.ndarray, locked: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ SPREAD = np.deg2rad([8.0, 2.0, -4.0, -10.0])
 """open fingers fan out; closed ones do not"""
 
 
-def posed(closing: np.ndarray, hooking: np.ndarray, hand_m: float = HAND_M) -> np.ndarray:
+def pose_hand(closing: np.ndarray, hooking: np.ndarray, hand_m: float = HAND_M) -> np.ndarray:
     """(n,) amplitudes of the two synergies, 0..1 and -1..1 -> (n, 21, 3) in the frame of the wrist, metres."""
     bends = MEAN + closing[:, None] * CLOSING + hooking[:, None] * HOOKING
     out = np.zeros((len(closing), len(KEYPOINTS), 3))
@@ -57,7 +57,7 @@ def opposing(points: np.ndarray) -> np.ndarray:
 def closings(hooking: float, hand_m: float = HAND_M) -> tuple[np.ndarray, np.ndarray]:
     """Apertures in metres, rising, and the closing that makes each: from the widest to the narrowest that closing reaches."""
     amount = np.linspace(0.0, 1.0, 401)
-    wide = aperture(posed(amount, np.full_like(amount, hooking), hand_m))
+    wide = aperture(pose_hand(amount, np.full_like(amount, hooking), hand_m))
     part = slice(int(wide.argmax()), int(wide.argmin()) + 1)
     falling = np.minimum.accumulate(wide[part])
     return falling[::-1], amount[part][::-1]

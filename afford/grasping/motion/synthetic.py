@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.motion.skeleton import aperture, closings, opposing, posed
+from afford.grasping.motion.skeleton import aperture, closings, opposing, pose_hand
 from schemas.hand import PHASES, GraspTarget, HandMotion
 
 
@@ -24,7 +24,7 @@ def minimum_jerk(share: np.ndarray) -> np.ndarray:
     return found
 
 
-def through(times: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
+def minimum_jerk_through(times: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
     """At times (t,) the values (k,) of knots (k,) in rising order, from one to the next at minimum jerk, at rest at each."""
     part = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     share = minimum_jerk((times - knots[part]) / (knots[part + 1] - knots[part]))
@@ -38,7 +38,7 @@ TREMBLE_FRAMES = 3.0
 
 
 @dataclass(frozen=True)
-class Habits:
+class ReachParameters:
     """What people do, from which each clip draws; pairs are the ends of a range."""
 
     rate_hz: float
@@ -75,13 +75,13 @@ class Habits:
     """tremble of every point"""
 
 
-def synthesise(target: GraspTarget, habits: Habits, seed: int, name: str) -> HandMotion:
+def synthesise(target: GraspTarget, habits: ReachParameters, seed: int, name: str) -> HandMotion:
     """One clip of a right hand; ValueError when the handle is thicker than the hand opens, or thinner than it closes."""
     rng = np.random.default_rng(seed)
     hooking = rng.uniform(*habits.hooking)
-    grip = grip_at(target, hooking, rng.uniform(-habits.spread_rad, habits.spread_rad), np.array(habits.approach))
+    grip = grasp_handle(target, hooking, rng.uniform(-habits.spread_rad, habits.spread_rad), np.array(habits.approach))
     times = _Times(habits, rng)
-    local = posed(_closing(grip, hooking, times, habits), np.full(len(times.at), hooking))
+    local = pose_hand(_closing(grip, hooking, times, habits), np.full(len(times.at), hooking))
     palm = _palm(grip, times, habits, rng)
     points = np.einsum("tij,tkj->tki", palm[:, :3, :3], local) + palm[:, None, :3, 3]
     if habits.noise_m > 0:
@@ -95,7 +95,7 @@ def synthesise(target: GraspTarget, habits: Habits, seed: int, name: str) -> Han
 class _Times:
     """When each phase ends, in seconds, and the times of the frames."""
 
-    def __init__(self, habits: Habits, rng: np.random.Generator) -> None:
+    def __init__(self, habits: ReachParameters, rng: np.random.Generator) -> None:
         self.reach, close = rng.uniform(*habits.reach_s), rng.uniform(*habits.close_s)
         self.peak = self.reach * rng.uniform(*habits.peak_share)
         self.contact = self.reach + close
@@ -111,18 +111,19 @@ class _Times:
         return found
 
 
-def _closing(grip: Grip, hooking: float, times: _Times, habits: Habits) -> np.ndarray:
+def _closing(grip: HandleGrasp, hooking: float, times: _Times, habits: ReachParameters) -> np.ndarray:
     """(t,) first synergy: the aperture goes from rest to its peak, from there to the contact, and stays."""
     wide, amount = closings(hooking)
-    rest = float(aperture(posed(np.array([habits.rest_closing]), np.array([hooking])))[0])
+    rest = float(aperture(pose_hand(np.array([habits.rest_closing]), np.array([hooking])))[0])
     peak = float(np.clip(habits.peak_m + PEAK_SLOPE * grip.size_m, grip.size_m, wide[-1]))
-    opening = through(times.at, np.array([0.0, times.peak, times.contact]), np.array([rest, max(peak, rest), grip.size_m]))
+    apertures = np.array([rest, max(peak, rest), grip.size_m])
+    opening = minimum_jerk_through(times.at, np.array([0.0, times.peak, times.contact]), apertures)
     pressed = habits.press * minimum_jerk((times.at - times.reach) / (times.lift - times.reach))
     found: np.ndarray = (np.interp(opening, wide, amount) + pressed).clip(max=1.0)
     return found
 
 
-def _palm(grip: Grip, times: _Times, habits: Habits, rng: np.random.Generator) -> np.ndarray:
+def _palm(grip: HandleGrasp, times: _Times, habits: ReachParameters, rng: np.random.Generator) -> np.ndarray:
     """(t, 4, 4) pose of the wrist in the world."""
     back = -grip.approach + habits.start + habits.wander * rng.normal(size=3)
     start = rng.uniform(*habits.distance_m) * back / np.linalg.norm(back)
@@ -135,7 +136,7 @@ def _palm(grip: Grip, times: _Times, habits: Habits, rng: np.random.Generator) -
     return palm
 
 
-def _rise(times: _Times, habits: Habits) -> np.ndarray:
+def _rise(times: _Times, habits: ReachParameters) -> np.ndarray:
     found: np.ndarray = habits.lift_m * minimum_jerk((times.at - times.lift) / habits.lift_s)
     return found
 
@@ -159,7 +160,7 @@ FROM_FRONT_AND_ABOVE = np.array([0.0, 1.0, -1.0]) / np.sqrt(2)
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
+class HandleGrasp:
     """A grasp of a handle."""
 
     T_world_wrist: np.ndarray
@@ -170,7 +171,7 @@ class Grip:
     """aperture that touches both sides"""
 
 
-def grip_at(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarray = FROM_FRONT_AND_ABOVE) -> Grip:
+def grasp_handle(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarray = FROM_FRONT_AND_ABOVE) -> HandleGrasp:
     """The grasp whose approach is turned about the handle by `turn_rad` from the direction `come` (3,), of which what lies along
     the handle is left out. Of the two grasps of that approach it is the one with the back of the hand up. ValueError when the
     hand does not fit.
@@ -181,7 +182,7 @@ def grip_at(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarr
         low, high = (1000 * (end - 2 * PAD_M) for end in (wide[0], wide[-1]))
         raise ValueError(f"{target.name}, diameter_m: expected {max(low, 0):.0f} to {high:.0f} mm, which a hand can span, got "
                          f"{1000 * target.diameter_m:.0f} mm")
-    points = posed(np.array([np.interp(size, wide, amount)]), np.array([hooking]))
+    points = pose_hand(np.array([np.interp(size, wide, amount)]), np.array([hooking]))
     thumb, fingers = points[0, 4], opposing(points)[0]
     centre = (thumb + fingers) / 2
     handle = _world(target)
@@ -192,7 +193,7 @@ def grip_at(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarr
     T = np.eye(4)
     T[:3, :3] = max(turns, key=lambda R: float(R[2, 1]))
     T[:3, 3] = handle[:3, 3] - T[:3, :3] @ centre
-    return Grip(T, approach, size)
+    return HandleGrasp(T, approach, size)
 
 
 def _world(target: GraspTarget) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.hand.kinematics import forward, limits, points
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
 from schemas.hand import FINGERS, HandModel
 
 OF_FINGER = 4
@@ -37,9 +37,10 @@ def hand_points(hand: HandModel) -> HandPoints:
     links = np.stack([fingers.base_link, fingers.middle_link, fingers.tip_link, fingers.tip_link], axis=1)
     offsets = np.zeros((len(links), OF_FINGER, 3))
     offsets[:, TIP] = fingers.tip_m
-    low, high = limits(hand.joints).T
-    T = forward(hand.joints, np.clip(0.0, low, high)[None])
-    rest = points(np.linalg.inv(T[:, hand.palm])[:, None] @ T, links.ravel(), offsets.reshape(-1, 3))[0].reshape(-1, OF_FINGER, 3)
+    low, high = joint_limits(hand.joints).T
+    T = forward_kinematics(hand.joints, np.clip(0.0, low, high)[None])
+    T_palm_link = np.linalg.inv(T[:, hand.palm])[:, None] @ T
+    rest = points_on_links(T_palm_link, links.ravel(), offsets.reshape(-1, 3))[0].reshape(-1, OF_FINGER, 3)
     wide = [k for k, name in enumerate(fingers.name) if name in ("index", "middle", "ring")]
     knuckles = np.array(wide or [k for k, name in enumerate(fingers.name) if name != "thumb"])
     first = 1 + OF_FINGER * np.array([FINGERS.index(name) for name in fingers.name])
@@ -64,7 +65,7 @@ class Targets:
     """(t, 4, 4) the person's palm, in the frame of the robot's: where to begin"""
 
 
-def targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
+def scaled_targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
     """keypoints (t, 21, 3) -> what to reach. Every bone keeps its direction and takes the robot's length: its ratio is that of
     the robot's bone to the person's median. `keep_tips` 1 leaves the fingertips where the person has them, 0 scales them too.
     """

@@ -18,10 +18,10 @@ from scipy.spatial import ConvexHull
 
 from afford.common.bullet import Client
 from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
-from afford.grasping.hand.export import save as save_hand
-from afford.grasping.hand.kinematics import commanded, driven, moving
-from afford.grasping.sim.engine import State, checked, solver_steps
-from afford.grasping.sim.scene import Physics, Scene, finger_of_link, held, limits_of
+from afford.grasping.hand.export import save_hand as save_hand
+from afford.grasping.hand.kinematics import commanded_columns, commanded_joints, moving_joints
+from afford.grasping.sim.engine import State, finite_vector, solver_steps
+from afford.grasping.sim.scene import Physics, Scene, finger_of_link, hold_command, scene_limits
 from schemas.grasp import GraspObject
 
 GEAR_NM = 100.0
@@ -57,11 +57,11 @@ class BulletWorld:
             self.object = _object(self.client, scene, Path(folder))
             self.hand = _hand(self.client, scene, Path(folder), seen)
         number = _numbers(self.client, self.hand)
-        moves, motors = moving(hand.joints), driven(hand.joints)
+        moves, motors = moving_joints(hand.joints), commanded_joints(hand.joints)
         self._joints, self._motors = ([number[hand.joints.name[k]] for k in some] for some in (moves, motors))
         self._seen = [number[hand.joints.name[k - 1]] for k in (*hand.fingers.tip_link.tolist(), hand.palm)]
-        self._of_motor = commanded(hand.joints)
-        self._limits = limits_of(scene)
+        self._of_motor = commanded_columns(hand.joints)
+        self._limits = scene_limits(scene)
         turns = np.array([hand.joints.role[k] != "wrist" for k in motors])
         self._efforts = (hand.joints.effort[motors] * np.where(turns, physics.effort_scale, 1.0)).tolist()
         self._speeds = hand.joints.velocity[motors].tolist()
@@ -75,7 +75,7 @@ class BulletWorld:
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
-        q, pose = checked("reset, q", q, len(self._joints)), checked("reset, body", body, 7)
+        q, pose = finite_vector("reset, q", q, len(self._joints)), finite_vector("reset, body", body, 7)
         self._forget()
         self.client.restoreState(stateId=self._fresh)
         for joint, value in zip(self._joints, q.tolist(), strict=True):
@@ -85,13 +85,13 @@ class BulletWorld:
         self.client.resetBasePositionAndOrientation(self.object, centre.tolist(), turn.tolist())
         self.client.resetBaseVelocity(self.object, (0, 0, 0), (0, 0, 0))
         self._force, self._left = np.zeros(3), 0
-        self._command(held(self.scene, q))
+        self._command(hold_command(self.scene, q))
         self.client.performCollisionDetection()
         return self.state()
 
     def step(self, u: np.ndarray, control_s: float) -> State:
         """Motors follow u, cut to the limits of their joints."""
-        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        u, count = finite_vector("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._command(u.clip(*self._limits.T))
         for _ in range(count):
             if self._left:
@@ -103,7 +103,7 @@ class BulletWorld:
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """A force on the object for a time."""
-        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+        self._force, self._left = finite_vector("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
 
     def state(self) -> State:
         """Places are those of now; forces those of the last solver step."""

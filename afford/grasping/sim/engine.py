@@ -77,13 +77,13 @@ class World(Protocol):
         """Give the engine back; closing twice is harmless."""
 
 
-def world(engine: str, scene: Scene) -> World:
+def make_world(engine: str, scene: Scene) -> World:
     """A world of this engine; ValueError lists the engines."""
     made: Callable[[Scene], World] = load(BACKENDS, engine)
     return made(scene)
 
 
-def stageable(engine: str) -> None:
+def check_stage_engine(engine: str) -> None:
     """ValueError for an engine that stages must not compute with: those of extras, whose versions are in no key."""
     if engine not in BACKENDS:
         raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; environments may have others, stages may not")
@@ -97,7 +97,7 @@ def solver_steps(control_s: float, rate_hz: int) -> int:
     return count
 
 
-def checked(name: str, found: np.ndarray, size: int) -> np.ndarray:
+def finite_vector(name: str, found: np.ndarray, size: int) -> np.ndarray:
     """(size,) float64, finite; ValueError otherwise."""
     out = np.asarray(found, np.float64)
     if out.shape != (size,):

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.meshes.nearest import Nearest
+from afford.surface.meshes.nearest import NearestSurface
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
 
@@ -27,8 +27,8 @@ def grasp_object(mesh: ObjectMesh, parts: MeshParts, density_kg_m3: float, toler
         raise ValueError(f"{mesh.name}: expected a mesh with faces, got none; read or build it again")
     vertices, names, part = mesh.vertices.astype(np.float64), *_named(parts)
     solid = trimesh.Trimesh(vertices, mesh.faces, process=False)
-    pieces = decomposed(solid, part, tolerance_m, hulls)
-    shapes = [corners(piece, hull_corners) for piece in pieces]
+    pieces = convex_decomposition(solid, part, tolerance_m, hulls)
+    shapes = [simplified_corners(piece, hull_corners) for piece in pieces]
     mass, com, inertia = _mass([solid] if solid.is_volume else [trimesh.convex.convex_hull(s) for s in shapes], density_kg_m3)
     if not mass > 0:
         raise ValueError(f"{mesh.name}: expected a mesh with a volume, got {mass / density_kg_m3} m3; give it a thickness")
@@ -93,7 +93,7 @@ class Piece:
     """95th percentile over the surface of the hull"""
 
 
-def decomposed(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, most: int) -> list[Piece]:
+def convex_decomposition(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, most: int) -> list[Piece]:
     """Pieces of a mesh whose faces have a part (f,) each, ordered by part; hulls stand out by `tolerance_m` at most, unless there
     would be more than `most`. ValueError when there are more parts than that.
     """
@@ -116,7 +116,7 @@ def decomposed(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, mos
     return pieces
 
 
-def corners(piece: Piece, most: int) -> np.ndarray:
+def simplified_corners(piece: Piece, most: int) -> np.ndarray:
     """(k, 3) corners of its hull, k <= most: each was chosen as the farthest from the hull of those before it. To a nanometre: sums
     of linear algebra differ beyond that with where arrays lie in memory.
     """
@@ -157,7 +157,7 @@ def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 
 def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
     """How far the surface of a hull stands out of a body: 95th percentile, and nothing inside it."""
-    nearest = Nearest(solid.vertices, solid.faces)
+    nearest = NearestSurface(solid.vertices, solid.faces)
 
     def stand_out_m(hull: ConvexHull) -> float:
         corner = hull.points[hull.simplices]

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 
 from afford.common.geometry import cross
-from afford.grasping.hand.export import files as files_of
-from afford.grasping.hand.kinematics import driven, moving, points
-from afford.grasping.sim.engine import State, checked, solver_steps
-from afford.grasping.sim.scene import Scene, finger_of_link, held, limits_of
+from afford.grasping.hand.export import mesh_files as files_of
+from afford.grasping.hand.kinematics import commanded_joints, moving_joints, points_on_links
+from afford.grasping.sim.engine import State, finite_vector, solver_steps
+from afford.grasping.sim.scene import Scene, finger_of_link, hold_command, scene_limits
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -59,7 +59,7 @@ class MujocoWorld:
         at = layout(self.model, scene)
         self._q, self._qd, self._motors, self._links, self._object = at.q, at.qd, at.motors, at.links, at.object
         self._free, self._finger, self._part = at.free, at.finger, at.part
-        self._limits = limits_of(scene)
+        self._limits = scene_limits(scene)
         self._force, self._left = np.zeros(3), 0
         self._before = np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._speed, self._fastest = self._data.qvel, np.full(self.model.nv, FASTEST)
@@ -70,18 +70,18 @@ class MujocoWorld:
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
         """At rest, joints at q, motors holding them there."""
-        q, pose = checked("reset, q", q, len(self._q)), checked("reset, body", body, 7)
+        q, pose = finite_vector("reset, q", q, len(self._q)), finite_vector("reset, body", body, 7)
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[self._q] = q
         self._data.qpos[self._free[0] :][:7] = pose[[0, 1, 2, 6, 3, 4, 5]]
-        self._data.ctrl[self._motors] = held(self.scene, q)
+        self._data.ctrl[self._motors] = hold_command(self.scene, q)
         self._force, self._left = np.zeros(3), 0
         mujoco.mj_forward(self.model, self._data)
         return self.state()
 
     def step(self, u: np.ndarray, control_s: float) -> State:
         """Motors follow u, cut to the limits of their joints."""
-        u, count = checked("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
+        u, count = finite_vector("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._data.ctrl[self._motors] = u.clip(*self._limits.T)
         for _ in range(count):
             self._pushed[:] = self._force if self._left else 0.0
@@ -124,7 +124,7 @@ class MujocoWorld:
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """A force on the object for a time."""
-        self._force, self._left = checked("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
+        self._force, self._left = finite_vector("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
 
     def state(self) -> State:
         """Places are those of now; forces those of the last solver step."""
@@ -137,7 +137,7 @@ class MujocoWorld:
         force, deepest, count = self._touching()
         return State(
             q=d.qpos[self._q], qd=d.qvel[self._qd], torque=d.actuator_force[self._motors],
-            tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], palm=self._pose(int(self._links[hand.palm])),
+            tips=points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m)[0], palm=self._pose(int(self._links[hand.palm])),
             body=d.qpos[at + np.array([0, 1, 2, 4, 5, 6, 3])],
             velocity=d.qvel[dof : dof + 3] + cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
             penetration_m=deepest, contacts=count)  # fmt: skip
@@ -201,7 +201,7 @@ class Layout:
 def layout(model: mujoco.MjModel, scene: Scene) -> Layout:
     """Of the model that `compiled` makes of the scene."""
     joints, names = scene.hand.joints, scene.hand.joints.name
-    moves, motors = ([names[k] for k in some] for some in (moving(joints), driven(joints)))
+    moves, motors = ([names[k] for k in some] for some in (moving_joints(joints), commanded_joints(joints)))
     free = model.joint("object")
     return Layout(
         np.array([int(model.joint(name).qposadr[0]) for name in moves]),
@@ -248,7 +248,7 @@ def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
     if scene.wrist == "wrench":
         for link in hand.links:
             spec.body(link).gravcomp = 1.0
-    for k in driven(hand.joints):
+    for k in commanded_joints(hand.joints):
         _motor(spec, scene, int(k))
 
 
@@ -258,7 +258,7 @@ def _drag(model: mujoco.MjModel, scene: Scene) -> None:
     data.qpos[:] = model.qpos0
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
-    for k in driven(scene.hand.joints)[:6]:
+    for k in commanded_joints(scene.hand.joints)[:6]:
         dof = int(model.joint(scene.hand.joints.name[k]).dofadr[0])
         model.dof_damping[dof] = scene.physics.drag_1_s * inertia[dof, dof]
 

@@ -7,9 +7,9 @@ from itertools import islice
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import moving
+from afford.grasping.hand.kinematics import moving_joints
 from afford.grasping.sim.engine import CONTROL_S, State, World
-from afford.grasping.sim.scene import Scene, held
+from afford.grasping.sim.scene import Scene, hold_command
 
 GAP_M = 0.05
 """between the table and the lowest point at first"""
@@ -26,7 +26,7 @@ ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
 """also at rest is what has stayed so near to one pose for so many control steps: thin hulls tremble on a table in PyBullet"""
 
 
-def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
+def dropped_rest_pose(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
     """(7,) pose at rest, about the origin within `reach_m` at first; the same seed and world give the same pose. The hand stays
     away. ValueError when it has not come to rest after `most_s`, as a thing that rolls.
     """
@@ -37,7 +37,7 @@ def dropped(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s
     return found
 
 
-def laid(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
+def placed_rest_pose(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
     """(7,) pose at rest of an object that is put down as it was built. ValueError when it rolls or rocks on."""
     found = _settled(world, scene, np.array([0.0, 0.0, LAID_M, 0.0, 0.0, 0.0, 1.0]), most_s)
     if found is None:
@@ -46,7 +46,7 @@ def laid(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
     return found
 
 
-def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = MOST_S) -> list[np.ndarray]:
+def dropped_rest_poses(world: World, scene: Scene, seed: int, count: int, most_s: float = MOST_S) -> list[np.ndarray]:
     """`count` poses (7,) at rest, of the first seeds from `seed` on at which it comes to rest about the origin. ValueError when
     most do not.
     """
@@ -61,8 +61,8 @@ def drops(world: World, scene: Scene, seed: int, count: int, most_s: float = MOS
 
 def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.ndarray | None:
     """(7,) where it lies, None when it has not come to rest."""
-    q = parked(scene)
-    stay = held(scene, q)
+    q = parked_joints(scene)
+    stay = hold_command(scene, q)
     world.reset(q, pose)
     still, poses = 0, list[np.ndarray]()
     for _ in range(round(most_s / CONTROL_S)):
@@ -74,9 +74,9 @@ def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.
     return poses[-1] if _rocks(np.array(poses[-ROCKS:])) else None
 
 
-def parked(scene: Scene) -> np.ndarray:
+def parked_joints(scene: Scene) -> np.ndarray:
     """(d,) joints of an open hand that is out of the way."""
-    q = np.zeros(len(moving(scene.hand.joints)))
+    q = np.zeros(len(moving_joints(scene.hand.joints)))
     q[:3] = 0.0, 1.0, 0.8
     return q
 

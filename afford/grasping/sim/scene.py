@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import ancestry, commanded, driven, limits_u
+from afford.grasping.hand.kinematics import ancestry, command_limits, commanded_columns, commanded_joints
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
 
@@ -67,17 +67,17 @@ class Scene:
             raise ValueError(f"{self.hand.name}: expected a gantry of 6 joints, got {wrist}; build the hand with wrist=gantry")
 
 
-def held(scene: Scene, q: np.ndarray) -> np.ndarray:
+def hold_command(scene: Scene, q: np.ndarray) -> np.ndarray:
     """(m,) the command that keeps the hand at joints q (d,): their targets, and no force where a wrist takes forces."""
-    u: np.ndarray = q[commanded(scene.hand.joints)]
+    u: np.ndarray = q[commanded_columns(scene.hand.joints)]
     return np.concatenate([np.zeros(6), u[6:]]) if scene.wrist == "wrench" else u
 
 
-def limits_of(scene: Scene) -> np.ndarray:
+def scene_limits(scene: Scene) -> np.ndarray:
     """(m, 2) least and greatest command of each motor: rad or m; N or N m where the wrist takes forces."""
-    limits = limits_u(scene.hand.joints)
+    limits = command_limits(scene.hand.joints)
     if scene.wrist == "wrench":
-        effort = scene.hand.joints.effort[driven(scene.hand.joints)[:6]]
+        effort = scene.hand.joints.effort[commanded_joints(scene.hand.joints)[:6]]
         limits = np.concatenate([np.stack([-effort, effort], axis=1), limits[6:]])
     return limits
 
@@ -100,7 +100,7 @@ class Range:
         raise ValueError(f"Range.spread: expected uniform or log, got {self.spread!r}")
 
 
-RANDOM: Mapping[str, Range] = {
+DOMAIN_RANDOMIZATION: Mapping[str, Range] = {
     "hand_friction": Range(0.7, 1.2),
     "table_friction": Range(0.4, 1.0),
     "spin_friction_m": Range(0.001, 0.005),
@@ -135,7 +135,7 @@ def finger_of_link(hand: HandModel) -> np.ndarray:
     return out
 
 
-def randomised(scene: Scene, seed: int, ranges: Mapping[str, Range] = RANDOM) -> Scene:
+def randomize_physics(scene: Scene, seed: int, ranges: Mapping[str, Range] = DOMAIN_RANDOMIZATION) -> Scene:
     """The scene with its physics drawn anew; the same seed gives the same scene. ValueError for a name that Physics lacks."""
     known = {f.name for f in fields(Physics)}
     if unknown := sorted(set(ranges) - known):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.hand.kinematics import commanded, driven, spread
+from afford.grasping.hand.kinematics import commanded_columns, commanded_joints, coupling_matrix
 from afford.grasping.sim.engine import CONTROL_S, State, World
 from afford.grasping.sim.scene import Scene, centre
 
@@ -91,12 +91,12 @@ class Outcome:
     """(p,) the most of it at any step"""
 
 
-def targets(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
+def grasp_commands(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
     """The commands (m,) of descend, close, lift and hold."""
-    return moves(scene, grasp, _wrist(aim, grasp), UP)
+    return wrist_commands(scene, grasp, _wrist(aim, grasp), UP)
 
 
-def moves(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> Iterator[np.ndarray]:
+def wrist_commands(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> Iterator[np.ndarray]:
     """The same with the wrist (6,) at the grasp; the hand comes against `back` (3,), and lifts straight up."""
     away = np.concatenate([back, np.zeros(3)])
     above, sunk = ABOVE_M * away, -grasp.sink_m * away
@@ -112,7 +112,7 @@ def moves(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> It
         yield np.concatenate([wrist + sunk + up, closed])
 
 
-def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
+def aim_at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
     """Amid a part of an object at rest at the pose (7,), as near to the centre of mass as the part goes; yaw of the part's long
     axis, from there to that centre.
     """
@@ -128,7 +128,7 @@ def at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
     return Aim(place, float(np.arctan2(axis[1], axis[0])))
 
 
-def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
+def aim_along_axis(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
     """So far from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees: a place that knows nothing of
     parts. Kept off the object's ends.
     """
@@ -143,35 +143,35 @@ def along(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
     return Aim(place, float(np.arctan2(axis[1], axis[0])))
 
 
-def start(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
+def start_joints(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
     """(d,) joints before the descent."""
-    return before(scene, grasp, _wrist(aim, grasp), UP)
+    return joints_before(scene, grasp, _wrist(aim, grasp), UP)
 
 
-def before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """(d,) joints before `moves`."""
+def joints_before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """(d,) joints before `wrist_commands`."""
     u = np.concatenate([wrist, _fingers(scene, grasp, closed=False)])
     u[:3] += ABOVE_M * back
-    A, b = spread(scene.hand.joints)
+    A, b = coupling_matrix(scene.hand.joints)
     return A @ u + b
 
 
-def perform(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
+def grasp_part(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
     """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
-    state = settled(world, scene, start(scene, at_part(scene, body, part), grasp), body)
-    return carried(world, scene, state, targets(scene, at_part(scene, state.body, part), grasp))
+    state = settle(world, scene, start_joints(scene, aim_at_part(scene, body, part), grasp), body)
+    return run_commands(world, scene, state, grasp_commands(scene, aim_at_part(scene, state.body, part), grasp))
 
 
-def settled(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State:
+def settle(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State:
     """The object comes to rest from the pose (7,), the hand stays at q (d,)."""
     state = world.reset(q, body)
     for _ in range(SETTLE):
-        state = world.step(q[commanded(scene.hand.joints)], CONTROL_S)
+        state = world.step(q[commanded_columns(scene.hand.joints)], CONTROL_S)
     return state
 
 
-def carried(world: World, scene: Scene, state: State, commands: Iterable[np.ndarray]) -> Outcome:
-    """What comes of the commands (m,) of a grasp, of `moves`, from a state at rest."""
+def run_commands(world: World, scene: Scene, state: State, commands: Iterable[np.ndarray]) -> Outcome:
+    """What comes of the commands (m,) of a grasp, of `wrist_commands`, from a state at rest."""
     rest = centre(scene.body, state.body)
     states = [state := world.step(u, CONTROL_S) for u in commands]
     on_parts = np.array([state.force.sum(axis=0) for state in states])
@@ -205,7 +205,7 @@ def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
     for finger in FINGERS:
         value[f"{finger}J2"] = grasp.base_rad if closed else grasp.open_base_rad
         value[f"{finger}J1"] = grasp.middle_rad if closed else grasp.open_middle_rad
-    names = [scene.hand.joints.name[k] for k in driven(scene.hand.joints)][6:]
+    names = [scene.hand.joints.name[k] for k in commanded_joints(scene.hand.joints)][6:]
     return np.array([value.get(name, 0.0) for name in names])
 
 

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from afford.common.registry import extra
-from afford.grasping.hand.kinematics import points
-from afford.grasping.sim.engine import State, World, solver_steps, world
+from afford.grasping.hand.kinematics import points_on_links
+from afford.grasping.sim.engine import State, World, make_world, solver_steps
 from afford.grasping.sim.mujoco_world import Layout, compiled, layout
-from afford.grasping.sim.scene import Scene, held, limits_of
+from afford.grasping.sim.scene import Scene, hold_command, scene_limits
 from afford.grasping.sim.worlds import most_parts
 
 EXTRA = "gpu"
@@ -60,7 +60,7 @@ class WarpWorlds:
 
     def alone(self, k: int) -> World:
         """MuJoCo's world of scene k: these are only computed together."""
-        return world("mujoco", self.scenes[k])
+        return make_world("mujoco", self.scenes[k])
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
         """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
@@ -123,7 +123,7 @@ class _Group:
         self._device = _device(self._warp, device)
         models = [compiled(scene) for scene in scenes]
         self._at: Layout = layout(models[0], scenes[0])
-        self._limits = limits_of(self.scene)
+        self._limits = scene_limits(self.scene)
         with self._warp.ScopedDevice(self._device):
             self._model = _model(self._mjw, models)
             self._data = self._mjw.make_data(models[0], nworld=len(scenes), nconmax=CONTACTS, njmax=ROWS)
@@ -141,7 +141,7 @@ class _Group:
             self._mjw.reset_data(self._model, self._data, self._warp.array(mask, dtype=bool))
             qpos, ctrl = self._numbers("qpos"), self._numbers("ctrl")
             qpos[np.ix_(which, at.q)], qpos[np.ix_(which, place)] = q, body[:, [0, 1, 2, 6, 3, 4, 5]]
-            ctrl[np.ix_(which, at.motors)] = [held(self.scene, joints) for joints in q]
+            ctrl[np.ix_(which, at.motors)] = [hold_command(self.scene, joints) for joints in q]
             self._data.qpos.assign(qpos)
             self._data.ctrl.assign(ctrl)
             self._mjw.forward(self._model, self._data)
@@ -181,7 +181,7 @@ class _Group:
         force, deepest, contacts = self._touching()
         return State(
             q=qpos[:, at.q], qd=qvel[:, at.qd], torque=self._numbers("actuator_force").astype(np.float64)[:, at.motors],
-            tips=points(T, hand.fingers.tip_link, hand.fingers.tip_m),
+            tips=points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m),
             palm=np.concatenate([place[:, palm], quaternion[:, palm][:, [1, 2, 3, 0]]], axis=1),
             body=qpos[:, q + np.array([0, 1, 2, 4, 5, 6, 3])],
             velocity=qvel[:, v : v + 3] + np.cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,

@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from afford.common.registry import load
-from afford.grasping.sim.engine import BACKENDS, State, World, world
+from afford.grasping.sim.engine import BACKENDS, State, World, make_world
 from afford.grasping.sim.scene import Scene
 
 
@@ -32,7 +32,7 @@ class ThreadWorlds:
         if threads < 1:
             raise ValueError(f"Worlds: expected one thread or more, got {threads}")
         self.scenes, self.parts = tuple(scenes), most_parts(scenes)
-        self.worlds: tuple[World, ...] = tuple(world(engine, scene) for scene in scenes)
+        self.worlds: tuple[World, ...] = tuple(make_world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def alone(self, k: int) -> World:

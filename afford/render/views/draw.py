@@ -8,14 +8,14 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.render.batch import batch
+from afford.render.camera import CARDINAL, Sphere, camera
 from afford.render.draw import render
 from afford.render.mesh import Mesh, mesh, solid
-from afford.render.model import Camera, Instance, Light, Material
-from afford.render.textures import Textures
-from afford.render.view import View, depth
-from afford.render.views.cameras import Sphere, camera
-from schemas.mesh import ObjectMesh
+from afford.render.raster import View, depth
+from afford.render.scene import Camera, Instance, Light, Material, Textures, batch
+from afford.render.views.plan import ViewSettings, plan_views
+from afford.render.views.surface import Rays, Surface, fibonacci_sphere
+from schemas.mesh import ObjectMesh, ObjectViews
 
 BACKGROUND = 235
 """grey of the pictures beside the object"""
@@ -81,3 +81,46 @@ def _before_wall(rgb: np.ndarray, covered: np.ndarray) -> np.ndarray:
     height, width = rgb.shape[:2]
     share = covered.reshape(height, covered.shape[0] // height, width, -1).mean((1, 3), dtype=np.float32)
     return np.asarray(rgb + np.rint((1 - share) * BACKGROUND).astype(np.uint8)[..., None])
+
+
+def render_views(mesh: ObjectMesh, wish: ViewSettings, directions: int, size_px: int, supersample: int) -> ObjectViews:
+    """All views of one object; ValueError when it has no surface."""
+    surface = Surface.of(mesh)
+    if not surface.area.sum() > 0:
+        raise ValueError(f"{mesh.name}: expected faces with an area, got {len(mesh.faces)} faces without any")
+    found = plan_views(surface, Rays(mesh.vertices, mesh.faces), Sphere.of(mesh.vertices), wish, fibonacci_sphere(directions))
+    studio = Studio(mesh, supersample)
+    shots = [studio.shoot(towards, wish.distance, size_px) for towards in found.towards]
+    names = (*CARDINAL, *(f"added_{n}" for n in range(1, len(shots) - len(CARDINAL) + 1)))
+    visible = np.bincount(surface.face, np.where(found.visible, surface.area, 0), len(mesh.faces))
+    return ObjectViews(
+        mesh.name, names, np.stack([s.rgb for s in shots]), np.stack([s.face for s in shots]), np.stack([s.depth_m for s in shots]),
+        np.stack([s.camera.K for s in shots]), np.stack([s.camera.T_world_cam for s in shots]), visible.astype(np.float32),
+        found.share)  # fmt: skip
+
+
+COLUMNS = 3
+PAPER = 235
+"""grey of the sheet"""
+LINE_PX = 24
+"""height of the line above each picture"""
+
+
+def sheet_labels(views: ObjectViews, count: int) -> tuple[str, ...]:
+    """Names of the views on the sheet, row by row."""
+    return views.views[:count]
+
+
+def contact_sheet(views: ObjectViews, count: int) -> np.ndarray:
+    """(h, w, 3) uint8: the first `count` views or as many as there are, three in a row, each under its name."""
+    tiles = [_titled(picture, name) for picture, name in zip(views.rgb[:count], sheet_labels(views, count), strict=True)]
+    columns = min(COLUMNS, len(tiles))
+    tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % columns)
+    rows = [np.concatenate(tiles[at : at + columns], axis=1) for at in range(0, len(tiles), columns)]
+    return np.concatenate(rows, axis=0)
+
+
+def _titled(picture: np.ndarray, name: str) -> np.ndarray:
+    line = np.full((LINE_PX, *picture.shape[1:]), PAPER, np.uint8)
+    cv2.putText(line, name, (6, LINE_PX - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 1, cv2.LINE_AA)
+    return np.concatenate([line, picture], axis=0)

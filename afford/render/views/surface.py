@@ -3,14 +3,51 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 
 from schemas.mesh import ObjectMesh
 
-if TYPE_CHECKING:
-    from afford.render.views.rays import Rays
+UNIT = 100.0
+"""objects are scaled to about this size, so that single precision means the same for a needle and for a pan"""
+LIFT = 2e-5
+"""rays start this share of the object's size above the surface, so that they do not hit what they leave"""
+AT_ONCE = 1 << 20
+"""rays in one call"""
+
+
+class Rays:
+    """The triangles of an object, ready to be asked."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """`vertices` (v, 3) metres, `faces` (f, 3)."""
+        low, high = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
+        self._centre, self._scale = (low + high) / 2, UNIT / max(float((high - low).max()), 1e-9)
+        self._scene = EmbreeScene()
+        TriangleMesh(self._scene, self._unit(vertices), np.ascontiguousarray(faces, np.int32))
+
+    def escape(self, points: np.ndarray, normals: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether a ray from just above each surface point (n, 3) leaves along its direction (n, 3) without a hit."""
+        out = np.empty(len(points), bool)
+        for at in range(0, len(points), AT_ONCE):
+            part = slice(at, at + AT_ONCE)
+            start = self._unit(points[part]) + np.float32(LIFT * UNIT) * normals[part].astype(np.float32)
+            out[part] = self._scene.run(start, np.ascontiguousarray(directions[part], np.float32), query="OCCLUDED") == -1
+        return out
+
+    def first(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n,) int32 face that each ray from outside hits first, -1 for none."""
+        out = np.empty(len(origins), np.int32)
+        for at in range(0, len(origins), AT_ONCE):
+            part = slice(at, at + AT_ONCE)
+            out[part] = self._scene.run(self._unit(origins[part]), np.ascontiguousarray(directions[part], np.float32))
+        return out
+
+    def _unit(self, points: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray((points - self._centre) * self._scale, np.float32)
+
 
 POINTS = 4096
 """large faces get so many points, evenly over the area, that the whole has at least about this many; every face has one"""
@@ -31,7 +68,7 @@ class Surface:
     def of(mesh: ObjectMesh) -> Surface:
         """One point in the middle of each face; faces larger than a share of the whole are divided first."""
         corners = mesh.vertices[mesh.faces].astype(np.float64)
-        area, normal = areas(corners)
+        area, normal = face_areas(corners)
         cuts = np.ceil(np.sqrt(area * POINTS / max(area.sum(), 1e-30))).clip(1, 256).astype(int)
         parts = [_spread(corners[cuts == n], np.flatnonzero(cuts == n), int(n)) for n in np.unique(cuts)]
         face = np.concatenate([part[1] for part in parts])
@@ -48,7 +85,7 @@ class Surface:
         return out
 
 
-def sphere(count: int) -> np.ndarray:
+def fibonacci_sphere(count: int) -> np.ndarray:
     """(count, 3) float64 unit vectors, evenly spread (Fibonacci lattice)."""
     n = np.arange(count) + 0.5
     z, turn = 1 - 2 * n / count, np.pi * (1 + 5**0.5) * n
@@ -56,7 +93,7 @@ def sphere(count: int) -> np.ndarray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], -1)
 
 
-def areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def face_areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f,) square metres and (f, 3) unit normals of triangles (f, 3, 3); the normal of what has no area is 0."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)

@@ -14,8 +14,18 @@ from trimesh.transformations import euler_matrix
 
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import SCHEME, Pictures, locate, target, text
-from afford.surface.meshes.surface import Surface, check_triangles, join, moved, plain
+from afford.surface.meshes.surface import (
+    SCHEME,
+    PictureCache,
+    Surface,
+    check_triangles,
+    decode_text,
+    find_reference,
+    join_surfaces,
+    plain_surface,
+    resolve_reference,
+    transform_surface,
+)
 from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]
@@ -45,7 +55,7 @@ def mesh_names(root: Xml.Element, name: str, where: str) -> list[str]:
 def candidates(base: str, reference: str) -> list[str]:
     """Names that a reference may mean: a `package://` is looked for in the folder of the URDF and in those above it."""
     if not reference.startswith(PACKAGE):
-        return [target(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
+        return [resolve_reference(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
     package, _, rest = reference.removeprefix(PACKAGE).partition("/")
     folders, folder = [], posixpath.dirname(base)
     while True:
@@ -56,13 +66,13 @@ def candidates(base: str, reference: str) -> list[str]:
     found = [posixpath.normpath(posixpath.join(f, tail)) for f in folders for tail in (f"{package}/{rest}", rest)]
     inside = [name for name in found if not name.startswith("..") and not SCHEME.match(name)]
     if len(inside) < len(found):
-        target(base, rest)
+        resolve_reference(base, rest)
     return inside
 
 
 def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
     """One surface; the group of a face is the name of its link."""
-    root = parse(text(file), file.name)
+    root = parse(decode_text(file), file.name)
     poses = _poses(root, file.name)
     colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
     found: list[Surface] = []
@@ -72,11 +82,11 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
         for visual in link.findall("visual"):
             shape = shapes.read(visual)
             painted = _painted(shape, visual, colours, file.name)
-            found.append(replace(moved(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
+            found.append(replace(transform_surface(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
     if not found:
         raise SourceError(file.name, "a link with a <visual>", "none", "add the visual meshes")
-    return join(found, "m")
+    return join_surfaces(found, "m")
 
 
 class _Shapes:
@@ -87,7 +97,7 @@ class _Shapes:
         self.files, self.file, self.read_mesh = files, file, read_mesh
         self._uses = Counter(kind.get("filename") for kind in kinds)
         self._meshes: dict[str, Surface] = {}
-        self._pictures = Pictures()
+        self._pictures = PictureCache()
         self._triangles = 0
         self._count(sum(TRIANGLES.get(kind.tag, 0) for kind in kinds))
 
@@ -110,18 +120,18 @@ class _Shapes:
             self._count(len(self._meshes[found.name].faces) * self._uses[kind.get("filename")])
             for image in self._meshes[found.name].images:
                 self._pictures.count(image, self.file.name)
-        return moved(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
+        return transform_surface(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
 
 
 def _plain(solid: trimesh.Trimesh) -> Surface:
-    return plain(solid.vertices, solid.faces)
+    return plain_surface(solid.vertices, solid.faces)
 
 
 def mesh_file(files: FileTree, file: FileRef, mesh: Xml.Element) -> FileRef:
     """The file that a <mesh> names; SourceError when it is not there."""
     found = (files.find(name) for name in candidates(file.name, filename(mesh, file.name)))
     present = next((f for f in found if f is not None), None)
-    return present or locate(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
+    return present or find_reference(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
 
 
 def _solid(kind: Xml.Element, name: str) -> trimesh.Trimesh:
