@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model import model_inputs
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.model import Sor3d, build, flip_inputs, predict_with_flip
@@ -25,7 +25,7 @@ def model(request: pytest.FixtureRequest) -> Sor3d:
 def shown(model: Sor3d, turned: bool = False) -> InputBatch:
     one = noise(5)
     if turned:
-        whole = model_inputs.flip_sequence(Sequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
+        whole = model_inputs.flip_sequence(PackedSequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
         one = ModelInput(whole.rgb, whole.depth_m, whole.flow, whole.still)
     return to_batch([one], model.config)
 

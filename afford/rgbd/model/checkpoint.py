@@ -13,7 +13,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from afford.models.archive import load_plain
+from afford.models.tensor_files import load_weights_only
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.layers import Encoder
 from afford.rgbd.model.model import Sor3d, build
@@ -81,7 +81,7 @@ def load_vgg16(encoder: Encoder, checkpoint: Path) -> None:
     A fourth input channel (depth) gets the mean of the first three. ValueError for a tensor that is missing or of another
     shape.
     """
-    found = load_plain(checkpoint, "the weights of a VGG16 as tensors by name")
+    found = load_weights_only(checkpoint, "the weights of a VGG16 as tensors by name")
     convolutions = [module for module in encoder.modules() if isinstance(module, nn.Conv2d)]
     with torch.no_grad():
         for conv, number in zip(convolutions, LAYERS, strict=True):

@@ -14,7 +14,7 @@ import numpy as np
 
 from afford.common.bounded import TooLargeError, check_image
 from afford.common.errors import SourceError
-from afford.dataset.layout import tree
+from afford.dataset.act_affordance import read_tree
 from schemas.files import FileRef, FileTree
 from schemas.interaction import StaticSample, StaticSet
 
@@ -108,7 +108,7 @@ def static_root_files(root: Path, backend: str, digest: Callable[[Path], str]) -
     """
     if backend not in LABELS:
         raise SourceError("static_read.backend", " or ".join(LABELS), repr(backend), "choose the one that the root is")
-    files = tree(root, digest)
+    files = read_tree(root, digest)
     found = {kind: any(_is_label(kind, file.name) for file in files.files) for kind in LABELS}
     if found[backend]:
         return files

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.layers import Encoder, init_xavier
@@ -49,18 +49,18 @@ class ClipBatches:
     def __call__(self, number: int) -> ClipBatch:
         return self.stack([self._sample(number * self.size + n) for n in range(self.size)])
 
-    def _sample(self, position: int) -> sequences.Sequence:
+    def _sample(self, position: int) -> packed_sequences.PackedSequence:
         _, index = self.order.sample(position)
         rng = np.random.default_rng((self.seed, position, 3))
         return augment(self.read(self.paths[index], rng.random()), self.changes, rng)
 
-    def read(self, path: Path, phase: float) -> sequences.Sequence:
+    def read(self, path: Path, phase: float) -> packed_sequences.PackedSequence:
         """Clip at the size of the model: `FRAMES` of its frames, offset by `phase` 0..1."""
-        one = fit_to_model(sequences.read(path, "none"), self.config.size_px)
+        one = fit_to_model(packed_sequences.read_sequence(path, "none"), self.config.size_px)
         chosen = ((np.arange(FRAMES) + phase) * len(one.rgb) / FRAMES).astype(int)
         return replace(one, rgb=one.rgb[chosen], depth_m=one.depth_m[chosen])
 
-    def stack(self, chosen: Sequence[sequences.Sequence]) -> ClipBatch:
+    def stack(self, chosen: Sequence[packed_sequences.PackedSequence]) -> ClipBatch:
         """Stack clips. ValueError for an action that training does not have."""
         unknown = {one.affordance for one in chosen} - set(self.actions)
         if unknown:
@@ -138,7 +138,7 @@ sequence goes in; the action comes out."""
     def task(self, scratch: Path, processes: int) -> ActionTask:
         """Build a classifier around the first encoder of a new model, and batches of clips."""
         parts = split_paths(scratch)
-        labels = [sequences.kind(path)[1] for path in parts["train"]]
+        labels = [packed_sequences.read_classes(path)[1] for path in parts["train"]]
         actions = tuple(sorted(set(labels)))
         model = action_classifier(build(self.config, self.seed), len(actions), self.seed)
         order = BalancedSampler(labels, self.balance, self.seed)

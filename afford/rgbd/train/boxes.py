@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.detector import FORMAT, BoxDetector, build, detector_losses, label_boxes, nms_proposals, paste_masks
 from afford.rgbd.evaluate import metrics
 from afford.rgbd.model import checkpoint
@@ -25,7 +25,7 @@ class DetectorTask:
 
     monitor = "iou"
 
-    def __init__(self, model: BoxDetector, batches: SequenceBatches, validation: Sequence[sequences.Sequence], device: str) -> None:
+    def __init__(self, model: BoxDetector, batches: SequenceBatches, validation: Sequence[packed_sequences.PackedSequence], device: str) -> None:
         """`validation` are the sequences of validation; their last frames are used."""
         self.model: nn.Module = model
         self._net, self._batches, self._device = model, batches, device
@@ -83,7 +83,7 @@ boxes of things, and inside each box a mask of affordances. One picture goes in.
         batches = SequenceBatches(parts["train"], self.config, self.changes, self.order(parts["train"]), self.batch, EVERY, total,
                                   self.seed)
         chosen = spread_evenly(parts["val"], self.val_samples)
-        validation = [fit_to_model(sequences.read(path, "none"), self.config.size_px) for path in chosen]
+        validation = [fit_to_model(packed_sequences.read_sequence(path, "none"), self.config.size_px) for path in chosen]
         return DetectorTask(build(self.config, self.seed), batches, validation, self.plan.device)
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:

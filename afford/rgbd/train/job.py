@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model.config import ROWS, VARIANTS, Sor3dConfig, row
 from afford.rgbd.model.losses import LossParams
 from afford.rgbd.model.model_inputs import Augmentation
@@ -116,12 +116,12 @@ class SequencesJob:
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """Store the paths of both splits; sequences are read when they are sampled."""
-        found = {split: [str(path.absolute()) for path in sequences.part(data, split)] for split in ("train", "val")}
+        found = {split: [str(path.absolute()) for path in packed_sequences.split_files(data, split)] for split in ("train", "val")}
         (scratch / FILES).write_text(json.dumps(found), encoding="utf-8")
 
     def order(self, paths: list[Path]) -> BalancedSampler:
         """Build the sampler of training sequences."""
-        return BalancedSampler([sequences.kind(path) for path in paths], self.balance, self.seed)
+        return BalancedSampler([packed_sequences.read_classes(path) for path in paths], self.balance, self.seed)
 
     def finish(self, model: nn.Module, state: TrainingState) -> None:
         """Do nothing: validation only decides which weights are kept."""
@@ -168,7 +168,7 @@ def spread_evenly(paths: list[Path], count: int) -> list[Path]:
 
 def class_counts(scratch: Path) -> dict[str, Counter[str]]:
     """Number of sequences of both splits by '<object type> <affordance>'."""
-    return {split: Counter(" ".join(sequences.kind(path)).strip() for path in paths)
+    return {split: Counter(" ".join(packed_sequences.read_classes(path)).strip() for path in paths)
             for split, paths in split_paths(scratch).items()}  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.evaluate import metrics
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.losses import LossParams, losses
@@ -32,7 +32,7 @@ class Sor3dTask:
 
     monitor = "iou"
 
-    def __init__(self, model: Sor3d, batches: SequenceBatches, validation: Sequence[sequences.Sequence], loss: LossParams,
+    def __init__(self, model: Sor3d, batches: SequenceBatches, validation: Sequence[packed_sequences.PackedSequence], loss: LossParams,
                  size: int, device: str) -> None:  # fmt: skip
         """`validation` are the sequences of validation, never augmented, evaluated `size` at a time."""
         self.model: nn.Module = model
@@ -64,7 +64,7 @@ class Sor3dTask:
             jpeg(np.vstack([np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)]))
         )
 
-    def _measured(self, validation: Sequence[sequences.Sequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
+    def _measured(self, validation: Sequence[packed_sequences.PackedSequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
         """Metrics, mean loss, and predicted labels."""
         found: list[np.ndarray] = []
         right, totals = [], []
@@ -125,7 +125,7 @@ class Sor3dJob(SequencesJob):
         batches = SequenceBatches(parts["train"], self.config, self.changes, self.order(parts["train"]), self.batch,
                                   self.static_share, total, self.seed, round(self.coarse_share * total))
         chosen = spread_evenly(parts["val"], self.val_samples)
-        validation = [fit_to_model(sequences.read(path, self.config.flow), self.config.size_px) for path in chosen]
+        validation = [fit_to_model(packed_sequences.read_sequence(path, self.config.flow), self.config.size_px) for path in chosen]
         return Sor3dTask(model, batches, validation, self.loss, self.batch, self.plan.device)
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
@@ -140,14 +140,14 @@ UNSEEN = 0.5
 
 def pixel_frequencies(paths: Sequence[Path], foreground: float) -> Tensor:
     """Class frequencies (10,) of pixels, affordances weighted by `foreground`; they sum to 1."""
-    counts = np.sum([np.bincount(sequences.label(path).ravel(), minlength=BACKGROUND + 1) for path in paths], axis=0).astype(float)
+    counts = np.sum([np.bincount(packed_sequences.read_label(path).ravel(), minlength=BACKGROUND + 1) for path in paths], axis=0).astype(float)
     counts[:BACKGROUND] *= foreground
     return _frequencies(counts)
 
 
 def action_frequencies(paths: Sequence[Path]) -> Tensor:
     """Class frequencies (9,) of sequences; they sum to 1."""
-    found = [sequences.action(sequences.kind(path)[1]) for path in paths]
+    found = [packed_sequences.affordance_index(packed_sequences.read_classes(path)[1]) for path in paths]
     return _frequencies(np.bincount(found, minlength=len(AFFORDANCES)).astype(float))
 
 
