@@ -13,7 +13,7 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
-from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
@@ -27,7 +27,7 @@ ACTION, WORDS = "/sor3d/action", "/sor3d/log"
 PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 
-def record(shown: packed_sequences.PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Recording:
+def record(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Recording:
     """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
     fit.
     """
@@ -43,7 +43,7 @@ def record(shown: packed_sequences.PackedSequence, found: Sequence[Prediction], 
     return Recording(tuple(channels), _messages(shown, found, rate_hz, threshold))
 
 
-def _messages(shown: packed_sequences.PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Iterator[Message]:
+def _messages(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Iterator[Message]:
     height, width = shown.label.shape
     still = np.broadcast_to(shown.still, (1, height, width, 3))
     span = _span(shown.depth_m)

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.evaluate.metrics import code_f1, code_jaccard, counts
 from afford.rgbd.model.model import Sor3d, predict_with_flip
 from afford.rgbd.model.model_inputs import fit_to_model, last_frame, stack
@@ -57,7 +58,7 @@ def evaluate_model(name: str, model: Sor3d, paths: Sequence[Path], shown: int, d
                              np.array(codes, np.float64), np.array(actions, np.float32), tuple(pictures))  # fmt: skip
 
 
-def predict_last_frame(model: Sor3d, one: packed_sequences.PackedSequence, device: str = "cpu", mirror: bool = False) -> SequenceAnswer:
+def predict_last_frame(model: Sor3d, one: PackedSequence, device: str = "cpu", mirror: bool = False) -> SequenceAnswer:
     """Predict the last frame of a sequence that has the size of the model."""
     with torch.inference_mode():
         seen = stack([[one]], model.config).groups[0].to(device)
@@ -86,6 +87,6 @@ def spread_indices(of: int, count: int) -> set[int]:
     return {round(n * (of - 1) / max(count - 1, 1)) for n in range(count)}
 
 
-def _shown(one: packed_sequences.PackedSequence, answers: Sequence[SequenceAnswer]) -> ShownAnswer:
+def _shown(one: PackedSequence, answers: Sequence[SequenceAnswer]) -> ShownAnswer:
     parts = (np.stack([getattr(answer, name) for answer in answers]) for name in ("label", "confidence", "attention"))
     return ShownAnswer(one.name, one.rgb[-1].copy(), one.label.copy(), *parts)

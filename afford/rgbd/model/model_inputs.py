@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.training.sampler import BalancedSampler
 
@@ -138,23 +139,23 @@ class SequenceBatches:
         """Number of pictures in a batch: none, or at least two for batch normalisation."""
         return max(2, round(self.size * self.static_share)) if self.static_share else 0
 
-    def sequences_of(self, number: int) -> list[packed_sequences.PackedSequence]:
+    def sequences_of(self, number: int) -> list[PackedSequence]:
         """Draw and augment the sequences of a batch."""
         side = self.config.size_px // 2 if number < self.coarse else self.config.size_px
         return [self._sample(number * self.size + n, side) for n in range(self.size)]
 
-    def _sample(self, position: int, side: int) -> packed_sequences.PackedSequence:
+    def _sample(self, position: int, side: int) -> PackedSequence:
         _, index = self.order.sample(position)
         found = fit_to_model(packed_sequences.read_sequence(self.paths[index], self.config.flow), side)
         return augment(found, self.changes, np.random.default_rng((self.seed, position, 2)))
 
 
-def last_frame(one: packed_sequences.PackedSequence) -> packed_sequences.PackedSequence:
+def last_frame(one: PackedSequence) -> PackedSequence:
     """Last frame of a sequence as a picture."""
     return replace(one, rgb=one.rgb[-1:], depth_m=one.depth_m[-1:], flow=one.flow[:0])
 
 
-def stack(groups: Sequence[Sequence[packed_sequences.PackedSequence]], config: Sor3dConfig, done: float = 1.0) -> TrainingBatch:
+def stack(groups: Sequence[Sequence[PackedSequence]], config: Sor3dConfig, done: float = 1.0) -> TrainingBatch:
     """Stack groups of sequences of one size, each group of one length."""
     seen = tuple(to_batch([ModelInput(one.rgb, one.depth_m, one.flow, one.still) for one in group], config) for group in groups)
     chosen = [one for group in groups for one in group]
@@ -162,7 +163,7 @@ def stack(groups: Sequence[Sequence[packed_sequences.PackedSequence]], config: S
     return TrainingBatch(seen, label, torch.tensor([packed_sequences.affordance_index(one.affordance) for one in chosen]), done)
 
 
-def fit_to_model(one: packed_sequences.PackedSequence, size_px: int) -> packed_sequences.PackedSequence:
+def fit_to_model(one: PackedSequence, size_px: int) -> PackedSequence:
     """Crop the middle square of a sequence and resize it to the model's size."""
     height, width = one.label.shape
     side = min(height, width)
@@ -170,7 +171,7 @@ def fit_to_model(one: packed_sequences.PackedSequence, size_px: int) -> packed_s
     return crop_resize(one, top, left, side, size_px) if one.label.shape != (size_px, size_px) else one
 
 
-def augment(one: packed_sequences.PackedSequence, changes: Augmentation, rng: np.random.Generator) -> packed_sequences.PackedSequence:
+def augment(one: PackedSequence, changes: Augmentation, rng: np.random.Generator) -> PackedSequence:
     """Crop, mirror and recolour a sequence at random."""
     side = one.label.shape[0]
     if rng.random() < changes.crop_share:
@@ -185,7 +186,7 @@ def augment(one: packed_sequences.PackedSequence, changes: Augmentation, rng: np
     return one
 
 
-def crop_resize(one: packed_sequences.PackedSequence, top: int, left: int, side: int, size_px: int) -> packed_sequences.PackedSequence:
+def crop_resize(one: PackedSequence, top: int, left: int, side: int, size_px: int) -> PackedSequence:
     """Crop a square of every frame and resize it; motion keeps its colours."""
     at, size = np.s_[top : top + side, left : left + side], (size_px, size_px)
 
@@ -198,7 +199,7 @@ def crop_resize(one: packed_sequences.PackedSequence, top: int, left: int, side:
                    flow=resized(one.flow, cv2.INTER_NEAREST), label=resized(one.label[None], cv2.INTER_NEAREST)[0])  # fmt: skip
 
 
-def flip_sequence(one: packed_sequences.PackedSequence) -> packed_sequences.PackedSequence:
+def flip_sequence(one: PackedSequence) -> PackedSequence:
     """Mirror a sequence left to right; motion along x changes its sign, in space as well."""
     flow = one.flow[:, :, ::-1].copy()
     flow[..., 0] = np.clip(2 * int(one.still[0]) - flow[..., 0].astype(np.int16), 0, 255).astype(np.uint8)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import torch
 
-from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.models.loading import one_thread
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.model import predict_with_flip
@@ -39,7 +39,7 @@ class Predictor:
         """
         return self.inputs_of(sequence_of(clip, flow, self.config.flow))
 
-    def inputs_of(self, sequence: packed_sequences.PackedSequence) -> ModelInput:
+    def inputs_of(self, sequence: PackedSequence) -> ModelInput:
         """Model input of a packed sequence that was read with the model's kind of motion."""
         one = fit_to_model(sequence, self.config.size_px)
         return ModelInput(one.rgb, one.depth_m, one.flow, one.still)
@@ -65,7 +65,7 @@ class Predictor:
         return [Prediction(*one) for one in zip(probability, action, shares, strict=True)]
 
 
-def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> packed_sequences.PackedSequence:
+def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> PackedSequence:
     """Sequence of a clip with its motion `2d`, `3d` or `none`; without `flow` nothing moves.
 
     ValueError for the flow of another clip.
@@ -76,7 +76,7 @@ def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> pac
             raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
                              f"{len(flow.colour)}")
         colour, still = (flow.colour_px, flow.still[3:]) if kind == "2d" else (flow.colour, flow.still[:3])
-    return packed_sequences.PackedSequence(clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label)
+    return PackedSequence(clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label)
 
 
 def first_frames(seen: ModelInput, count: int) -> ModelInput:
@@ -119,7 +119,7 @@ def picture_input(sample: StaticSample, size_px: int) -> ModelInput:
     """Model input of a picture: its middle square; depth is 0 where there is none."""
     depth_m = sample.depth_m if len(sample.depth_m) else np.zeros((1, *sample.label.shape), np.float32)
     none, still = np.zeros((0, *sample.rgb.shape), np.uint8), np.zeros(3, np.uint8)
-    whole = packed_sequences.PackedSequence(sample.name, sample.object_type, "", sample.rgb[None], depth_m, none, still, sample.label)
+    whole = PackedSequence(sample.name, sample.object_type, "", sample.rgb[None], depth_m, none, still, sample.label)
     one = fit_to_model(whole, size_px)
     return ModelInput(one.rgb, one.depth_m, one.flow, one.still)
 

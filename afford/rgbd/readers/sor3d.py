@@ -100,7 +100,8 @@ def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
     label = label_of_colours(mask, affordance)
     if (label == BACKGROUND).all():
         raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
-                          f"mostly {dominant_colour(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+                          f"mostly {dominant_colour(mask) or 'black alone'}",
+                          "write masks as PNG in exactly that colour")  # fmt: skip
     return label
 
 

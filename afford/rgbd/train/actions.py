@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
 from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.layers import Encoder, init_xavier
@@ -49,18 +50,18 @@ class ClipBatches:
     def __call__(self, number: int) -> ClipBatch:
         return self.stack([self._sample(number * self.size + n) for n in range(self.size)])
 
-    def _sample(self, position: int) -> packed_sequences.PackedSequence:
+    def _sample(self, position: int) -> PackedSequence:
         _, index = self.order.sample(position)
         rng = np.random.default_rng((self.seed, position, 3))
         return augment(self.read(self.paths[index], rng.random()), self.changes, rng)
 
-    def read(self, path: Path, phase: float) -> packed_sequences.PackedSequence:
+    def read(self, path: Path, phase: float) -> PackedSequence:
         """Clip at the size of the model: `FRAMES` of its frames, offset by `phase` 0..1."""
         one = fit_to_model(packed_sequences.read_sequence(path, "none"), self.config.size_px)
         chosen = ((np.arange(FRAMES) + phase) * len(one.rgb) / FRAMES).astype(int)
         return replace(one, rgb=one.rgb[chosen], depth_m=one.depth_m[chosen])
 
-    def stack(self, chosen: Sequence[packed_sequences.PackedSequence]) -> ClipBatch:
+    def stack(self, chosen: Sequence[PackedSequence]) -> ClipBatch:
         """Stack clips. ValueError for an action that training does not have."""
         unknown = {one.affordance for one in chosen} - set(self.actions)
         if unknown:

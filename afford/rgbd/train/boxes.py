@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
 from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.detector import FORMAT, BoxDetector, build, detector_losses, label_boxes, nms_proposals, paste_masks
 from afford.rgbd.evaluate import metrics
 from afford.rgbd.model import checkpoint
@@ -25,7 +26,7 @@ class DetectorTask:
 
     monitor = "iou"
 
-    def __init__(self, model: BoxDetector, batches: SequenceBatches, validation: Sequence[packed_sequences.PackedSequence], device: str) -> None:
+    def __init__(self, model: BoxDetector, batches: SequenceBatches, validation: Sequence[PackedSequence], device: str) -> None:
         """`validation` are the sequences of validation; their last frames are used."""
         self.model: nn.Module = model
         self._net, self._batches, self._device = model, batches, device

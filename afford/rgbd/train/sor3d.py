@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
 from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.evaluate import metrics
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.losses import LossParams, losses
@@ -32,7 +33,7 @@ class Sor3dTask:
 
     monitor = "iou"
 
-    def __init__(self, model: Sor3d, batches: SequenceBatches, validation: Sequence[packed_sequences.PackedSequence], loss: LossParams,
+    def __init__(self, model: Sor3d, batches: SequenceBatches, validation: Sequence[PackedSequence], loss: LossParams,
                  size: int, device: str) -> None:  # fmt: skip
         """`validation` are the sequences of validation, never augmented, evaluated `size` at a time."""
         self.model: nn.Module = model
@@ -64,7 +65,7 @@ class Sor3dTask:
             jpeg(np.vstack([np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)]))
         )
 
-    def _measured(self, validation: Sequence[packed_sequences.PackedSequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
+    def _measured(self, validation: Sequence[PackedSequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
         """Metrics, mean loss, and predicted labels."""
         found: list[np.ndarray] = []
         right, totals = [], []
@@ -140,7 +141,8 @@ UNSEEN = 0.5
 
 def pixel_frequencies(paths: Sequence[Path], foreground: float) -> Tensor:
     """Class frequencies (10,) of pixels, affordances weighted by `foreground`; they sum to 1."""
-    counts = np.sum([np.bincount(packed_sequences.read_label(path).ravel(), minlength=BACKGROUND + 1) for path in paths], axis=0).astype(float)
+    labels = (packed_sequences.read_label(path) for path in paths)
+    counts = np.sum([np.bincount(label.ravel(), minlength=BACKGROUND + 1) for label in labels], axis=0).astype(float)
     counts[:BACKGROUND] *= foreground
     return _frequencies(counts)
 
