@@ -54,8 +54,8 @@ def predict(path: Path, task: str, options: Options) -> int:
         raise UsageError(str(error)) from error
     predictions, failures = [], []
     try:
-        footage = read_footage(path, options.depth, Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames),
-                       predictor.config.size_px)  # fmt: skip
+        lens, sampling = Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames)
+        footage = read_footage(path, options.depth, lens, sampling, predictor.config.size_px)
         folder = write_prediction(_predicted(path, footage, predictor, options), stored, options.out / path.stem)
         predictions.append({"source": str(path), "folder": folder.name})
     except (ValueError, OSError) as error:
@@ -108,7 +108,7 @@ def _predicted(path: Path, footage: Footage, predictor: Predictor, options: Opti
 
     wall, cpu = time.perf_counter(), time.process_time()
     flow = _flow(footage, predictor.config.flow)
-    found = predictor.predict(predictor.seen(footage.clip, flow))
+    found = predictor.predict(predictor.inputs_of_clip(footage.clip, flow))
     costs = 1000 * (time.process_time() - cpu), 1000 * (time.perf_counter() - wall)
     config = predictor.config
     if not footage.has_depth and (config.depth or config.flow == "3d"):

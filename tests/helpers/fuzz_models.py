@@ -24,7 +24,7 @@ from afford.models.tensor_files import read_tensors
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.layers import CONVOLUTIONS, Encoder
 from afford.rgbd.readers import Umd, iit_aff, umd
-from afford.rgbd.readers.static_set import Listed
+from afford.rgbd.readers.static_set import PictureEntry
 from afford.twohands.model.published import read_weights
 from schemas.interaction import StaticSample
 from tests.helpers import made_interactions
@@ -123,7 +123,7 @@ def write_iit(folder: Path, where: str) -> Path:
     return folder / where
 
 
-def read_static(path: Path, listed: Callable[..., tuple[Listed, ...]], own: Umd | None = None) -> list[StaticSample]:
+def read_static(path: Path, listed: Callable[..., tuple[PictureEntry, ...]], own: Umd | None = None) -> list[StaticSample]:
     """Every picture of the root that a file is in; one that cannot be used is an error here."""
     root = next(parent for parent in path.parents if any((parent / name).is_dir() for name in ("tools", "affordances_labels")))
     return [one.read() for one in listed(made_interactions.folder(root), 16, 1, own)]
