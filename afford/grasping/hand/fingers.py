@@ -89,7 +89,7 @@ def _finger(tree: Tree, palm: str, name: str, leaf: str) -> Finger:
     chain = below_link(tree.path(leaf), palm)
     last = max((k for k, joint in enumerate(chain) if joint.kind != "fixed"), default=-1)
     if last < 0:
-        raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "none",
+        raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "fixed joints only",
                           "name the right links in fingers")
     knuckles = _knuckles(chain[: last + 1])
     return Finger(name, knuckles[-3 if len(knuckles) > 2 else 0], knuckles[-2 if len(knuckles) > 1 else 0],

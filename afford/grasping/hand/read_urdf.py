@@ -42,7 +42,7 @@ def read(files: FileTree) -> Tree:
     """Read the only URDF among the files; SourceError names the file and its fault."""
     found = [file for file in files.files if suffix(file.name) == URDF]
     if len(found) != 1:
-        raise SourceError(files.name, "one URDF", ", ".join(f.name for f in found) or "none", "keep one hand in a folder")
+        raise SourceError(files.name, "one URDF", ", ".join(f.name for f in found) or "no URDF", "keep one hand in a folder")
     root = parse(file_text(found[0]), found[0].name)
     tree = _tree(files, found[0], root)
     _check(tree)
@@ -95,7 +95,7 @@ def _joint(joint: Xml.Element, file: str) -> Joint:
 def _limits(joint: Xml.Element, where: str) -> tuple[float, float, float, float]:
     limit = joint.find("limit")
     if limit is None:
-        raise SourceError(where, "a <limit> with lower, upper, effort and velocity", "none", "add it")
+        raise SourceError(where, "a <limit> with lower, upper, effort and velocity", "no <limit>", "add it")
     lower, upper, effort, velocity = (_number(limit, key, where) for key in ("lower", "upper", "effort", "velocity"))
     if lower >= upper or effort <= 0 or velocity <= 0:
         raise SourceError(where, "lower < upper, and effort and velocity above zero",
@@ -160,7 +160,7 @@ class Meshes:
         if (file.name, scale) not in self._names:
             surface = moved(self._surface(file), np.diag([*scale, 1.0]))
             if not len(surface.faces):
-                raise SourceError(file.name, "triangles", "none", "export the mesh again")
+                raise SourceError(file.name, "triangles", "an empty mesh", "export the mesh again")
             self._triangles += len(surface.faces)
             check_triangles(self._triangles, self.urdf.name)
             name = self._free(posixpath.splitext(file.name)[0].removeprefix("meshes/").replace("/", "_"))

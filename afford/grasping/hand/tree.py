@@ -114,7 +114,7 @@ def ordered(tree: Tree) -> Tree:
                           "add the link or correct its name")
     roots = [name for name in links if name not in carried]
     if len(roots) > 1 or not links:
-        raise SourceError(tree.name, "one root link", " and ".join(roots) or "none", "join all links below one")
+        raise SourceError(tree.name, "one root link", " and ".join(roots) or "no links", "join all links below one")
     joints = _below(tree, roots[0]) if roots else []
     if len(joints) != len(links) - 1:
         lost = next(name for name in links if name not in {*roots, *(joint.child for joint in joints)})

@@ -34,7 +34,7 @@ def read(files: FileTree) -> tuple[HandMotion, ...]:
     """Read all grasps of all .npz files, by object id; SourceError when there are none, or when one cannot be used."""
     found = [file for file in files.files if PurePosixPath(file.name).suffix == ".npz"]
     if not found:
-        raise SourceError(files.name, f"an .npz with <object id>/{FIELD}", "none", "get DexYCB's grasps as D-Grasp prepared them")
+        raise SourceError(files.name, f"an .npz with <object id>/{FIELD}", "no .npz", "get DexYCB's grasps from D-Grasp")
     return tuple(motion for file in found for motion in _grasps(file))
 
 
@@ -42,7 +42,7 @@ def _grasps(file: FileRef) -> list[HandMotion]:
     found = load_npz(file.path, file.name, lambda name: name.partition("/")[2] == FIELD)
     tables = {name.partition("/")[0]: table for name, table in found.items()}
     if not tables:
-        raise SourceError(file.name, f"arrays <object id>/{FIELD}", "none", "use the keypoints reader for other files")
+        raise SourceError(file.name, f"arrays <object id>/{FIELD}", "other arrays", "use the keypoints reader for other files")
     unknown = [key for key in tables if not re.fullmatch("[0-9]{1,9}", key) or int(key) not in NAMES]
     if unknown:
         raise SourceError(file.name, "object ids 1 to 21", repr(unknown[0]), "correct the names of the arrays")

@@ -30,7 +30,7 @@ def read(files: FileTree) -> tuple[HandMotion, ...]:
     readers = {".npz": _npz, ".json": _json, ".csv": _csv}
     found = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in readers]
     if not found:
-        raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "none", DOCS)
+        raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "other files", DOCS)
     return tuple(_motion(file, readers[PurePosixPath(file.name).suffix.lower()](file)) for file in found)
 
 
@@ -100,7 +100,7 @@ def _csv(file: FileRef) -> dict[str, Any]:
         raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
     missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]
     if missing:
-        raise SourceError(file.name, f"a column {missing[0]}, and a row", "none", DOCS)
+        raise SourceError(file.name, f"a column {missing[0]}, and a row", "neither or one of them", DOCS)
     record: dict[str, Any] = {field: rows[0][field] for field in ("hand", "fps", "unit", "object_name") if field in rows[0]}
     for field, value in record.items():
         other = next((number for number, row in enumerate(rows, 2) if row[field] != value), None)

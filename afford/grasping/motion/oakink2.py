@@ -52,7 +52,7 @@ def read_mano(file: FileRef, side: str) -> Mano:
     for name, shape in SHAPES.items():
         array = found.get(name)
         if array is None or array.shape != shape:
-            got = "none" if array is None else str(array.shape)
+            got = "no such array" if array is None else str(array.shape)
             raise SourceError(f"{file.name}, {name}", f"numbers {shape}", got, "save all arrays of MANO v1.2")
         if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
             raise SourceError(f"{file.name}, {name}", "finite numbers", f"others ({array.dtype})", "save all arrays of MANO v1.2")
@@ -108,7 +108,7 @@ def read(files: FileTree) -> tuple[HandMotion, ...]:
     models = {side: read_mano(_file(files, f"mano_{side}.npz", "save MANO v1.2 there"), side) for side in SIDES}
     sequences = [f for f in files.files if f.name.endswith(".npz") and not PurePosixPath(f.name).name.startswith("mano_")]
     if not sequences:
-        raise SourceError(files.name, "a sequence (.npz)", "none", IMPORT)
+        raise SourceError(files.name, "a sequence (.npz)", "no such file", IMPORT)
     return tuple(motion for file in sequences for motion in _sequence(files, file, models))
 
 
@@ -152,7 +152,7 @@ def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]
     for name, shape in shapes.items():
         array = arrays.get(name)
         if array is None or array.shape != (len(frames), *shape) or array.dtype.kind not in "fiu":
-            got = "none" if array is None else f"{array.dtype} {array.shape}"
+            got = "no such array" if array is None else f"{array.dtype} {array.shape}"
             raise SourceError(f"{where}, {name}", f"numbers {(len(frames), *shape)}", got, IMPORT)
     return arrays
 
@@ -193,5 +193,5 @@ def _intervals(where: str, key: str) -> tuple[tuple[int, int] | None, tuple[int,
 def _file(files: FileTree, name: str, fix: str) -> FileRef:
     found = files.find(name)
     if found is None:
-        raise SourceError(files.name, f"a file {name}", "none", fix)
+        raise SourceError(files.name, f"a file {name}", "no such file", fix)
     return found

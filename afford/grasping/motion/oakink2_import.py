@@ -33,7 +33,7 @@ def convert_all(root: Path, out: Path) -> list[str]:
     """Convert every sequence that has both files and return their names; SourceError when a file cannot be used."""
     pickles = sorted((root / "anno_preview").glob("*.pkl"))
     if not pickles:
-        raise SourceError(str(root), "anno_preview/<sequence>.pkl", "none", "give the root of OakInk2")
+        raise SourceError(str(root), "anno_preview/<sequence>.pkl", "no such file", "give the root of OakInk2")
     out.mkdir(parents=True, exist_ok=True)
     for path in pickles:
         program = root / "program" / "program_info" / f"{path.stem}.json"

@@ -75,5 +75,5 @@ def _apart(name: str, rows: list[Row]) -> None:
 def _file(files: FileTree, name: str) -> FileRef:
     found = files.find(name)
     if found is None:
-        raise SourceError(files.name, f"a file {name}", "none", f"name the lists {', '.join(SPLITS)}.yaml")
+        raise SourceError(files.name, f"a file {name}", "no such file", f"name the lists {', '.join(SPLITS)}.yaml")
     return found

@@ -85,7 +85,7 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
             found.append(replace(moved(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
     if not found:
-        raise SourceError(file.name, "a link with a <visual>", "none", "add the visual meshes")
+        raise SourceError(file.name, "a link with a <visual>", "links without visuals", "add the visual meshes")
     return join(found, "m")
 
 
@@ -220,7 +220,7 @@ def filename(mesh: Xml.Element, name: str) -> str:
     """Return the reference of a <mesh>."""
     found = mesh.get("filename", "")
     if not found:
-        raise SourceError(name, "filename in every <mesh>", "none", "name the mesh file")
+        raise SourceError(name, "a filename in every <mesh>", "an empty one", "name the mesh file")
     return found
 
 
