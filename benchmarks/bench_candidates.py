@@ -18,8 +18,8 @@ from pathlib import Path
 from afford.common.files import tree
 from afford.grasping.candidates.comparison_report import table
 from afford.grasping.hand.assets import shadow_files
-from afford.surface.negative.files import slug
-from afford.synthetic.objects.split import specs
+from afford.surface.negative.export import task_slug
+from afford.synthetic.splits import object_specs
 from benchmarks.pages import ROOT, into
 from schemas.files import FileTree
 from schemas.grasp import GraspComparison
@@ -54,7 +54,7 @@ def main() -> None:
     options = asked.parse_args()
     model = tree("model", options.model) if options.model else FileTree("none", ())
     hand, found, began = hand_model.run(shadow_files(), hand_model.Params()), [], time.process_time()
-    for spec in specs("seen", CATEGORIES, options.objects, SEED, 0):
+    for spec in object_specs("seen", CATEGORIES, options.objects, SEED, 0):
         try:
             found.append(compared(hand, spec, model, options.looks))
         except ValueError as error:
@@ -73,7 +73,7 @@ def compared(hand: HandModel, spec: ObjectSpec, model: FileTree, looks: int) -> 
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
     views = view_render.run(built.mesh, view_render.Params(size_px=32, directions=16, share=0.0))
     told = part_describe.run(built.mesh, views, part_describe.Params())
-    with tempfile.TemporaryDirectory(prefix=slug(spec.name)) as scratch:
+    with tempfile.TemporaryDirectory(prefix=task_slug(spec.name)) as scratch:
         params = grasp_compare.Params(looks=looks)
         return grasp_compare.run(hand, built.mesh, built.parts, body, told, model, params, Here(Path(scratch)))
 

@@ -18,7 +18,7 @@ import datasets
 import numpy as np
 import pyarrow.parquet as pq
 
-from afford.dataset import classes, columns, load, rows, shards
+from afford.dataset import load, parquet_shards, table_schema
 from schemas.affordance import Samples
 from tests.helpers.made_samples import clip
 
@@ -50,16 +50,16 @@ def cpu(work: Callable[[], object]) -> float:
 
 def schema(clips: list[Samples]):
     said = [one.narration for made in clips for one in made.samples]
-    verbs = classes.emerge((one.verb_key, one.verb_class) for one in said)
-    nouns = classes.emerge((one.noun_key, one.noun_class) for one in said)
-    return verbs, nouns, columns.arrow_schema(columns.columns(verbs, nouns))
+    verbs = table_schema.collect_classes((one.verb_key, one.verb_class) for one in said)
+    nouns = table_schema.collect_classes((one.noun_key, one.noun_class) for one in said)
+    return verbs, nouns, table_schema.arrow_schema(table_schema.columns(verbs, nouns))
 
 
 def write_ours(clips: list[Samples], root: Path) -> None:
     """Masks as arrays, pictures as JPEG -> shards: PNG, run lengths, boxes and areas of four masks, and all columns."""
     verbs, nouns, described = schema(clips)
-    found = (rows.row(made, one, verbs.labels(), nouns.labels(), "") for made in clips for one in made.samples)
-    shards.write(found, described, root, shards.shard_names("train", SAMPLES, 10_000), 10_000)
+    found = (table_schema.table_row(made, one, verbs.labels(), nouns.labels(), "") for made in clips for one in made.samples)
+    parquet_shards.write_shards(found, described, root, parquet_shards.shard_names("train", SAMPLES, 10_000), 10_000)
 
 
 def write_hf(clips: list[Samples], path: Path) -> None:
@@ -67,15 +67,15 @@ def write_hf(clips: list[Samples], path: Path) -> None:
     verbs, nouns, described = schema(clips)
     plain = [name for name in described.names if not name.startswith(("mask_", "object_left_mask", "object_right_mask"))]
     features = datasets.Features.from_arrow_schema(described)
-    kept = datasets.Features({name: features[name] for name in (*plain, *columns.MASKS)})
+    kept = datasets.Features({name: features[name] for name in (*plain, *table_schema.MASKS)})
 
     def generate():
         for made_ in clips:
             for one in made_.samples:
-                row = rows.task(one, verbs.labels(), nouns.labels()) | rows.source(made_, one)
+                row = table_schema.task_columns(one, verbs.labels(), nouns.labels()) | table_schema.source_columns(made_, one)
                 yield {name: row.get(name) for name in plain} | {
                     "image": {"bytes": one.image_jpeg.tobytes(), "path": None}, "sample_id": one.sample_id,
-                    **dict(zip(columns.MASKS, one.masks, strict=True))}
+                    **dict(zip(table_schema.MASKS, one.masks, strict=True))}
 
     batch: dict[str, list] = {}
     writer = None

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.image_files import encode_jpeg
+from afford.common.image_files import jpeg
 from afford.common.masks import iou
 from afford.common.palette import HANDS, colours_of
 from afford.extraction.hands.network import find
@@ -30,9 +30,9 @@ from afford.extraction.sources.outlines import rasterise
 from afford.models.weights import weight_files
 from afford.render.raster import View
 from afford.render.scene import batch
-from afford.synthetic.kitchens.play import LENGTH
-from afford.synthetic.kitchens.specs import standard_specs
+from afford.synthetic.kitchens.animation import DURATION
 from afford.synthetic.kitchens.world import World, build_world
+from afford.synthetic.splits import standard_specs
 from commands.session import digester, open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -67,7 +67,7 @@ class Scene:
     """A video to look at, and what is true of some of its frames."""
 
     name: str
-    files: FileTree
+    weight_files: FileTree
     viewpoint: Viewpoint
     shots: list[Shot]
 
@@ -125,7 +125,7 @@ def rendered(seed: int, runner: Runner) -> Iterator[Scene]:
 
 def _shots(spec: SceneSpec, world: World) -> Iterator[Shot]:
     for frame in range(1, spec.frames + 1, spec.key_gap):
-        moment = (frame - 1) * LENGTH / spec.frames
+        moment = (frame - 1) * DURATION / spec.frames
         cloth = world.hands[0].look.cloth
         parts = [replace(i, entity=-1) if i.material is cloth and i.entity in (0, 1) else i for i in world.instances(moment)]
         view = View.of(batch(parts, world.textures), world.camera(moment))
@@ -254,7 +254,7 @@ def main() -> None:
         measure(scene, finder, tallies.setdefault(scene.name.partition(" ")[0], Tally()), tiles)
         strips.append(np.concatenate(tiles[:TILES], axis=1))
     print(page(tallies, args.seed))
-    PICTURE.write_bytes(encode_jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
+    PICTURE.write_bytes(jpeg(np.concatenate(strips[:STRIPS]), JPEG_QUALITY))
     PAGE.write_text(page(tallies, args.seed))
 
 

@@ -17,7 +17,7 @@ from afford.grasping.hand.assets import shadow_files
 from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.scene import Physics, Scene
 from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, SETTLE, Outcome, grasp_part
-from afford.synthetic.objects.split import TRAINED, UNSEEN
+from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES
 from schemas.grasp import GraspObject
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
@@ -93,7 +93,7 @@ def _by_kind(rows: list[tuple[str, Physics, Row]]) -> str:
 
 def _hulls() -> str:
     lines = ["| category | parts | hulls | mass kg | stand-out mean mm | worst hull mm | CPU s |", "|---|--:|--:|--:|--:|--:|--:|"]
-    for category in sorted((*TRAINED, *UNSEEN)):
+    for category in sorted((*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES)):
         start = time.process_time()
         body = _object(category, SEEDS[0])
         out = 1000 * body.stand_out_m

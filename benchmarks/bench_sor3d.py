@@ -23,7 +23,7 @@ from afford.rgbd.model.config import VARIANTS
 from afford.rgbd.model.model import build
 from benchmarks import sor3d_kept
 from benchmarks.pages import ROOT, head, into, make, took
-from commands.settings import described
+from commands.settings import parameters_of
 from stages.rgbd import sor3d_report, sor3d_train
 
 SELF = Path(__file__).name
@@ -83,7 +83,7 @@ def told(asked: argparse.Namespace) -> str:
 def schedule() -> str:
     """Every parameter of the training in which small and paper differ."""
     small, paper = sor3d_train.Params(), sor3d_train.PAPER
-    rows = [(name, getattr(small, name), getattr(paper, name), doc) for name, _, _, doc, _ in described(small)]
+    rows = [(name, getattr(small, name), getattr(paper, name), doc) for name, _, _, doc, _ in parameters_of(small)]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
     return f"| `sor3d_train` | small | paper | |\n|---|--:|--:|---|\n{lines}"
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.dataset.sor3d.rules import USES
+from afford.dataset.affordance_rules import AFFORDANCE_RULES
 from afford.rgbd.evaluate import published
 from benchmarks.pages import ROOT, into
 from stages.synthetic import interaction_plan
@@ -29,7 +29,7 @@ def main() -> None:
     plan = [one for one in interaction_plan.run(interaction_plan.Params()) if one.split == "val"]
     seen = Counter((one.object_type, one.affordance) for one in plan)
     rng, kinds = np.random.default_rng(SEED), sorted({one.object_type for one in plan})
-    starts = ({kind: str(rng.choice(list(USES[kind]))) for kind in kinds} for _ in range(STARTS))
+    starts = ({kind: str(rng.choice(list(AFFORDANCE_RULES[kind]))) for kind in kinds} for _ in range(STARTS))
     best = max((climb(start, seen) for start in starts), key=lambda said: means(said, seen)[0])
     iou, f = means(best, seen)
     paper = published.MODEL["static"]
@@ -44,7 +44,7 @@ def climb(said: dict[str, str], seen: Counter[tuple[str, str]]) -> dict[str, str
     while (now := means(said, seen)[0]) > best:
         best = now
         for kind in said:
-            said = max(({**said, kind: use} for use in USES[kind]), key=lambda other: means(other, seen)[0])
+            said = max(({**said, kind: use} for use in AFFORDANCE_RULES[kind]), key=lambda other: means(other, seen)[0])
     return said
 
 

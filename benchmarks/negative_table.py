@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from afford.surface.describe.lexicon import TASKS, rule
-from afford.synthetic.objects.build import BUILDERS
-from afford.synthetic.objects.split import UNSEEN
+from afford.synthetic.objects.library import BUILDERS
+from afford.synthetic.splits import UNSEEN_CATEGORIES
 from benchmarks.pages import ROOT, into
 
 PAGE = ROOT / "docs" / "surface" / "negative-affordance.md"
@@ -24,7 +24,7 @@ def categories() -> str:
     lines = ("| category | parts | |\n|---|---|---|\n",)
     for name in sorted(BUILDERS):
         parts = dict.fromkeys(solid.part for solid in BUILDERS[name](np.random.default_rng(0)))
-        lines += (f"| {name} | {', '.join(parts)} | {'**unseen**' if name in UNSEEN else 'trained'} |\n",)
+        lines += (f"| {name} | {', '.join(parts)} | {'**unseen**' if name in UNSEEN_CATEGORIES else 'trained'} |\n",)
     return "".join(lines)
 
 

@@ -29,8 +29,8 @@ sys.path.insert(0, str(ROOT))  # to run without PYTHONPATH
 
 from benchmarks.pin_sources import written  # noqa: E402
 from commands.run import Request  # noqa: E402
-from commands.session import seen_runner  # noqa: E402
-from commands.store import planned  # noqa: E402
+from commands.session import open_existing  # noqa: E402
+from commands.store import plan_request  # noqa: E402
 from commands.targets import use  # noqa: E402
 from pipeline import TARGETS, build  # noqa: E402
 from runner import Runner  # noqa: E402
@@ -166,7 +166,7 @@ def outputs(run: Run, store: Path) -> Outputs:
     there.
     """
     found: Outputs = {}
-    for plan in planned(request(run, store)):
+    for plan in plan_request(request(run, store)):
         if plan.status != "cached":
             raise SystemExit(f"{run.target}: {plan.stage} {plan.shard} is {plan.status} after the run: {plan.reason}")
         found.setdefault(plan.stage, {})[plan.shard] = plan.output
@@ -250,7 +250,7 @@ def by_file(store: Path, old: Path | None) -> Callable[[str, str], str]:
     """What tells two outputs apart by their files, where the store that holds what is pinned is there."""
     if old is None:
         return lambda before, now: ""
-    here, there = seen_runner(store), seen_runner(old)
+    here, there = open_existing(store), open_existing(old)
 
     def told(before: str, now: str) -> str:
         was, is_now = blobs(there, before), blobs(here, now)

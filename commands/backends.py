@@ -27,7 +27,7 @@ from runner.modules import Modules
 from runner.selection import selector
 
 ROOT = Path(__file__).resolve().parent.parent
-SAID = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
+DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
 """constants by which the module of a backend says what it needs: weights, a server, an extra of pyproject.toml and its packages"""
 DECIDES = "Everything that decides "
 """how the module of a training begins; what follows is what the backend does"""
@@ -62,7 +62,7 @@ class Backend:
         return self.entry.partition(":")[0]
 
 
-def of_stage(stage: str) -> list[Backend]:
+def backends_of(stage: str) -> list[Backend]:
     """The backends of a stage; none for a name that no stage has."""
     return [one for path in (ROOT / "stages").glob(f"*/{stage}.py") for one in _of(_modules(), _name(path))]
 
@@ -72,7 +72,7 @@ def _name(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts)
 
 
-def everywhere() -> list[Backend]:
+def all_backends() -> list[Backend]:
     """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
     half of what a stage has chosen.
     """
@@ -93,27 +93,31 @@ def _choice(found: Iterable[Backend]) -> frozenset[tuple[str, str]]:
 def _of(modules: Modules, owner: str) -> list[Backend]:
     found = modules.get(owner)
     registries = found.registries if found else {}
-    return [Backend(owner, registry, name, entry, **_said(entry, _shared(entry, entries.values())))
+    return [Backend(owner, registry, name, entry, **_said(name, entry, _shared(entry, entries.values())))
             for registry, entries in registries.items() for name, entry in entries.items()]
 
 
 def _shared(entry: str, entries: Iterable[str]) -> bool:
-    """Whether several entries of a registry lie in the same module."""
+    """Whether the module of an entry holds another entry of the registry."""
     module = entry.partition(":")[0]
-    return sum(other.partition(":")[0] == module for other in entries) > 1
+    return any(other != entry and other.partition(":")[0] == module for other in entries)
 
 
 @cache
-def _said(entry: str, shared: bool) -> dict[str, Any]:
-    """The sentence of a backend: of its module, or of its own where a module holds several; and what it needs."""
+def _said(name: str, entry: str, shared: bool) -> dict[str, Any]:
+    """Sentence of a backend from its module, or from its own docstring where a module holds several; and what the backend needs.
+
+    A module that serves several backends has a dict of needs by name.
+    """
     module, _, attribute = entry.partition(":")
     tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))
     own = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == attribute]
     said = ast.get_docstring(tree) or ""
     constants = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
-                 if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in SAID}
+                 if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in DECLARATIONS}
     mine = ast.get_docstring(own[0]) if own and shared else None
-    return {"about": _sentence(mine or said), **{name.lower(): value for name, value in constants.items()}}
+    return {"about": _sentence(mine or said), **{
+        need.lower(): value.get(name, "") if isinstance(value, dict) else value for need, value in constants.items()}}
 
 
 def _sentence(text: str) -> str:
@@ -125,7 +129,8 @@ def _sentence(text: str) -> str:
 
 def third_party(backend: Backend) -> set[str]:
     """Import names of the packages that the code of a backend reaches, and of those that its extra brings."""
-    return set(fingerprint(_modules(), backend.entry, {}).third_party) | set(backend.packages)
+    select = {selector(backend.registry): backend.name}
+    return set(fingerprint(_modules(), backend.entry, select).third_party) | set(backend.packages)
 
 
 @cache
@@ -167,10 +172,10 @@ def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, 
 
 def rows(chosen: Settings, stage: str = "") -> list[Row]:
     """Every entry of every registry, in the order of the stages, or those of one. UsageError when it has none."""
-    owners = {one.stage for one in everywhere()}
+    owners = {one.stage for one in all_backends()}
     if stage and stage not in owners:
         raise unknown("stage with backends", stage, owners)
-    wanted = [one for one in everywhere() if stage in ("", one.stage)]
+    wanted = [one for one in all_backends() if stage in ("", one.stage)]
     return [_row(one, _params(chosen, one.stage)) for one in wanted]
 
 

@@ -17,8 +17,8 @@ from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
 from afford.extraction.sources.examine import Examined, examine
-from afford.surface.meshes.files import URDF
-from afford.surface.meshes.references import is_mesh
+from afford.surface.meshes.read import is_mesh
+from afford.surface.meshes.surface import URDF
 from commands.errors import UsageError, unknown
 from commands.settings import settings
 from maps.settings import Settings
@@ -30,7 +30,7 @@ Refusals = list[tuple[str, str]]
 
 
 @dataclass
-class Checked:
+class SourceReport:
     """A source as `run` would take it."""
 
     source: str
@@ -63,21 +63,21 @@ def check(root: Path, clips: Sequence[str], sets: Sequence[str], as_json: bool) 
     return int(not found.ok)
 
 
-def _checked(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
+def _checked(root: Path, clips: Sequence[str], chosen: Settings) -> SourceReport:
     try:
         return _meshes(root) if _holds_meshes(root) else _videos(root, clips, chosen)
     except (SourceError, OSError) as error:
-        return Checked(str(root), "", refused=[(root.resolve().name, str(error).removeprefix(f"{root}: "))])
+        return SourceReport(str(root), "", refused=[(root.resolve().name, str(error).removeprefix(f"{root}: "))])
 
 
-def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> Checked:
+def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> SourceReport:
     source, read = discover(root, _unread, clips), chosen.extraction.source_read
     cutting = Cutting(read.max_gap_s, read.max_still_gap_s, read.max_frames, read.margin_frames)
     videos = [examine(files, cutting, read.still_fps) for files in source.videos]
     _check_clips(clips, videos)
     refused = [(one.video_id, one.reason) for one in source.refused]
     refused += [(one.video, one.refusal) for one in videos if one.refusal]
-    return Checked(str(root), source.kind, videos, missing=list(source.missing), refused=refused)
+    return SourceReport(str(root), source.kind, videos, missing=list(source.missing), refused=refused)
 
 
 def _check_clips(clips: Sequence[str], videos: Sequence[Examined]) -> None:
@@ -97,15 +97,15 @@ def _holds_meshes(root: Path) -> bool:
     return any(is_mesh(e.name) or e.suffix == URDF for e in found) and not any(e.suffix in VIDEO_SUFFIXES for e in found)
 
 
-def _meshes(root: Path) -> Checked:
+def _meshes(root: Path) -> SourceReport:
     from afford.surface.meshes.discover import discover as find
-    from afford.surface.meshes.read import read
+    from afford.surface.meshes.read import read_surface
 
-    source, checked = find(root, _unread), Checked(str(root), "meshes")
+    source, checked = find(root, _unread), SourceReport(str(root), "meshes")
     checked.refused += [(one.name, one.reason) for one in source.refused]
     for files in source.objects:
         try:
-            surface = read(files)
+            surface = read_surface(files)
         except (SourceError, OSError) as error:
             checked.refused.append((files.name, str(error)))
             continue
@@ -118,7 +118,7 @@ def _meshes(root: Path) -> Checked:
 # -- what is shown -----------------------------------------------------------------------------------------------------
 
 
-def _lines(found: Checked) -> Iterator[str]:
+def _lines(found: SourceReport) -> Iterator[str]:
     kinds = {"epic": "an EPIC-KITCHENS / VISOR root", "own": "a video with masks", "bare": "video without masks",
              "meshes": "meshes", "": "no source"}  # fmt: skip
     yield f"[bold]{escape(found.source)}[/]: {kinds[found.kind]}"
@@ -164,7 +164,7 @@ def _some(words: Sequence[str]) -> str:
     return "; ".join(words[:SHOWN]) + (f"; and {len(words) - SHOWN} more" if len(words) > SHOWN else "")
 
 
-def _tree(found: Checked) -> dict[str, Any]:
+def _tree(found: SourceReport) -> dict[str, Any]:
     return {"source": found.source, "kind": found.kind, "ok": found.ok, "missing": found.missing, "meshes": found.meshes,
             "refused": [{"name": name, "reason": why} for name, why in found.refused],
             "videos": [_branch(video) for video in found.videos]}  # fmt: skip

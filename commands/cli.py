@@ -352,9 +352,9 @@ def _command(targets: Iterable[str]) -> Any:
 
 def _exit_code(error: Exception) -> int:
     """Say what went wrong in one sentence; what nobody foresaw is raised again. Nobody waits for the runner's errors before."""
-    from runner import NothingToLeaveError, StoreError, UnknownNameError, UnknownShardError
+    from runner import NothingOptionalError, StoreError, UnknownNameError, UnknownShardError
 
-    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingToLeaveError, StoreError)):
+    if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingOptionalError, StoreError)):
         sys.stderr.write(f"error: {error}\n")
         return 1 if isinstance(error, StoreError) else 2
     if not hasattr(error, "exit_code"):  # click's own usage errors carry one

@@ -19,7 +19,7 @@ Names = Mapping[str, Mapping[str, str]]
 """column -> stage -> its name in the graph"""
 
 
-def built(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
+def build_columns(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
     """The graph of a target, or of the comparison where there are several columns, and the names of its stages then. UsageError for
     parameters of which no graph can be made.
     """

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from commands.errors import UsageError
 from commands.publish import FILES
-from commands.session import STORE, seen_runner
+from commands.session import STORE, open_existing
 from runner import LostError, is_store
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _learned_from(model: ModelFolder, store: Path) -> dict[str, Path]:
     if digest is None or not is_store(store):
         return {}
     try:
-        found = seen_runner(store).files(digest)
+        found = open_existing(store).files(digest)
     except LostError:
         return {}
     return {name.removeprefix(FILES): path for name, path in found.items() if name.startswith(FILES)}

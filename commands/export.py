@@ -15,9 +15,9 @@ from commands.targets import build
 
 FORMATS = {
     "2hands": "afford.dataset.export_2hands:export",
-    "coco": "afford.dataset.export_coco:export",
-    "webdataset": "afford.dataset.export_webdataset:export",
-    "epic": "afford.synthetic.kitchens.write_root:write_root",
+    "coco": "afford.dataset.exports:export_coco",
+    "webdataset": "afford.dataset.exports:export_webdataset",
+    "epic": "afford.synthetic.kitchens.epic_files:write_root",
 }
 
 
@@ -37,7 +37,7 @@ def export(format: str, folder: Path, source: Path | None, store: Path | None) -
             sys.stdout.write(f"{folder}: {clip.files.name}\n")
         return 0 if report.ok else 1
     name = source.resolve().name if source else "synthetic"
-    dataset = runner.place.store / "datasets" / name
+    dataset = runner.store.root / "datasets" / name
     if not dataset.is_dir():
         part = dataset.with_name(f"{name}{PART}")
         hint = f"; what {part} holds is a part, `run dataset --replace` names it {name}" if part.is_dir() else ""

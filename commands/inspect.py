@@ -19,7 +19,7 @@ from rich.table import Table
 from afford.recording.summary import Summary, summarise
 from commands.errors import UsageError, unknown
 from commands.inspect_tables import SORTS, print_json, show_many, show_one, size
-from commands.session import seen_runner
+from commands.session import open_existing
 from runner import LostError, Runner
 
 SUFFIX = ".mcap"
@@ -190,7 +190,7 @@ MANY = 3
 
 def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
     """Describe the artifact of a digest (or its beginning); 1 when its files are damaged or lost, UsageError for none."""
-    runner = seen_runner(store)
+    runner = open_existing(store)
     try:
         found = runner.lineage(artifact)
     except ValueError as error:

@@ -14,16 +14,16 @@ from runner.report import Observer
 
 RECORDINGS = "recordings/"
 """where recordings are published"""
-Waiting = dict[str, str]
+Unrecorded = dict[str, str]
 """stage -> why it is not recorded"""
 
 
-def only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str],
+def run_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str],
          observer: Observer) -> RunReport:  # fmt: skip
     """Run stages on the inputs that each of their shards had last; those that never ran on this source, with all that they need."""
     report = RunReport("")
     nodes = [_node(graph, stage) for stage in stages]
-    seen = {node.name: ran(runner, graph, node, clips) for node in nodes}
+    seen = {node.name: shards_with_inputs(runner, graph, node, clips) for node in nodes}
     fresh = tuple(Handle(graph, node) for node in nodes if not seen[node.name])
     if fresh:
         add(report, runner.run(graph, fresh, shards=clips or None, force=force, observer=observer))
@@ -34,11 +34,11 @@ def only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, 
     return report
 
 
-def plan(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str]) -> list[TaskPlan]:
-    """What `only` would run, the recorders included."""
+def plan_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str]) -> list[TaskPlan]:
+    """What `run_only` would run, the recorders included."""
     out: dict[tuple[str, str], TaskPlan] = {}
     for node in (_node(graph, stage) for stage in stages):
-        alone = bool(ran(runner, graph, node, clips))
+        alone = bool(shards_with_inputs(runner, graph, node, clips))
         wanted = [node, *recorders(graph, node)]
         plans = runner.plan(graph, tuple(Handle(graph, one) for one in wanted), shards=clips or None, force=force)
         needed = {one.name for one in wanted} if alone else {one.name for one in (*graph.upstream([node]), *wanted)}
@@ -46,7 +46,7 @@ def plan(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, 
     return list(out.values())
 
 
-def ran(runner: Runner, graph: Graph, node: Node, clips: tuple[str, ...]) -> tuple[str, ...]:
+def shards_with_inputs(runner: Runner, graph: Graph, node: Node, clips: tuple[str, ...]) -> tuple[str, ...]:
     """Shards of this source on which the stage has run, with inputs of the same names; of `clips` alone where some are named."""
     plans = runner.plan(graph, Handle(graph, node), shards=clips or None)
     heads = {plan.shard.split("/")[0] for plan in plans if plan.stage == node.name}
@@ -57,9 +57,9 @@ def ran(runner: Runner, graph: Graph, node: Node, clips: tuple[str, ...]) -> tup
 
 
 def record(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], report: RunReport,
-           observer: Observer) -> Waiting:  # fmt: skip
+           observer: Observer) -> Unrecorded:  # fmt: skip
     """Record what `stages` have made; what that does is added to the report. Gives the stages that are not recorded, and why."""
-    waiting: Waiting = {}
+    waiting: Unrecorded = {}
     for node in (_node(graph, stage) for stage in stages):
         found = recorders(graph, node)
         if not found and not _is_recording(graph, node):
@@ -85,7 +85,7 @@ def publish_recordings(runner: Runner, graph: Graph, stage: str, place: Origin, 
     """Publish recordings of one stage that are else only parts of those of clips, in a folder of its own; the folder, None where
     there are none.
     """
-    folder, recorder = runner.place.store / RECORDINGS / place.name / stage, RECORDS + stage
+    folder, recorder = runner.store.root / RECORDINGS / place.name / stage, RECORDS + stage
     if recorder not in report.outputs or _is_recording(graph, _node(graph, recorder)):
         return None
     for shard, digest in report.outputs[recorder]:

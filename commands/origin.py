@@ -93,13 +93,13 @@ def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """Cases in ActAffordance's layout, ours where no source is given, and folders with the predictions of other methods."""
-    from afford.dataset.layout import cases, tree
+    from afford.dataset.act_affordance import cases, read_tree
 
     try:
-        given = tree(source, digest) if source else None
+        given = read_tree(source, digest) if source else None
         if given:
             cases(given)
-        others = tuple(tree(Path(name), digest) for name in settings.twohands.benchmark.predictions)
+        others = tuple(read_tree(Path(name), digest) for name in settings.twohands.benchmark.predictions)
     except ValueError as error:
         raise UsageError(str(error)) from error
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
@@ -107,12 +107,12 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
 
 def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
     """A folder with motion of hands, or one file of it; nothing where only the graph is asked for."""
-    from afford.dataset.layout import tree
+    from afford.dataset.act_affordance import read_tree
 
     if source is None:
         return Origin("motions")
     try:
-        files = tree(source, digest) if source.is_dir() else None
+        files = read_tree(source, digest) if source.is_dir() else None
     except ValueError as error:
         raise UsageError(str(error)) from error
     if files is None and not source.is_file():
@@ -136,12 +136,12 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
 
 def _sequences(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """The sequences of a root in the layout of SOR3D-AFF, none where they are rendered; clips of actions to learn from before."""
-    from afford.dataset.layout import tree
-    from afford.dataset.sor3d.folder import discover as find
+    from afford.dataset.act_affordance import read_tree
+    from afford.dataset.sor3d_layout import discover_sequences as find
 
     try:
         found = find(source, digest) if source else ()
-        actions = tree(Path(settings.rgbd.sor3d_report.actions), digest) if settings.rgbd.sor3d_report.actions else None
+        actions = read_tree(Path(settings.rgbd.sor3d_report.actions), digest) if settings.rgbd.sor3d_report.actions else None
     except ValueError as error:
         raise (_refusal(source, error) if source else UsageError(f"sor3d_report.actions: {error}")) from error
     name = OWN_ROOMS[target] if source is None else source.resolve().name
@@ -174,16 +174,16 @@ def _is_dataset(source: Path) -> bool:
 
 def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
     """A data set to train on; stills that are rendered for it where no source is given."""
-    from afford.dataset.layout import tree
+    from afford.dataset.act_affordance import read_tree
 
     if source is None:
         return Origin(settings.twohands.model_train.variant)
-    given = tree(source, digest)
+    given = read_tree(source, digest)
     return Origin(given.name, dataset=given)
 
 
 def _synthetic(target: str, settings: Settings) -> Origin:
-    from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
+    from afford.synthetic.splits import dataset_specs, hard_specs, standard_specs
 
     if target != "extraction-report":
         return Origin("synthetic", specs=dataset_specs(settings.synthetic.scene_render.seed))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from commands.publish import FILES, owned, publish, publish_file, publish_files, retire, shown, shows_file
+from commands.publish import FILES, publish, publish_file, publish_files, publish_lock, retire_recordings, shows_file, shows_folder
 from maps.settings import Origin
 from runner import Graph, Runner, RunReport
 from runner.graph import Cost, Measured, Published
@@ -31,7 +31,7 @@ class Publisher:
 
     def folder(self, stage: str, digest: str, folder: Path) -> str:
         """Publish a folder, under the name of a part if it is one; its path. Errors as `publish`."""
-        if self.replace or shown(self.runner, digest, folder):
+        if self.replace or shows_folder(self.runner, digest, folder):
             return str(publish(self.runner, digest, folder))
         why = self.why.get(stage) or self._smaller(digest, folder)
         if why:
@@ -67,7 +67,7 @@ class Publisher:
         return f"it is not finished and has {len(lacking)} figure(s) less than {folder.name}" if lacking else ""
 
 
-def parts(graph: Graph, report: RunReport, clips: tuple[str, ...], refused: int) -> dict[str, str]:
+def partial_outputs(graph: Graph, report: RunReport, clips: tuple[str, ...], refused: int) -> dict[str, str]:
     """Stage of the target -> why what it made is a part, for those of which it is true. `refused`: videos that the source has and
     that could not be read.
     """
@@ -104,7 +104,7 @@ def _splits(statistics: Mapping[str, Any]) -> int:
 CLIP = "{clip}"
 
 
-def published(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
+def publish_outputs(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
     """Publish what was made and has a place; name -> path. Where `every` clip was asked for and none failed, recordings of clips
     that are no more go. Errors as `publish`.
     """
@@ -113,8 +113,8 @@ def published(to: Publisher, graph: Graph, report: RunReport, place: Origin, eve
         stage = graph.nodes[one.node].name
         made = report.outputs.get(stage)
         if made:
-            path = to.runner.place.store / one.place.format(source=place.of(one.part).name, clip=CLIP)
-            out[_named(one, one.name)] = _publish(to, stage, made, path, every and report.ok and not report.left)
+            path = to.runner.store.root / one.place.format(source=place.of(one.part).name, clip=CLIP)
+            out[_named(one, one.name)] = _publish(to, stage, made, path, every and report.ok and not report.deferred)
     return out
 
 
@@ -142,11 +142,11 @@ def _folders(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path)
 def _files(to: Publisher, clips: dict[str, str], folder: Path, whole: bool) -> None:
     """A recording of each clip."""
     publish_files(to.runner, clips, folder)
-    with owned(to.runner.place.store, folder):
-        retire(folder, set(clips), whole)
+    with publish_lock(to.runner.store.root, folder):
+        retire_recordings(folder, set(clips), whole)
 
 
-def measured(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]:
+def collect_metrics(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]:
     """The figures that the map names, and what stages cost that are counted in them."""
     out: dict[str, float] = {}
     found: dict[int, dict[str, float]] = {}
@@ -156,11 +156,11 @@ def measured(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]
             found[one.node] = json.loads(to.runner.file(made[-1][1], FILES + one.file).read_text())
             out |= {_named(one, one.under + name): value for name, value in found[one.node].items()}
     for cost in graph.costs:
-        out |= {_named(cost, name): value for name, value in costs(cost, report, found.get(cost.measured, {})).items()}
+        out |= {_named(cost, name): value for name, value in stage_costs(cost, report, found.get(cost.measured, {})).items()}
     return out
 
 
-def costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dict[str, float]:
+def stage_costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dict[str, float]:
     """What stages cost in these figures; nothing where the figure is not there, or nothing was spent."""
     shards = {shard for stage, shard in report.cpu_s if stage == cost.shards}
     spent = {(stage, shard): seconds for (stage, shard), seconds in report.cpu_s.items()

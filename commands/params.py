@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from commands.errors import unknown
-from commands.settings import Described, described
+from commands.settings import Parameter, parameters_of
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 
 PIPED_WIDTH = 100
@@ -27,16 +27,16 @@ def show(word: str | None, json: bool) -> int:
         raise unknown("stage", word, SYSTEM_OF)
     chosen = Settings()
     rows = [(system, stage, *row) for stage, system in SYSTEM_OF.items() if not asked or asked in (stage, system)
-            for row in described(chosen.params(stage))]  # fmt: skip
+            for row in parameters_of(chosen.params(stage))]  # fmt: skip
     if json:
         sys.stdout.write(encoder.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows]) + "\n")
         return 0
     for system in dict.fromkeys(row[0] for row in rows):
-        _print(system, [(stage, Described(*row)) for home, stage, *row in rows if home == system])
+        _print(system, [(stage, Parameter(*row)) for home, stage, *row in rows if home == system])
     return 0
 
 
-def _print(system: str, rows: list[tuple[str, Described]]) -> None:
+def _print(system: str, rows: list[tuple[str, Parameter]]) -> None:
     """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe. Each block of a backend has a
     line that says whether this backend is selected.
     """

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from commands.errors import UsageError, unknown
-from commands.progress import Shown, observer
+from commands.progress import ProgressObserver, observer
 from commands.session import STORE
 from runner import Reason
 from schemas.video import SIDES
@@ -65,7 +65,7 @@ SHOWN = 20
 
 
 @dataclass
-class Done:
+class BatchResult:
     """What came of the pictures so far."""
 
     predictions: list[dict[str, Any]] = field(default_factory=list)
@@ -84,11 +84,11 @@ def predict(image: Path, task: str, options: Options) -> int:
     from afford.twohands.inference import Question, answer_all, picture_count
     from afford.twohands.prediction_files import claim_folder
 
-    began, done = time.perf_counter(), Done()
+    began, done = time.perf_counter(), BatchResult()
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        stored, predictor = open_model(options.model, options.store, options.device)
+        model, predictor = open_model(options.model, options.store, options.device)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -97,22 +97,22 @@ def predict(image: Path, task: str, options: Options) -> int:
         for source in sources:
             for _ in range(picture_count(source, options.every)):
                 shown.planned(STAGE, source.name)
-        shown.started(STAGE, sources[0].name, Reason("forced", stored.name))
+        shown.started(STAGE, sources[0].name, Reason("forced", model.name))
         for item in answer_all(predictor, sources, question, options.every, batch):
-            _keep(item, stored, options, done, shown)
-    return _tell(_summary(question.task, stored, options, done, time.perf_counter() - began), options)
+            _keep(item, model, options, done, shown)
+    return _tell(_summary(question.task, model, options, done, time.perf_counter() - began), options)
 
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
     """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
-    from afford.twohands.model.model_folder import find_model, latest_model
+    from afford.twohands.model import model_folder
     from afford.twohands.model.predictor import Predictor
 
-    folder = given or latest_model((store or STORE) / "models")
+    folder = given or model_folder.latest_model((store or STORE) / "models")
     if folder is None:
         raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
     try:
-        found = find_model(folder)
+        found = model_folder.find_model(folder)
         return found, Predictor(found.folder, usable(device))
     except ValueError as error:
         raise UsageError(str(error)) from error
@@ -135,7 +135,7 @@ def _check(task: str, options: Options) -> None:
             raise UsageError(f"--{name} {value}: expected 1 or more")
 
 
-def _keep(item: Any, stored: ModelFolder, options: Options, done: Done, shown: Shown) -> None:
+def _keep(item: Any, model: ModelFolder, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
     """Write an answer, or note what was refused."""
     from afford.twohands.inference import Refused
     from afford.twohands.prediction_files import brief, write_prediction
@@ -144,7 +144,7 @@ def _keep(item: Any, stored: ModelFolder, options: Options, done: Done, shown: S
         _failed(item.source, item.message, done, shown)
         return
     try:
-        folder = write_prediction(item, stored, options.out, options.all_hypotheses)
+        folder = write_prediction(item, model, options.out, options.all_hypotheses)
     except (ValueError, OSError) as error:
         _failed(item.picture.source, str(error), done, shown)
         return
@@ -153,19 +153,20 @@ def _keep(item: Any, stored: ModelFolder, options: Options, done: Done, shown: S
     shown.finished(STAGE, item.picture.name, "ran", item.wall_ms / 1000, item.cpu_ms / 1000, "")
 
 
-def _failed(source: str, message: str, done: Done, shown: Shown) -> None:
+def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserver) -> None:
     done.failures.append({"source": source, "message": message})
     shown.finished(STAGE, source, "failed", 0.0, 0.0, message)
 
 
-def _summary(task: str, stored: ModelFolder, options: Options, done: Done, seconds: float) -> dict[str, Any]:
+def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """The object that `--json` prints and that predictions.json keeps."""
-    count = max(len(done.predictions), 1)
+    shown = max(len(done.predictions), 1)
     from afford.twohands.model.model_folder import unknown_words
 
-    return {"task": task, "unknown_words": unknown_words(stored, task), "hands_asked": options.hands,
-            "model": {"name": stored.name, "digest": stored.digest}, "predictions": done.predictions, "failures": done.failures,
-            "ms_per_image": {"cpu": round(done.cpu_ms / count, 3), "wall": round(done.wall_ms / count, 3)},
+    return {"task": task, "unknown_words": unknown_words(model, task), "hands_asked": options.hands,
+            "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
+            "failures": done.failures,
+            "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},
             "seconds": round(seconds, 3)}  # fmt: skip
 
 

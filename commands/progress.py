@@ -20,10 +20,10 @@ BEAT_S = 30.0
 """time between two lines about a task that runs"""
 
 
-class Shown(Protocol):
+class ProgressObserver(Protocol):
     """An observer that is opened and closed."""
 
-    def __enter__(self) -> Shown: ...
+    def __enter__(self) -> ProgressObserver: ...
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
     def planned(self, stage: str, shard: str) -> None: ...
     def started(self, stage: str, shard: str, reason: Reason) -> None: ...
@@ -31,7 +31,7 @@ class Shown(Protocol):
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None: ...
 
 
-def observer(quiet: bool) -> Shown:
+def observer(quiet: bool) -> ProgressObserver:
     """Bars on a terminal, plain lines elsewhere; everything goes to stderr."""
     console = Console(stderr=True)
     return Bars(console) if console.is_terminal and not quiet else Lines(quiet)

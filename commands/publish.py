@@ -41,7 +41,7 @@ PATIENCE_S = 0.002
 
 
 @contextmanager
-def owned(store: Path, folder: Path) -> Iterator[None]:
+def publish_lock(store: Path, folder: Path) -> Iterator[None]:
     """Own `folder` while something is put into it, and keep garbage collection away; leftovers of killed runs are deleted first.
     StoreError when something cannot be written.
     """
@@ -65,7 +65,7 @@ def publish(runner: Runner, digest: str, folder: Path) -> Path:
     alone when it is the same. LostError when a file is damaged, StoreError when the folder cannot be written.
     """
     files = _files(runner, digest)
-    with owned(runner.place.store, folder.parent):
+    with publish_lock(runner.store.root, folder.parent):
         if not _shows(folder, files):
             with _partial(folder) as partial:
                 _place(files, partial)
@@ -84,7 +84,7 @@ def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None
     left alone. ValueError for an artifact of several files, LostError and StoreError as `publish`.
     """
     sources = {name: _only(runner, digest) for name, digest in made.items()}
-    with owned(runner.place.store, folder):
+    with publish_lock(runner.store.root, folder):
         for name, source in sources.items():
             if not _same(folder / name, source):
                 with _partial(folder / name) as partial:
@@ -94,22 +94,22 @@ def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None
 
 def publish_text(runner: Runner, text: str, path: Path) -> Path:
     """Write a page of several artifacts, whole or not at all. StoreError when it cannot be written."""
-    with owned(runner.place.store, path.parent):
+    with publish_lock(runner.store.root, path.parent):
         _write(path, text)
     return path
 
 
-def shown(runner: Runner, digest: str, folder: Path) -> bool:
+def shows_folder(runner: Runner, digest: str, folder: Path) -> bool:
     """Whether `folder` shows this FileTree artifact, and nothing else. No file is read."""
-    return _shows(folder, _named(runner.places(digest)))
+    return _shows(folder, _named(runner.unverified_files(digest)))
 
 
 def shows_file(runner: Runner, digest: str, path: Path) -> bool:
     """Whether `path` shows the only file of this FileTree artifact. No file is read."""
-    return any(_same(path, file) for file in _named(runner.places(digest)).values())
+    return any(_same(path, file) for file in _named(runner.unverified_files(digest)).values())
 
 
-def retire(folder: Path, made: set[str], whole: bool) -> None:
+def retire_recordings(folder: Path, made: set[str], whole: bool) -> None:
     """After the recordings of clips `made`, names of files, were put into `folder`, which is owned: those of clips that a `whole`
     run no longer has are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it, nor what it calls by
     another name than that of a recording in the folder itself.

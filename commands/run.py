@@ -13,21 +13,21 @@ from typing import TypeVar
 from afford.extraction.sources.discover import Source
 from commands.compare import Names, publish_columns
 from commands.errors import UsageError
-from commands.only import only, publish_recordings, record
+from commands.only import publish_recordings, record, run_only
 from commands.origin import NEEDED
-from commands.outputs import Publisher, measured, parts, published
-from commands.progress import Shown, observer
+from commands.outputs import Publisher, collect_metrics, partial_outputs, publish_outputs
+from commands.progress import ProgressObserver, observer
 from commands.session import digester, open_runner
 from commands.settings import columns
-from commands.summary import Summary, show, where
-from commands.target_graphs import laid_out, resolved, target_named
+from commands.summary import Summary, show_inspect_hints, show_summary
+from commands.target_graphs import graph_of_request, resolve_stages, resolve_target
 from commands.warnings import show_warnings
-from commands.weights import weighed
+from commands.weights import resolve_weights
 from maps.settings import Origin
 from runner import Failure, Graph, LostError, Runner, RunReport
 
 T = TypeVar("T")
-USUAL_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
+DEFAULT_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
 """tables that take many hours: how long a run of them lasts where nothing is said; the next one goes on"""
 
 
@@ -54,7 +54,7 @@ class Request:
 
 
 @dataclass
-class Made:
+class ActiveRun:
     """A run that is going on: what it makes, and where that is put."""
 
     request: Request
@@ -66,7 +66,7 @@ class Made:
     source: Source | None
     stages: list[str]
     """the only ones that are asked for; none: all"""
-    shown: Shown
+    shown: ProgressObserver
     waiting: dict[str, str]
     """stage of these -> why it is not recorded"""
 
@@ -75,7 +75,7 @@ class Made:
         clips = self.request.clips
         if not self.stages:
             return self.runner.run(self.graph, target, shards=clips or None, force=force, limit_s=limit_s, observer=self.shown)
-        report = only(self.runner, self.graph, self.stages, clips, force, self.shown)
+        report = run_only(self.runner, self.graph, self.stages, clips, force, self.shown)
         if self.request.record is not False:
             self.waiting = record(self.runner, self.graph, self.stages, clips, report, self.shown)
         return report
@@ -84,37 +84,38 @@ class Made:
         """Publish what was made under names that people can find: outputs, what was measured, and notes about both; of a
         comparison, the outputs of every column.
         """
-        why = parts(self.graph, report, self.request.clips, len(self.source.refused) if self.source else 0)
-        to = Publisher(self.runner, why, self.request.replace, bool(report.left))
+        why = partial_outputs(self.graph, report, self.request.clips, len(self.source.refused) if self.source else 0)
+        to = Publisher(self.runner, why, self.request.replace, bool(report.deferred))
         if self.names and not self.stages:
-            folder = self.runner.place.store / "reports" / f"{self.place.name}-compare"
+            folder = self.runner.store.root / "reports" / f"{self.place.name}-compare"
             return *publish_columns(to, report, self.names, folder), to.notes
-        out = published(to, self.graph, report, self.place, not (self.request.clips or self.stages))
+        out = publish_outputs(to, self.graph, report, self.place, not (self.request.clips or self.stages))
         for stage in self.stages:
             recordings = publish_recordings(self.runner, self.graph, stage, self.place, report)
             out |= {"recordings": str(recordings)} if recordings else {}
-        return out, measured(to, self.graph, report), [*to.notes, *self.waiting.values()]
+        return out, collect_metrics(to, self.graph, report), [*to.notes, *self.waiting.values()]
 
 
 def run(request: Request) -> int:
     """Make the target; 0 when all went well, 1 when a shard failed. UsageError when the request does not fit."""
-    target = target_named(request.target, request.only)
+    target = resolve_target(request.target, request.only)
     _check(request, target)
     chosen = columns(request.sets, request.params)
     runner = open_runner(request.store, request.jobs, request.rehash)
-    weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    graph, names, place, source = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
-    stages, force = resolved([request.only] if request.only else [], target, graph), resolved(request.force, target, graph)
-    limit_s = limited(request, target)
+    weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
+    graph, names, place, source = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
+    stages = resolve_stages([request.only] if request.only else [], target, graph)
+    force = resolve_stages(request.force, target, graph)
+    limit_s = time_limit_s(request, target)
     with observer(quiet=False) as shown:
-        going = Made(request, runner, graph, names, place, source, stages, shown, {})
-        report, (outputs, metrics, notes) = made(partial(going.report, target), going.outputs, force, limit_s)
+        going = ActiveRun(request, runner, graph, names, place, source, stages, shown, {})
+        report, (outputs, metrics, notes) = run_and_publish(partial(going.report, target), going.outputs, force, limit_s)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
-                      None if limit_s is None else report.left, notes or None)
-    show(summary, report, source)
+                      None if limit_s is None else report.deferred, notes or None)
+    show_summary(summary, report, source)
     show_warnings(runner, report)
-    where(report, [stage for stage in stages if stage in going.waiting or not outputs])
+    show_inspect_hints(report, [stage for stage in stages if stage in going.waiting or not outputs])
     if request.json:
         sys.stdout.write(summary.printed())
     return 0 if report.ok else 1
@@ -130,14 +131,14 @@ def _check(request: Request, target: str) -> None:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
 
 
-def limited(request: Request, target: str) -> float | None:
+def time_limit_s(request: Request, target: str) -> float | None:
     """Seconds after which the run ends: as it was asked for, `inf` being none; else as is usual for the target."""
-    usual = None if request.only else USUAL_MINUTES.get(target)
+    usual = None if request.only else DEFAULT_MINUTES.get(target)
     minutes = usual if request.minutes is None else request.minutes
     return None if minutes is None or math.isinf(minutes) else 60 * minutes
 
 
-def made(
+def run_and_publish(
     ask: Callable[..., RunReport], publish: Callable[[RunReport], T], force: list[str], limit_s: float | None,
 ) -> tuple[RunReport, T]:
     """The report of a run and what was published of it. A blob that was damaged between its check and its use has been set aside:

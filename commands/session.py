@@ -27,9 +27,9 @@ def cores() -> int:
 DEFAULT_JOBS = cores()
 
 
-def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, glance: bool = False) -> Runner:
+def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False) -> Runner:
     """A runner; StoreError when the store cannot be written to, UsageError when it is a file. Memory: what is free when it starts,
-    less a margin. `glance`: for plans, which read no large file that was never hashed.
+    less a margin. `plan_only`: for plans, which read no large file that was never hashed.
     """
     folder = (store or STORE).absolute()
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
@@ -38,23 +38,23 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     use_kernel_cache(ROOT, folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
-                  rehash=rehash, glance=glance)
+                  rehash=rehash, plan_only=plan_only)
 
 
-def seen_runner(store: Path | None = None, glance: bool = False) -> Runner:
+def open_existing(store: Path | None = None, plan_only: bool = False) -> Runner:
     """A runner on a store that is there, for verbs that only look. UsageError where there is none, and nothing is made."""
     folder = store or STORE
     if not is_store(folder):
         got = "a folder that is none" if os.path.isdir(folder) else "a file" if os.path.exists(folder) else "nothing there"
         raise UsageError(f"--store {folder}: expected a store that a run has made, got {got}; name it, or make one with "
                          "`pipeline.py run`")  # fmt: skip
-    return open_runner(store, glance=glance)
+    return open_runner(store, plan_only=plan_only)
 
 
 def digester(runner: Runner) -> Callable[[Path], str]:
     """The digest of a file of a source. Large ones that have to be read for it, once, are announced."""
     def digest(path: Path) -> str:
-        if not runner.store.memo.glance and path.stat().st_size > ANNOUNCED_BYTES and not runner.is_hashed(path):
+        if not runner.store.memo.plan_only and path.stat().st_size > ANNOUNCED_BYTES and not runner.is_hashed(path):
             sys.stderr.write(f"reading {path.name} ({path.stat().st_size / 1e9:.1f} GB); it is remembered\n")
         return runner.hash_file(path)[0]
 

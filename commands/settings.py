@@ -22,7 +22,7 @@ from commands.errors import UsageError, unknown
 from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 
-class Described(NamedTuple):
+class Parameter(NamedTuple):
     """One parameter of a stage."""
 
     name: str
@@ -41,15 +41,15 @@ def blocks(params: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if dataclasses.is_dataclass(value)}
 
 
-def described(params: Any) -> Iterator[Described]:
+def parameters_of(params: Any) -> Iterator[Parameter]:
     """Every parameter of a stage: what the stage itself declares, what it shares with others, then block by block."""
     docs, inside = _docs(type(params)), blocks(params)
     own = inspect.get_annotations(type(params))
     for field in sorted(dataclasses.fields(params), key=lambda field: field.name not in own):
         if field.name not in inside:
-            yield Described(field.name, str(field.type), getattr(params, field.name), docs.get(field.name, ""), True)
+            yield Parameter(field.name, str(field.type), getattr(params, field.name), docs.get(field.name, ""), True)
     for name, block in inside.items():
-        for one in described(block):
+        for one in parameters_of(block):
             yield one._replace(name=f"{name}.{one.name}", selected=is_selected(params, name))
 
 
@@ -59,7 +59,7 @@ def is_selected(params: Any, block: str) -> bool:
     return not chosen or block == chosen
 
 
-def refusal(where: str, name: str, params: Any) -> UsageError:
+def unknown_parameter(where: str, name: str, params: Any) -> UsageError:
     """For a parameter that is not there: where it is now, or the names that there are."""
     homes = {block: f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)}
     if not homes:
@@ -68,7 +68,7 @@ def refusal(where: str, name: str, params: Any) -> UsageError:
     return UsageError(f"{where}.{name} is a parameter of the {backends}; write {' or '.join(homes.values())}")
 
 
-def not_one_value(where: str, name: str, params: Any) -> UsageError:
+def block_without_field(where: str, name: str, params: Any) -> UsageError:
     """For a block that is set as if it were one parameter, which may have had its name before."""
     fields = [f"{where}.{name}.{field.name}" for field in dataclasses.fields(getattr(params, name))]
     before = [f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)]
@@ -76,7 +76,7 @@ def not_one_value(where: str, name: str, params: Any) -> UsageError:
     return UsageError(f"{where}.{name} holds the parameters of the backend {name}; write {' or '.join(fields)}{more}")
 
 
-def types(params: Any) -> dict[str, Any]:
+def field_types(params: Any) -> dict[str, Any]:
     """Field -> type."""
     hints = typing.get_type_hints(type(params))
     return {field.name: hints[field.name] for field in dataclasses.fields(params)}
@@ -107,7 +107,7 @@ SEQUENCES = ("sor3d_train", "sor3d_pretrain", "boxes_train")
 """trainings on RGB-D sequences"""
 TRAININGS = ("model_train", *SEQUENCES)
 DEVICE = re.compile(r"cpu|cuda(:\d+)?")
-WORDS: dict[tuple[str, str], tuple[str, ...]] = {
+CHOICES: dict[tuple[str, str], tuple[str, ...]] = {
     ("dataset_pack", "split_by"): ("video", "participant"),
     ("dataset_pack", "made"): ("extracted", "rendered"),
     ("model_train", "variant"): ("small", "clip", "vlm"),
@@ -120,18 +120,18 @@ WORDS: dict[tuple[str, str], tuple[str, ...]] = {
        for stage in SEQUENCES},
 }
 """file of a stage, parameter -> the words that it knows, where no registry of the stage lists them"""
-EVERYWHERE: dict[str, tuple[str, ...]] = {
+SHARED_CHOICES: dict[str, tuple[str, ...]] = {
     "dtype": ("float32", "bfloat16", "float16"),
     "engine": ("bullet", "mujoco"), "engines": ("bullet", "mujoco"), "proof_engines": ("bullet", "mujoco"),
 }  # fmt: skip
 """parameters that know the same words in every stage"""
 
 
-def check(stage: str, name: str, value: Any, params: Any) -> None:
+def check_value(stage: str, name: str, value: Any, params: Any) -> None:
     """UsageError when a parameter of `stage` cannot be `value`, of its type already; `params` are those that it becomes one of."""
     module = type(params).__module__
     file = module.rpartition(".")[2]
-    known = WORDS.get((file, name)) or EVERYWHERE.get(name) or vars(sys.modules[module]).get(registry(name))
+    known = CHOICES.get((file, name)) or SHARED_CHOICES.get(name) or vars(sys.modules[module]).get(registry(name))
     for one in value if isinstance(value, tuple) else (value,):
         if isinstance(one, str):
             _word(stage, name, one, known)
@@ -248,18 +248,18 @@ def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
 def _changed(params: Any, where: str, name: str, value: Any) -> Any:
     """`params` with one field changed, of a block where the name is BLOCK.FIELD."""
     name, _, inner = name.partition(".")
-    kinds = types(params)
+    kinds = field_types(params)
     if name not in kinds:
-        raise refusal(where, name, params)
+        raise unknown_parameter(where, name, params)
     if name in blocks(params):
         if not inner:
-            raise not_one_value(where, name, params)
+            raise block_without_field(where, name, params)
         fitted = _changed(getattr(params, name), f"{where}.{name}", inner, value)
     elif inner:
         raise UsageError(f"{where}.{name}.{inner}: {where}.{name} is one value and has no parameters; write {where}.{name}")
     else:
         fitted = _fit(f"{where}.{name}", value, kinds[name])
-        check(where, name, fitted, params)
+        check_value(where, name, fitted, params)
     try:
         return dataclasses.replace(params, **{name: fitted})
     except ValueError as error:

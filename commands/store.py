@@ -17,16 +17,16 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from commands.compare import built
+from commands.compare import build_columns
 from commands.errors import UsageError, unknown
-from commands.only import plan as plan_of_stages
+from commands.only import plan_only as plan_of_stages
 from commands.origin import origin
 from commands.run import Request
-from commands.session import STORE, digester, open_runner, seen_runner
+from commands.session import STORE, digester, open_existing, open_runner
 from commands.settings import columns
-from commands.target_graphs import home, laid_out, resolved, target_named
+from commands.target_graphs import first_target_with, graph_of_request, resolve_stages, resolve_target
 from commands.targets import TARGETS
-from commands.weights import weighed
+from commands.weights import resolve_weights
 from runner import Graph, Runner, TaskPlan
 
 BEGINNING = re.compile(r"[0-9a-f]+")
@@ -36,20 +36,20 @@ PIPED_WIDTH = 1000
 """columns where no terminal says how many: paths are long, and whoever reads a pipe wants them whole"""
 
 
-def planned(request: Request) -> list[TaskPlan]:
+def plan_request(request: Request) -> list[TaskPlan]:
     """What `run` would do, without doing it."""
     runner, graph, target = _prepared(request)
-    force = resolved(request.force, target, graph)
+    force = resolve_stages(request.force, target, graph)
     if request.only:
-        return plan_of_stages(runner, graph, resolved([request.only], target, graph), request.clips, force)
+        return plan_of_stages(runner, graph, resolve_stages([request.only], target, graph), request.clips, force)
     return runner.plan(graph, target, shards=request.clips or None, force=force)
 
 
 def dry_run(request: Request) -> int:
     """Show what would run, and why."""
-    plans = planned(request)
+    plans = plan_request(request)
     if request.json:
-        _print_json({"target": target_named(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
+        _print_json({"target": resolve_target(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
     else:
         _show_groups([plan for plan in plans if plan.status != "cached"])
         counts = Counter(plan.status for plan in plans)
@@ -59,8 +59,8 @@ def dry_run(request: Request) -> int:
 
 def explain(request: Request, clip: str | None) -> int:
     """Why each task would run, or ran the last time; of one stage where `only` names it."""
-    runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    stages = resolved([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
+    runner, graph, target = _prepared(request, open_existing if request.store else open_runner)
+    stages = resolve_stages([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
     plans = [plan for plan in runner.explain(graph, target, shard=clip) if plan.stage in stages]
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
@@ -79,8 +79,8 @@ def status(request: Request) -> int:
     """
     if request.target and request.target.replace("_", "-") not in TARGETS:
         request = replace(request, target=None, only=_known(request.target))
-    runner, graph, target = _prepared(request, seen_runner if request.store else open_runner)
-    shown = resolved([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
+    runner, graph, target = _prepared(request, open_existing if request.store else open_runner)
+    shown = resolve_stages([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
     plans = runner.plan(graph, target)
     keys, failures = {plan.key for plan in plans}, runner.failures()
     mine, others = [[failure for failure in failures if (failure["key"] in keys) is own] for own in (True, False)]
@@ -114,10 +114,10 @@ def graph_text(graph: Graph) -> str:
 
 def graph(request: Request, out: Path | None) -> int:
     """The stages and what they read, as text, or drawn to an SVG or PNG."""
-    target = target_named(request.target)
+    target = resolve_target(request.target)
     chosen = columns(request.sets, request.params)
     place, _ = origin(target, request.source, next(iter(chosen.values())), lambda path: "")  # what is in files does not matter here
-    drawn, _ = built(target, place, chosen)
+    drawn, _ = build_columns(target, place, chosen)
     if out is None:
         sys.stdout.write(graph_text(drawn) + "\n")
         return 0
@@ -149,7 +149,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     """Walk from an artifact (a digest, its beginning, any path in or linked from the store, or a stage: what it made last) to the
     leafs.
     """
-    runner = seen_runner(store)
+    runner = open_existing(store)
     path = Path(artifact)
     try:
         found = runner.lineage(_digest_of(runner, path) if path.exists() else _last_of(runner, artifact) or artifact)
@@ -166,7 +166,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 
 def _digest_of(runner: Runner, path: Path) -> str:
     """A path in the store as it is; a published file by the content that it shows."""
-    store = runner.place.store.resolve()
+    store = runner.store.root.resolve()
     if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
         return str(path)
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
@@ -185,14 +185,14 @@ def _last_of(runner: Runner, word: str) -> str:
     made = [one.output for one in traces if one.stage == stage] or [
         one.output for one in traces if one.function.partition(":")[0].rpartition(".")[2] == stage]
     if not made:
-        raise UsageError(f"{home(stage)} has a stage {stage!r}, which never ran in this store; `run --only {stage}` runs it")
+        raise UsageError(f"stage {stage!r} of {first_target_with(stage)} never ran in this store; run it with `run --only {stage}`")
     return made[-1]
 
 
 def _known(word: str) -> str:
     """A word that is no target, but a stage of one. UsageError when it is neither."""
     try:
-        home(word)
+        first_target_with(word)
     except UsageError as error:
         raise (unknown("target", word, TARGETS) if get_close_matches(word, TARGETS) else error) from None
     return word
@@ -221,7 +221,7 @@ def _grow(tree: Tree, origin: Any, seen: set[str]) -> None:
 
 def verify(store: Path | None, as_json: bool) -> int:
     """Hash everything in the store again; 1 when something is damaged, missing or changed."""
-    verdict = seen_runner(store).verify()
+    verdict = open_existing(store).verify()
     if as_json:
         _print_json({**asdict(verdict), "ok": verdict.ok})
     else:
@@ -235,7 +235,7 @@ def verify(store: Path | None, as_json: bool) -> int:
 
 def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
     """Delete what the last use of every shard does not reach, or count it."""
-    swept = seen_runner(store).gc(dry_run)
+    swept = open_existing(store).gc(dry_run)
     if as_json:
         _print_json(asdict(swept))
     else:
@@ -245,11 +245,11 @@ def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
 
 
 def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> tuple[Runner, Graph, str]:
-    target = target_named(request.target, request.only)
+    target = resolve_target(request.target, request.only)
     chosen = columns(request.sets, request.params)
-    runner = opened(request.store, glance=True)
-    weighted = {name: weighed(column, digester(runner)) for name, column in chosen.items()}
-    graph, *_ = laid_out(target, request.source, request.clips, request.sets, weighted, digester(runner))
+    runner = opened(request.store, plan_only=True)
+    weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
+    graph, *_ = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     return runner, graph, target
 
 

@@ -45,7 +45,7 @@ class Summary:
         return json.dumps({name: value for name, value in vars(self).items() if value is not None}, sort_keys=True) + "\n"
 
 
-def show(summary: Summary, report: RunReport, source: Source | None) -> None:
+def show_summary(summary: Summary, report: RunReport, source: Source | None) -> None:
     """Print it for people."""
     console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
     table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
@@ -57,15 +57,15 @@ def show(summary: Summary, report: RunReport, source: Source | None) -> None:
     if source and source.missing:
         console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"
                       + (" ..." if len(source.missing) > 8 else ""))  # fmt: skip
-    if report.left:
-        console.print(f"time is over: {sum(report.left.values())} task(s) left, of {', '.join(report.left)}; run again to go on",
-                      highlight=False)
+    if report.deferred:
+        count, stages = sum(report.deferred.values()), ", ".join(report.deferred)
+        console.print(f"time is over: {count} task(s) left, of {stages}; run again to continue", highlight=False)
     for note in report.stale:
         console.print(f"[yellow]stale[/] {escape(note)}", highlight=False)
     _show_failures(console, report.failures)
     for name, path in summary.outputs.items():
         console.print(f"[bold]{name}[/] {escape(path)}", highlight=False, soft_wrap=True)
-        for line in content(Path(path)) if name == "dataset" else ():
+        for line in dataset_lines(Path(path)) if name == "dataset" else ():
             console.print(f"  {line}", highlight=False, soft_wrap=True)
     for note in summary.notes or ():
         console.print(f"[yellow]note[/] {escape(note)}", highlight=False, soft_wrap=True)
@@ -75,7 +75,7 @@ def show(summary: Summary, report: RunReport, source: Source | None) -> None:
     console.print(f"{summary.seconds:.1f} s")
 
 
-def where(report: RunReport, stages: Iterable[str]) -> None:
+def show_inspect_hints(report: RunReport, stages: Iterable[str]) -> None:
     """How to look at what stages have made that has no other name."""
     for stage in stages:
         made = report.outputs.get(stage, [])
@@ -99,7 +99,7 @@ def _show_failures(console: Console, failures: list[Any]) -> None:
     console.print(table)
 
 
-def content(dataset: Path) -> Iterator[str]:
+def dataset_lines(dataset: Path) -> Iterator[str]:
     """Samples by split and by hands, and the frames that gave none, by reason: out of the statistics of a published data set."""
     found = json.loads((dataset / "statistics.json").read_text(encoding="utf-8"))
     samples, out = found["totals"]["samples"]["here"], found["frames_without_sample"]

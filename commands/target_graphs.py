@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from afford.extraction.sources.discover import Source
-from commands.compare import Names, built
+from commands.compare import Names, build_columns
 from commands.errors import UsageError, unknown
 from commands.origin import origin
 from commands.targets import ALL, TARGETS, USUAL, build
@@ -25,47 +25,47 @@ MANY = 4
 """names of one stage that are listed"""
 
 
-def function(node: Node) -> str:
+def function_name(node: Node) -> str:
     """The name of a stage's function, which is that of its file."""
     return str(node.value.__module__.rpartition(".")[2])
 
 
-def named(stage: str, graph: Graph) -> list[str]:
+def names_in_graph(stage: str, graph: Graph) -> list[str]:
     """Names in a graph of what a user calls `stage`: the one stage of this name, or all of this function."""
     word = stage.replace("-", "_")
     nodes = graph.stages()
-    return [node.name for node in nodes if node.name == word] or [node.name for node in nodes if function(node) == word]
+    return [node.name for node in nodes if node.name == word] or [node.name for node in nodes if function_name(node) == word]
 
 
-def target_named(target: str | None, stage: str | None = None) -> str:
+def resolve_target(target: str | None, stage: str | None = None) -> str:
     """The target that is asked for; where none is, the first one that has the stage. UsageError when there is no such thing."""
     if target is None:
-        return home(stage) if stage else USUAL
+        return first_target_with(stage) if stage else USUAL
     word = target.replace("_", "-")
     if word not in TARGETS:
         raise unknown("target", target, TARGETS)
     return word
 
 
-def home(stage: str) -> str:
+def first_target_with(stage: str) -> str:
     """The first target that has a stage of this name; of no name, the first that has its function. UsageError, with the nearest
     names, when none has it.
     """
     graphs = list(_graphs())
     word = stage.replace("-", "_")
     by_name = [name for name, graph in graphs if any(node.name == word for node in graph.stages())]
-    found = by_name or [name for name, graph in graphs if named(stage, graph)]
+    found = by_name or [name for name, graph in graphs if names_in_graph(stage, graph)]
     if not found:
         nodes = [node for _, graph in graphs for node in graph.stages()]
-        raise unknown("stage", stage, {node.name for node in nodes} | {function(node) for node in nodes})
+        raise unknown("stage", stage, {node.name for node in nodes} | {function_name(node) for node in nodes})
     return found[0]
 
 
-def resolved(stages: Iterable[str], target: str, graph: Graph) -> list[str]:
+def resolve_stages(stages: Iterable[str], target: str, graph: Graph) -> list[str]:
     """Names of these stages in the graph of the target. UsageError for one that it does not have; it says which targets do."""
     out: list[str] = []
     for stage in stages:
-        found = named(stage, graph)
+        found = names_in_graph(stage, graph)
         if not found:
             raise _elsewhere(stage, target, graph)
         out += found
@@ -74,7 +74,7 @@ def resolved(stages: Iterable[str], target: str, graph: Graph) -> list[str]:
 
 def _elsewhere(stage: str, target: str, graph: Graph) -> UsageError:
     word = stage.replace("-", "_")
-    homes = [_home(name, word, built) for name, built in _graphs()]
+    homes = [_home(name, word, graph) for name, graph in _graphs()]
     if any(homes):
         return UsageError(f"stage {word!r} is none of {target}; it belongs to {', '.join(one for one in homes if one)}")
     return unknown("stage", stage, [node.name for node in graph.stages()])
@@ -82,7 +82,7 @@ def _elsewhere(stage: str, target: str, graph: Graph) -> UsageError:
 
 def _home(target: str, stage: str, graph: Graph) -> str:
     """A target that has the stage, with the names that it goes under there where these are others; '' for one that has it not."""
-    names = named(stage, graph)
+    names = names_in_graph(stage, graph)
     if not names or stage in names:
         return target if names else ""
     return f"{target} (as {', '.join(names[:MANY])}{' ...' if len(names) > MANY else ''})"
@@ -105,7 +105,7 @@ COPYING = (dataclasses.__name__, settings_of_systems.__name__)
 """modules that copy settings with a change, which is no reading"""
 
 
-def watched(chosen: Settings) -> tuple[Settings, set[str]]:
+def track_reads(chosen: Settings) -> tuple[Settings, set[str]]:
     """The same settings, and the stages whose parameters are read from them, as it fills."""
     read: set[str] = set()
     return dataclasses.replace(chosen, **{system: _watching(getattr(chosen, system), read) for system in SYSTEMS}), read
@@ -123,15 +123,15 @@ def _watching(params: Any, read: set[str]) -> Any:
     return Watched(**{field.name: getattr(params, field.name) for field in dataclasses.fields(params)})
 
 
-def laid_out(target: str, source: Path | None, clips: tuple[str, ...], sets: Iterable[str], columns: Mapping[str, Settings],
+def graph_of_request(target: str, source: Path | None, clips: tuple[str, ...], sets: Iterable[str], columns: Mapping[str, Settings],
              digest: Callable[[Path], str]) -> tuple[Graph, Names, Origin, Source | None]:  # fmt: skip
     """The graph of a target with these settings, the names of its stages in a comparison, and what it is made of. UsageError when
     one of them does not fit, also for a `--set` that the target does not read.
     """
-    watching = {name: watched(column) for name, column in columns.items()}
+    watching = {name: track_reads(column) for name, column in columns.items()}
     seen = {name: settings for name, (settings, _) in watching.items()}
     place, found = origin(target, source, next(iter(seen.values())), digest, clips)
-    graph, names = built(target, place, seen)
+    graph, names = build_columns(target, place, seen)
     check_sets(sets, target, {stage for _, read in watching.values() for stage in read})
     return graph, names, place, found
 
@@ -151,7 +151,7 @@ def check_sets(sets: Iterable[str], target: str, read: set[str]) -> None:
 def _every_target() -> Iterator[tuple[str, Graph, set[str]]]:
     """Every target as it is without a source: name, graph, the stages whose parameters it reads."""
     for target in TARGETS:
-        chosen, read = watched(Settings())
+        chosen, read = track_reads(Settings())
         place: Origin = origin(target, None, chosen, _no_digest)[0]
         yield target, build(target, place, chosen), read
 

@@ -27,7 +27,7 @@ Fields = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Warned:
+class StageWarning:
     """One thing that a stage corrected, left out or doubts."""
 
     stage: str
@@ -35,7 +35,7 @@ class Warned:
     text: str
 
 
-def show_warnings(runner: Runner, report: RunReport) -> list[Warned]:
+def show_warnings(runner: Runner, report: RunReport) -> list[StageWarning]:
     """Print how many warnings the stages of a run have, and the first of each video; returns all of them."""
     found = gather(runner, report)
     if found:
@@ -48,14 +48,14 @@ def show_warnings(runner: Runner, report: RunReport) -> list[Warned]:
     return found
 
 
-def gather(runner: Runner, report: RunReport) -> list[Warned]:
+def gather(runner: Runner, report: RunReport) -> list[StageWarning]:
     """All warnings of the clips that a run made or found cached, each once, by video."""
     outputs = _Outputs(runner, report)
     found = (warned for video in outputs.shards("source_read") for warned in _of_video(outputs, video))
     return list(dict.fromkeys(found))
 
 
-def _lines(found: Iterable[Warned]) -> Iterator[str]:
+def _lines(found: Iterable[StageWarning]) -> Iterator[str]:
     groups: dict[tuple[str, str], list[str]] = {}
     for warned in found:
         groups.setdefault((warned.stage, warned.shard), []).append(warned.text)
@@ -65,19 +65,19 @@ def _lines(found: Iterable[Warned]) -> Iterator[str]:
             yield f"{stage} {shard}: and {len(texts) - SHOWN} more"
 
 
-def _of_video(outputs: _Outputs, video: str) -> Iterator[Warned]:
+def _of_video(outputs: _Outputs, video: str) -> Iterator[StageWarning]:
     try:
         for name, digest in outputs.clips(video):
             clip = outputs.fields(digest)
             masks = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"])]
             none = handless((mask["side"], mask["name"]) for mask in masks)
-            yield from (Warned("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
+            yield from (StageWarning("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
                                  ("hand_detect", _of_hands(outputs.of("hand_detect", f"{video}/{name}"))),
                                  ("narration_labelling", _of_labels(outputs.of("narration_labelling", f"{video}/{name}")))):
-                yield from (Warned(stage, name, text) for text in texts)
+                yield from (StageWarning(stage, name, text) for text in texts)
     except LostError as error:
-        yield Warned("source_read", video, f"its warnings cannot be read ({error}); run again")
+        yield StageWarning("source_read", video, f"its warnings cannot be read ({error}); run again")
 
 
 def _of_frames(clip: Fields, frames: Fields | None) -> Iterator[str]:

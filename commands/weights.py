@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.registry import block
-from commands.backends import of_stage
+from commands.backends import backends_of
 from commands.errors import UsageError
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
 
 
-def weighed(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
+def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     """The settings with the files of every model that a chosen backend reads, and of the `backbones` that a training starts from.
     `model` and `backbones` then only say what they are called: where they lie is in no key. UsageError when a model cannot be
     found.
@@ -41,7 +41,7 @@ def reads_weights(params: Any) -> bool:
     """Whether the chosen backend of a stage says that it reads weights."""
     stage = type(params).__module__.rpartition(".")[2]
     chosen = getattr(params, "backend", "")
-    return any(one.weights and one.name == chosen for one in of_stage(stage))
+    return any(one.weights and one.name == chosen for one in backends_of(stage))
 
 
 def _asked(params: Any) -> bool:
@@ -52,7 +52,7 @@ def _asked(params: Any) -> bool:
 
 
 def _needs(stage: str, backend: str) -> str:
-    return next(one.weights for one in of_stage(stage) if one.name == backend)
+    return next(one.weights for one in backends_of(stage) if one.name == backend)
 
 
 def _files(parameter: str, model: str, digest: Callable[[Path], str]) -> FileTree:

@@ -1,17 +1,18 @@
-"""A content-hashed DAG engine: what was made once from the same code, parameters and inputs is never made again.
+"""A content-hashed DAG engine: results are cached under the digest of their code, parameters and inputs.
 
     graph = Graph()                                         runner/graph.py: leaf, add, each, collect, pick, first, target, publish
     runner = Runner(store, root, codec="afford.codecs:CODEC", worker="afford.common.worker:prepare", jobs=2, memory_gib=6.0)
     report = runner.run(graph, "dataset", shards=None, only=None, force=(), observer=None, limit_s=None)  -> RunReport
-    runner.plan(graph, "dataset")                           -> list[TaskPlan], nothing is executed
+    runner.plan(graph, "dataset")                           -> list[TaskPlan], without executing anything
     runner.explain(graph, "dataset", stage=None, shard=None)-> list[TaskPlan], with the reason of every task
     runner.load(digest) / runner.files(digest)              -> value / {name: verified path}
     runner.lineage(digest or path) / runner.verify() / runner.gc()
     runner.hash_file(path)                                  -> (digest, size), remembered by size, mtime and inode
 
-The parts, in reading order: graph (what from what), source and fingerprint (code as content), keys, store (blobs and
-manifests), traces (key -> output), lease (one run per key), execute (one task), engines (where tasks run), walk (which task
-next), runner (the verbs above), reasons (why), upkeep (verify, gc, lineage).
+Modules in reading order: graph (the DAG), source, names, scopes, references, effects, links and fingerprint (code as content), keys
+and task_planner (keys and reasons), store (blobs and manifests), traces (key -> output), lease (one run per key), execute (one
+task), engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify,
+gc, lineage).
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ if TYPE_CHECKING:
     from runner.codec import Codec
     from runner.graph import Graph, GraphError, Handle
     from runner.report import Failure, Observer, Reason, RunReport, TaskPlan
-    from runner.runner import NothingToLeaveError, Runner, UnknownNameError
+    from runner.runner import NothingOptionalError, Runner, UnknownNameError
     from runner.source import SourceError
     from runner.store import LostError, StoreError, is_store
     from runner.walk import UnknownShardError
 
-__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingToLeaveError", "Observer", "Reason",
+__all__ = ["Codec", "Failure", "Graph", "GraphError", "Handle", "LostError", "NothingOptionalError", "Observer", "Reason",
            "RunReport", "Runner", "SourceError", "StoreError", "TaskPlan", "UnknownNameError", "UnknownShardError", "is_store"]
 HOMES = {"codec": ("Codec",), "graph": ("Graph", "GraphError", "Handle"), "source": ("SourceError",),
          "report": ("Failure", "Observer", "Reason", "RunReport", "TaskPlan"),
-         "runner": ("NothingToLeaveError", "Runner", "UnknownNameError"),
+         "runner": ("NothingOptionalError", "Runner", "UnknownNameError"),
          "store": ("LostError", "StoreError", "is_store"), "walk": ("UnknownShardError",)}  # fmt: skip
-"""module -> its names; each is imported when first asked for, so that the map can be read without the engine"""
+"""module -> its public names; each is imported on first use, so that reading a map does not load the engine"""
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Tagged, canonical pre-images and their digests: everything that goes into a key passes through here."""
+"""Canonical, tagged pre-images and their digests, of which keys are made."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=T
 
 
 def canonical(value: object) -> Any:
-    """`value` as JSON types: str, int, bool and None as they are, floats by their shortest exact decimal, sequences as
-    lists, dataclasses as their class name and fields; TypeError for anything else.
+    """Convert a value to JSON types.
+
+    Strings, integers, booleans and None stay. A float becomes its shortest exact decimal, a sequence a list, a dataclass its
+    class name and fields. TypeError for anything else.
     """
     if value is None or isinstance(value, (str, bool, int)):
         return value
@@ -35,28 +37,30 @@ def canonical(value: object) -> Any:
 
 
 def dumps(tree: Any) -> str:
-    """One spelling per tree: sorted keys, no spaces, ASCII."""
+    """Serialise a JSON tree in its one canonical form: sorted keys, no spaces, ASCII."""
     return ENCODER.encode(tree)
 
 
 def digest(tag: str, tree: Any) -> str:
-    """Hex digest of a JSON tree under a tag, so that two sorts of things never share a digest."""
+    """Hex digest of a JSON tree under a tag, which keeps digests of different kinds apart."""
     return blake3(f"{tag}\0{dumps(tree)}".encode()).hexdigest()
 
 
 def path_digest(path: Path) -> str:
-    """Hex digest of a file, or of a folder of plain files: of their names and bytes. OSError when a folder holds anything else,
-    links above all, and for what is neither: reading a pipe waits for ever.
+    """Hex digest of a file, or of the names and bytes of a folder of plain files.
+
+    OSError for a folder with anything but plain files (links included) and for pipes, sockets and devices, which block when
+    read.
     """
     if path.is_file():
         return file_digest(path)
     if path.exists() and not path.is_dir():
-        raise OSError(f"{path}: expected a file or a folder, got a pipe, a socket or a device; take it out")
+        raise OSError(f"{path}: expected a file or a folder, got a pipe, a socket or a device; remove it")
     rows = []
     with os.scandir(path) as found:
         for item in sorted(found, key=lambda item: item.name):
             if not item.is_file(follow_symlinks=False):
-                raise OSError(f"{path}: expected plain files, got {item.name}, which is a folder or a link; take it out")
+                raise OSError(f"{path}: expected plain files, got {item.name}, which is a folder or a link; remove it")
             rows.append([item.name, file_digest(Path(item.path))])
     return digest("afford-folder", rows)
 

@@ -1,4 +1,4 @@
-"""Where jobs run, behind three calls: submit a job, wait for any message, close. Keys and paths travel, never arrays."""
+"""Engines that execute jobs: submit a job, wait for messages, close. Keys and paths travel, never arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from socket import socketpair
 from typing import Any, Protocol
 
 from runner.codec import resolve
-from runner.execute import Done, Job, Place, execute
+from runner.execute import Job, JobResult, WorkerSpec, execute
 from runner.modules import outdated
 from runner.store import Store
 
@@ -24,50 +24,50 @@ Message = tuple[str, str, Any]
 
 
 class Engine(Protocol):
-    """Somewhere to run jobs."""
+    """Executes jobs."""
 
     def submit(self, job: Job) -> None:
-        """Begin a job, soon; the caller keeps to its budget of cores and memory."""
+        """Start a job soon; the caller observes the budget of cores and memory."""
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """What happened, at least one message unless the time is over."""
+        """Return new messages, at least one unless the time is over."""
 
     def end(self, key: str) -> None:
-        """Stop a job that was submitted; nothing more is said of it."""
+        """Stop a submitted job; no further message reports it."""
 
     def close(self) -> None:
-        """End what still runs; nothing finished is lost."""
+        """Stop running jobs; finished results are kept."""
 
 
 class Inline:
-    """Jobs run in this process, one after the other, when they are waited for."""
+    """Executes jobs in this process, one after the other, during `wait`."""
 
-    def __init__(self, place: Place) -> None:
-        self._place, self._store = place, Store(place.store, resolve(place.codec))
+    def __init__(self, spec: WorkerSpec) -> None:
+        self._spec, self._store = spec, Store(spec.store, resolve(spec.codec))
         self._jobs: deque[Job] = deque()
 
     def submit(self, job: Job) -> None:
-        """Keep it for `wait`."""
+        """Queue the job for `wait`."""
         self._jobs.append(job)
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """Run the next job."""
+        """Execute the next job."""
         if not self._jobs:
             return []
         job, messages = self._jobs.popleft(), []
         old = outdated(path for path, _ in job.sources)
         if old is not None:
-            said = f"{old} was edited after this process imported it; run again in a new process, or with --jobs 1"
-            return [("done", job.key, Done(job.key, "failed", message=said))]
-        done = execute(job, self._place, self._store, lambda n, of: messages.append(("progress", job.key, (n, of))))
+            message = f"{old} was edited after this process imported it; run again in a new process, or with --jobs 1"
+            return [("done", job.key, JobResult(job.key, "failed", message=message))]
+        done = execute(job, self._spec, self._store, lambda n, of: messages.append(("progress", job.key, (n, of))))
         return [*messages, ("done", job.key, done)]
 
     def end(self, key: str) -> None:
-        """It has not begun: what has, has ended."""
+        """Remove a queued job; a running one cannot be stopped in-process."""
         self._jobs = deque(job for job in self._jobs if job.key != key)
 
     def close(self) -> None:
-        """Nothing runs outside `wait`: only what values were saved in is left."""
+        """Remove the folder in which values were saved; no job runs outside `wait`."""
         self._store.clean()
 
 
@@ -81,19 +81,19 @@ class _Worker:
 
 
 class Pool:
-    """Worker processes, started when they are needed and kept; one that dies fails its job alone and is replaced.
+    """Worker processes, started on demand and kept; one that dies fails its job alone and is replaced.
 
-    Workers run in a session of their own, so that Ctrl-C reaches the scheduler only, and end when the scheduler does, however
-    it ends: each holds the reading end of a pipe that closes with it.
+    Workers run in their own session, so that Ctrl-C reaches the scheduler only. Each holds the reading end of a pipe that
+    closes with the scheduler, and so they end when the scheduler does.
     """
 
-    def __init__(self, place: Place) -> None:
-        self._place = place
-        self._paths = [str(place.root), str(Path(__file__).resolve().parent.parent)]
+    def __init__(self, spec: WorkerSpec) -> None:
+        self._spec = spec
+        self._paths = [str(spec.root), str(Path(__file__).resolve().parent.parent)]
         self._workers: list[_Worker] = []
 
     def submit(self, job: Job) -> None:
-        """Give the job to an idle worker, preferably one that has just loaded some of the inputs, or to a new one."""
+        """Send the job to an idle worker, preferably one that has loaded some of the inputs, or to a new one."""
         idle = [worker for worker in self._workers if worker.job is None]
         wanted = set(job.inputs.values())
         worker = max(idle, key=lambda worker: len(wanted & worker.loaded)) if idle else self._start()
@@ -101,32 +101,32 @@ class Pool:
         try:
             worker.jobs.send(job)
         except (BrokenPipeError, ConnectionResetError):
-            return  # it died while idle; `wait` will find out and say so
+            return  # the worker died while idle; `wait` reports it
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """Messages of all workers that have any."""
+        """Return the messages of all workers."""
         busy = {worker.jobs: worker for worker in self._workers if worker.job is not None}
         messages: list[Message] = []
         for connection in wait(list(busy), timeout_s):
             worker = busy[connection]  # type: ignore[index]
             assert worker.job is not None
             try:
-                what, *said = worker.jobs.recv()
+                what, *payload = worker.jobs.recv()
             except (EOFError, ConnectionResetError):
                 messages.append(("done", worker.job.key, self._died(worker)))
                 continue
-            messages.append((what, worker.job.key, said[0] if what == "done" else tuple(said)))
+            messages.append((what, worker.job.key, payload[0] if what == "done" else tuple(payload)))
             worker.job = None if what == "done" else worker.job
         return messages
 
     def end(self, key: str) -> None:
-        """Kill the worker that is at it, its lease with it; what the stage has put aside stays for the next time."""
+        """Kill the worker that runs the job, which also releases its lease; the stage's scratch folder is kept."""
         for worker in [worker for worker in self._workers if worker.job is not None and worker.job.key == key]:
             _kill(worker.process)
             self._drop(worker)
 
     def close(self) -> None:
-        """Idle workers leave by themselves; busy ones are killed, their leases with them."""
+        """End idle workers; kill busy ones, which also releases their leases."""
         for worker in self._workers:
             if worker.job is not None:
                 _kill(worker.process)
@@ -139,9 +139,9 @@ class Pool:
     def _start(self) -> _Worker:
         ours, theirs = socketpair()
         read, write = os.pipe()
-        place = [str(self._place.store), self._place.codec, self._place.worker or "", str(self._place.root), *self._place.schemas]
+        arguments = [str(self._spec.store), self._spec.codec, self._spec.worker or "", str(self._spec.root), *self._spec.schemas]
         code = f"import sys; sys.path[:0] = {self._paths!r}; from runner.worker import main; main(*sys.argv[1:])"
-        command = [sys.executable, "-c", code, str(theirs.fileno()), str(read), *place]
+        command = [sys.executable, "-c", code, str(theirs.fileno()), str(read), *arguments]
         process = subprocess.Popen(command, pass_fds=(theirs.fileno(), read), stdin=subprocess.DEVNULL, start_new_session=True)
         theirs.close()
         os.close(read)
@@ -149,14 +149,14 @@ class Pool:
         self._workers.append(worker)
         return worker
 
-    def _died(self, worker: _Worker) -> Done:
+    def _died(self, worker: _Worker) -> JobResult:
         assert worker.job is not None
         status = worker.process.wait()
         _kill(worker.process)
         self._drop(worker)
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-        hint = "; the usual cause is that memory ran out: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
-        return Done(worker.job.key, "failed", message=f"its worker process ended with {how} before the task was done{hint}")
+        hint = "; the usual cause is lack of memory: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
+        return JobResult(worker.job.key, "failed", message=f"the worker process ended with {how} before the task was done{hint}")
 
     def _drop(self, worker: _Worker) -> None:
         worker.process.wait()
@@ -166,6 +166,6 @@ class Pool:
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """The worker and whatever its stage has started: they share a process group of their own."""
+    """Kill the worker and every process that its stage has started; they share a process group."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""One task from beginning to end, in whatever process: lease, inputs, the stage, output, trace."""
+"""Execute one task: lease, inputs, stage, output, trace."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any
 
 from runner.codec import resolve
 from runner.files import Stamp, stamp
-from runner.keys import Codes, machine_kind, seed_of
+from runner.keys import CodeFingerprints, machine_kind, seed_of
 from runner.lease import Lease
 from runner.modules import Modules
 from runner.store import LostError, Store, explain_os
@@ -26,7 +26,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Job:
-    """A task as it travels to a worker: keys and paths, never arrays."""
+    """Task in the form that travels to a worker: keys and paths, never arrays."""
 
     key: str
     stage: str
@@ -44,25 +44,27 @@ class Job:
     sources: tuple[tuple[str, Stamp], ...]
     reason: str
     force: bool
-    """make it again although there is a trace"""
+    """run even if there is a trace"""
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a worker works."""
+class WorkerSpec:
+    """Store path, codec and hook that a worker needs."""
 
     store: Path
     codec: str
     worker: str | None
     root: Path
-    """of the code"""
+    """root folder of the code"""
     schemas: tuple[str, ...] = ("schemas",)
 
 
 @dataclass(frozen=True)
-class Done:
-    """What became of a job. status: ran; cached (another run was faster); busy (another run is at it); lost (an input cannot
-    be read, `message` is its artifact digest); failed.
+class JobResult:
+    """Result of a job.
+
+    status is `ran`, `cached` (another run was faster), `busy` (another run executes it), `lost` (an input cannot be read;
+    `message` is its artifact digest) or `failed`.
     """
 
     key: str
@@ -75,59 +77,59 @@ class Done:
 
 
 class Context:
-    """What a long stage may use: a private folder that survives a kill, and a way to say how far it is."""
+    """Private folder that survives a kill, and a progress callback, for long stages."""
 
     def __init__(self, scratch: Path, progress: Progress) -> None:
         self.scratch, self.progress = scratch, progress
 
 
-def execute(job: Job, place: Place, store: Store, progress: Progress) -> Done:
-    """Run a job; never raises but for what must stop the process."""
+def execute(job: Job, spec: WorkerSpec, store: Store, progress: Progress) -> JobResult:
+    """Execute a job; raises nothing but what must stop the process."""
     try:
-        lease = Lease(place.store / "leases" / f"{job.key}.lock")
+        lease = Lease(spec.store / "leases" / f"{job.key}.lock")
     except OSError as error:
-        return Done(job.key, "failed", message=f"the store cannot be written to: {explain_os(error)}")
+        return JobResult(job.key, "failed", message=f"the store cannot be written to: {explain_os(error)}")
     if not lease.held:
-        return Done(job.key, "busy")
+        return JobResult(job.key, "busy")
     try:
-        return _owned(job, place, store, progress)
+        return _owned(job, spec, store, progress)
     except LostError as lost:
-        return Done(job.key, "lost", message=lost.digest, damaged=lost.damaged)
+        return JobResult(job.key, "lost", message=lost.digest, damaged=lost.damaged)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # SystemExit among them: a stage that ends itself fails, and the run goes on
-        return _failed(job, place, error)
+    except BaseException as error:  # includes SystemExit: a stage that exits fails, and the run continues
+        return _failed(job, spec, error)
     finally:
         lease.release()
 
 
-def _owned(job: Job, place: Place, store: Store, progress: Progress) -> Done:
-    if not job.force and _is_made(job, place, store):
-        return Done(job.key, "cached")
+def _owned(job: Job, spec: WorkerSpec, store: Store, progress: Progress) -> JobResult:
+    if not job.force and _is_made(job, spec, store):
+        return JobResult(job.key, "cached")
     _forget_peak()
     cpu, wall = _cpu(), time.monotonic()
     seed = seed_of(job.params_tree, job.inputs)
-    if place.worker:
-        resolve(place.worker)(seed, job.threads)
+    if spec.worker:
+        resolve(spec.worker)(seed, job.threads)
     inputs = store.load_inputs(job.inputs)
-    scratch = place.store / "scratch" / job.key
+    scratch = spec.store / "scratch" / job.key
     more = {} if job.params is None else {"params": job.params}
     if job.wants_ctx:
         scratch.mkdir(parents=True, exist_ok=True)
         more["ctx"] = Context(scratch, progress)
     value = resolve(job.function)(**inputs, **more)
     output = store.put(value, scratch)
-    check_sources(job, place)
+    check_sources(job, spec)
     spent, waited = round(_cpu() - cpu, 4), round(time.monotonic() - wall, 4)
-    write_trace(place.store, _trace(job, output, seed, spent, waited))
+    write_trace(spec.store, _trace(job, output, seed, spent, waited))
     if job.wants_ctx:
         shutil.rmtree(scratch, ignore_errors=True)
-    return Done(job.key, "ran", output, cpu_s=spent, wall_s=waited)
+    return JobResult(job.key, "ran", output, cpu_s=spent, wall_s=waited)
 
 
-def _is_made(job: Job, place: Place, store: Store) -> bool:
-    """Another run has finished the task since the scheduler looked."""
-    output = read_output(place.store, job.key)
+def _is_made(job: Job, spec: WorkerSpec, store: Store) -> bool:
+    """Return True when another run has finished the task since the scheduler checked."""
+    output = read_output(spec.store, job.key)
     return output is not None and store.state(output) == "ok"
 
 
@@ -140,43 +142,48 @@ def _trace(job: Job, output: str, seed: int, cpu_s: float, wall_s: float) -> Tra
 
 
 LOADED: dict[str, Stamp] = {}
-"""path -> stamp of the source that this process has loaded a module of the project from (`runner.worker`)"""
+"""path -> stamp of the source file from which this process loaded a project module (`runner.worker`)"""
 
 
-def check_sources(job: Job, place: Place) -> None:
-    """Compare the code that ran with the code of the key. ValueError when they differ: the output would be stored under a key that
-    is not its own. An edit that leaves the fingerprint as it is (a comment, a function that cannot run) does no harm.
+def check_sources(job: Job, spec: WorkerSpec) -> None:
+    """Compare the code that ran with the code in the key.
+
+    ValueError when they differ, since the output would be stored under a wrong key. An edit that keeps the fingerprint (a
+    comment, an unreachable function) is accepted.
     """
     edited = [path for path, before in job.sources if not _is(path, before) or LOADED.get(path, before) != before]
     if not edited:
         return
-    strange = [path for path, before in job.sources if LOADED.get(path, before) != before and not _is(path, LOADED[path])]
-    if strange or not _same_code(job, place):
-        raise ValueError(f"{(strange or edited)[0]} was edited while the stage ran; its output was dropped, run again")
+    mismatched = [path for path, before in job.sources if LOADED.get(path, before) != before and not _is(path, LOADED[path])]
+    if mismatched or not _same_code(job, spec):
+        raise ValueError(f"{(mismatched or edited)[0]} was edited while the stage ran; its output was dropped, run again")
 
 
 def _is(path: str, before: Stamp) -> bool:
     return os.path.exists(path) and stamp(path) == tuple(before)
 
 
-def _same_code(job: Job, place: Place) -> bool:
-    """Whether the code on disk has the fingerprint that is in the key."""
-    codes = Codes(Modules(place.root, schemas=place.schemas), place.codec, place.worker)
+def _same_code(job: Job, spec: WorkerSpec) -> bool:
+    """Return True when the code on disk has the fingerprint in the key."""
+    codes = CodeFingerprints(Modules(spec.root, schemas=spec.schemas), spec.codec, spec.worker)
     return codes.of(job.function, job.params).digest == job.code
 
 
-def _failed(job: Job, place: Place, error: BaseException) -> Done:
-    """One clear line; the traceback is kept beside the key when the disk takes it."""
+def _failed(job: Job, spec: WorkerSpec, error: BaseException) -> JobResult:
+    """Report the failure in one line; the traceback is stored under the key if the disk permits."""
     message = one_line(error)
     try:
-        write_failure(place.store, job.key, job.stage, job.shard, message, traceback.format_exc())
+        write_failure(spec.store, job.key, job.stage, job.shard, message, traceback.format_exc())
     except OSError as second:
-        message += f" (and its traceback could not be kept at {failure_path(place.store, job.key)}: {explain_os(second)})"
-    return Done(job.key, "failed", message=message)
+        message += f" (and the traceback could not be written to {failure_path(spec.store, job.key)}: {explain_os(second)})"
+    return JobResult(job.key, "failed", message=message)
 
 
 def one_line(error: BaseException) -> str:
-    """Input errors (ValueError, OSError) speak for themselves; anything else is shown with its type."""
+    """Message of an error in one line.
+
+    ValueError and OSError show their text; other errors show their type as well.
+    """
     text = explain_os(error) if isinstance(error, OSError) else " ".join(str(error).split())
     if isinstance(error, OSError) and error.filename and str(error.filename) not in text:
         text = f"{text}: {error.filename}"
@@ -184,12 +191,15 @@ def one_line(error: BaseException) -> str:
 
 
 def _forget_peak() -> None:
-    """Count peak memory from here on. Where the system cannot (not Linux, or no right to), it is that of the process so far."""
+    """Reset the peak memory counter.
+
+    Where the system does not support it, the peak covers the process so far.
+    """
     with suppress(OSError), open("/proc/self/clear_refs", "w") as counters:
         counters.write("5")
 
 
 def _cpu() -> float:
-    """CPU seconds of this process and of the processes it has waited for."""
+    """CPU seconds of this process and of its finished child processes."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime

@@ -1,10 +1,10 @@
-"""Small files of the store, sealed with a checksum and replaced whole; digests of files outside it, remembered by their stamps.
+"""Small files of the store, sealed with a checksum and replaced atomically; remembered digests of files outside it.
 
-A sealed file is a JSON object whose first entry, "check", is the BLAKE3 of all bytes that follow it, taken under a tag. Traces,
-manifests, definitions, failures and every cache are sealed: one flipped byte is found when the file is read.
+A sealed file is a JSON object whose first entry, "check", is the BLAKE3 digest of all following bytes, taken under a tag. Traces,
+manifests, definitions, failures and all caches are sealed, so that a flipped byte is found on reading.
 
-A folder that is hashed as one (frames by the thousand) is remembered by its own stamp: names that come and go are noticed, a
-file that is written over in place is not before it is hashed anew (`rehash`).
+A folder that is hashed as one (thousands of frames) is remembered by its own stamp. New and removed names are noticed; a file that
+is overwritten in place is noticed only when the folder is hashed again (`rehash`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from blake3 import blake3
 
 from runner.canonical import digest, path_digest
 
-RACY_NS = 50_000_000  # a file younger than this when it is hashed may change again without a new mtime: not remembered
-GLANCE_BYTES = 1 << 26
-"""files up to this size are hashed even where a glance is enough"""
+RACY_NS = 50_000_000  # a younger file may change again within the same mtime, so its digest is not remembered
+PLAN_HASH_BYTES = 1 << 26
+"""files up to this size are hashed even for a plan"""
 Stamp = tuple[int, int, int, int]
 FORMAT, FORMER = "afford-store-3", ("afford-store-2",)
 """part of every checksum, so that files of another version of the store do not fit"""
@@ -33,11 +33,14 @@ HEX = 64
 
 
 class DamagedError(ValueError):
-    """A sealed file whose bytes do not fit its checksum."""
+    """Sealed file whose bytes do not match its checksum."""
 
 
 def stamp(path: str | Path) -> Stamp:
-    """Return (size, mtime ns, inode, ctime ns): what a file's digest is remembered by. (The ctime cannot be set back.)"""
+    """Return (size, mtime ns, inode, ctime ns) of a file, under which its digest is remembered.
+
+    The ctime cannot be set back.
+    """
     found = os.stat(path)
     return found.st_size, found.st_mtime_ns, found.st_ino, found.st_ctime_ns
 
@@ -49,28 +52,28 @@ def host() -> str:
 
 
 def unique(name: str) -> str:
-    """Return a hidden name for a temporary `name`, free on every host that shares the folder: host, process id, random id."""
+    """Return a hidden temporary name that is unique on all hosts: host, process id, random id."""
     return f".{name}.{host()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
 def seal(tree: dict[str, Any], tag: str) -> bytes:
-    """Encode a JSON object with its checksum; `tag` says what the object is, so that no other file fits in its place."""
+    """Encode a JSON object with its checksum; `tag` names the object, so that no other file is accepted in its place."""
     body = json.dumps(tree, separators=(",", ":")).encode()[1:]
     rest = b'",' + body if tree else b'"' + body
     return HEAD + _checksum(rest, tag, FORMAT) + rest
 
 
 def unseal(data: bytes, tag: str) -> Any:
-    """Decode what `seal` encoded; DamagedError when a byte, or the tag, is another."""
+    """Decode the result of `seal`; DamagedError when a byte or the tag differs."""
     start = len(HEAD) + HEX
     rest = data[start:]
     if data[:start] != HEAD + _checksum(rest, tag, FORMAT):
-        raise DamagedError(f"expected a sealed {tag}, got {len(data)} bytes that do not fit their checksum")
+        raise DamagedError(f"{tag}: {len(data)} bytes do not match their checksum")
     return json.loads(b"{" + rest.removeprefix(b'"').removeprefix(b","))
 
 
 def format_of(data: bytes, tag: str) -> str | None:
-    """The format, present or former, that sealed bytes are of; None when they fit none."""
+    """Store format, present or previous, of sealed bytes; None when they match none."""
     start = len(HEAD) + HEX
     fits = (form for form in (FORMAT, *FORMER) if data[:start] == HEAD + _checksum(data[start:], tag, form))
     return next(fits, None)
@@ -81,31 +84,33 @@ def _checksum(rest: bytes, tag: str, form: str) -> bytes:
 
 
 class FileMemo:
-    """path -> digest of the bytes. `rehash` distrusts what was remembered before this run; with `glance` large files that are not
-    remembered get a stand-in, made of their stamp and fit for a plan alone, and are not read.
+    """Remembers the digest of each file outside the store.
+
+    `rehash` ignores what earlier runs remembered. With `plan_only`, a large file that is not remembered is not read. Its digest
+    is a stand-in made of its stamp, which is valid for a plan alone.
     """
 
-    def __init__(self, store: Path, rehash: bool = False, glance: bool = False) -> None:
-        self.glance = glance
+    def __init__(self, store: Path, rehash: bool = False, plan_only: bool = False) -> None:
+        self.plan_only = plan_only
         self._path = store / ".cache" / "files.json"
         self._known: dict[str, list] = {} if rehash else read_cache(self._path)
         self._fresh = False
 
     def knows(self, path: Path) -> bool:
-        """Whether the digest is remembered; OSError when there is no such file."""
+        """Return True when the digest is remembered; OSError when there is no such file."""
         known = self._known.get(str(path))
         return known is not None and tuple(known[0]) == stamp(path)
 
     def digest(self, path: Path) -> tuple[str, int]:
-        """(digest, size in bytes); OSError when the file cannot be read."""
+        """(digest, size in bytes) of a file; OSError when it cannot be read."""
         now = stamp(path)
         known = self._known.get(str(path))
         if known and tuple(known[0]) == now:
             return known[1], now[0]
-        if self.glance and (now[0] > GLANCE_BYTES or path.is_dir()):
+        if self.plan_only and (now[0] > PLAN_HASH_BYTES or path.is_dir()):
             return digest("afford-unread", [str(path), *now]), now[0]
         found = path_digest(path)
-        if stamp(path)[:3] != now[:3]:  # a link to the file changes its ctime alone
+        if stamp(path)[:3] != now[:3]:  # a new hard link changes only the ctime
             raise OSError(f"{path} changed while it was read; run again when it is complete")
         if time.time_ns() - now[3] > RACY_NS:
             self._known[str(path)] = [now, found]
@@ -113,14 +118,14 @@ class FileMemo:
         return found, now[0]
 
     def save(self) -> None:
-        """Write what was learned, at once."""
+        """Write the new digests."""
         if self._fresh:
             write_cache(self._path, self._known)
             self._fresh = False
 
 
 def read_cache(path: Path) -> dict[str, Any]:
-    """Read a cache file. One that is missing or damaged counts as empty: it is made anew from what it was made of."""
+    """Read a cache file; a missing or damaged one counts as empty and is rebuilt."""
     try:
         return dict(unseal(path.read_bytes(), f"cache {path.name}"))
     except (FileNotFoundError, DamagedError):
@@ -133,7 +138,7 @@ def write_cache(path: Path, tree: dict[str, Any]) -> None:
 
 
 def write_atomic(path: Path, data: bytes) -> None:
-    """Replace a file: the whole new one or the old one is there, also when the process is killed. Parent folders are made."""
+    """Replace a file atomically, also when the process is killed; parent folders are created."""
     temporary = path.with_name(unique(path.name))
     try:
         temporary.write_bytes(data)
@@ -143,9 +148,10 @@ def write_atomic(path: Path, data: bytes) -> None:
     os.replace(temporary, path)
 
 
-class SeenBlobs:
-    """Blobs whose bytes were hashed, with size and change time at that moment, so that a run that does nothing reads nothing.
-    (The change time cannot be set back, as the modification time can.)
+class VerifiedBlobs:
+    """Size and change time of every blob at the moment its bytes were hashed.
+
+    A run without work thereby reads no blob. The change time, unlike the modification time, cannot be set back.
     """
 
     def __init__(self, store: Path) -> None:
@@ -154,18 +160,18 @@ class SeenBlobs:
         self._fresh = False
 
     def same(self, blob: str, path: str) -> bool:
-        """Whether the file is as it was when it was hashed; FileNotFoundError when it is gone."""
+        """Return True when the file has not changed since it was hashed; FileNotFoundError when it is gone."""
         found = os.stat(path)
         return self._seen.get(blob) == [found.st_size, found.st_ctime_ns]
 
     def note(self, blob: str, path: str) -> None:
-        """The bytes of this file fit its name."""
+        """Record that the bytes of this file match its name."""
         found = os.stat(path)
         self._seen[blob] = [found.st_size, found.st_ctime_ns]
         self._fresh = True
 
     def save(self) -> None:
-        """Write what was seen, at once."""
+        """Write the new entries."""
         if self._fresh:
             write_cache(self._path, self._seen)
             self._fresh = False

@@ -1,12 +1,13 @@
-"""The graph: what is computed from what. Composition is typed, so that an edge is a checked call and not a string.
+"""The graph of stages. Composition is typed, so that an edge is a checked call and not a string.
 
     g = Graph()
     clip   = g.each(g.add(source_read.run, files=g.leaf("video", tree), params=p))
     frames = g.add(frame_decode.run, media=tree, footage=clip, params=q)
     g.target("dataset", g.add(dataset_pack.run, frames=g.collect(frames), params=r))
 
-Every call returns a handle that type checkers take for the value it will become. A node runs once per path: `each` opens an
-axis, a node lives on the longest axes of its inputs, and every other input must lie on a prefix of them (it is broadcast).
+Every call returns a handle, which type checkers treat as the value that it stands for. A node runs once per path: `each` opens an
+axis, a node is spread over the longest axes of its inputs, and the axes of every other input must be a prefix of them (broadcast).
+Published, measured and cost labels name values for the summary of a run; they are in no key.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ Sort = Literal["leaf", "stage", "each", "collect", "pick", "gather"]
 
 
 class GraphError(ValueError):
-    """The graph cannot be built as written; the message says which call and what to do."""
+    """The graph is invalid; the message names the call and the remedy."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """One line of the graph. `inputs` are (argument or part name, node id); `axes` the `each` nodes it is spread over."""
+    """One line of the graph.
+
+    `inputs` are (argument or part name, node id); `axes` are the `each` nodes over which the node is spread.
+    """
 
     id: int
     sort: Sort
@@ -41,11 +45,11 @@ class Node:
     params: Any = None
     wants_ctx: bool = False
     partial: bool = False
-    """collect, gather: made of what is there, also when the rest is left for another run"""
+    """collect, gather: takes the available elements, also when the rest is deferred to another run"""
 
 
 class Handle:
-    """Stands for a value that a run will make; it has none of the value's attributes."""
+    """Placeholder for a value that a run computes; it has none of the value's attributes."""
 
     def __init__(self, graph: Graph, node: Node) -> None:
         self.__dict__.update(_graph=graph, _node=node)
@@ -75,12 +79,12 @@ class _Field:
 
 
 class Graph:
-    """A recipe."""
+    """A DAG of stages."""
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
         self.targets: dict[str, tuple[Any, ...]] = {}
-        self.early: set[int] = set()
+        self.priority: set[int] = set()
         self.published: list[Published] = []
         self.measured: list[Measured] = []
         self.costs: list[Cost] = []
@@ -89,22 +93,24 @@ class Graph:
         self._part = ""
 
     def leaf(self, name: str, value: T) -> T:
-        """A value known now; a tuple is a list of them."""
+        """Add a value that is known now; a tuple is a list of values."""
         return cast(T, self._new("leaf", name, value=value))
 
     @property
     def ctx(self) -> Any:
-        """What to pass as `ctx` of a stage that wants one, for type checkers; the runner supplies it, said or not."""
+        """Value to pass as `ctx` of a stage, for type checkers; the runner supplies the context in any case."""
         return None
 
     def named(self, name: str) -> Named:
-        """`g.named("b").add(...)` adds a stage under another name than its module's, to use one function twice."""
+        """Name the next stage, to use one function twice: `g.named("b").add(...)`."""
         return Named(self, name)
 
     @contextmanager
     def variant(self, label: str) -> Iterator[dict[str, str]]:
-        """Lines that are written again with other parameters. Within it, what is there already with the same arguments is taken
-        as it is, and a stage that differs is added as `<name>_<label>`. Gives name -> name in this graph, as it fills.
+        """Repeat lines with other parameters.
+
+        Within it, an existing node with the same arguments is reused, and a stage that differs is added as
+        `<name>_<label>`. Yields a dict from name to name in this graph, which fills with each added stage.
         """
         names: dict[str, str] = {}
         self._variant = label, names
@@ -115,8 +121,10 @@ class Graph:
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
-        """Lines of one of several targets that are made together: what they share is one node, as in a `variant`; their targets are
-        called `<part>.<name>`, and what they publish and measure belongs to the part.
+        """Add the lines of one of several combined targets.
+
+        Nodes that the targets share exist once, as in a `variant`. The targets are named `<part>.<name>`, and published and
+        measured values belong to the part.
         """
         self._part = name
         try:
@@ -126,39 +134,45 @@ class Graph:
             self._part = ""
 
     def publish(self, value: T, place: str, as_: str) -> T:
-        """Name where people find a value, and what the summary of a run calls it: `g.publish(packed, "datasets/{source}",
-        as_="dataset")`. {source} is the name of what the run is made of, {clip} the shard: then every shard has a place of its own.
-        A place with a suffix is that of a single file. The value is published by every run that makes it.
+        """Publish a value at a place under the store, with a name for the summary of a run.
+
+        `g.publish(packed, "datasets/{source}", as_="dataset")`: {source} is the name of the run's source, {clip} the shard,
+        which gives every shard its own place. A place with a suffix is a single file. Every run that computes the value
+        publishes it.
         """
         node = self._node(value, "g.publish")
         self.published.append(Published(node.id, place, as_, self._part))
         return value
 
     def measure(self, value: T, file: str = "metrics.json", under: str = "") -> T:
-        """Name a file of a value with figures that a run shows, an object of numbers in JSON; `under` is set before each name."""
+        """Show figures from a JSON file of a value, an object of numbers; `under` is prefixed to each name."""
         self.measured.append(Measured(self._node(value, "g.measure").id, file, under, self._part))
         return value
 
     def cost(self, name: str, stages: Iterable[Any], per: tuple[Any, str], *, shards: Any = None, scale: float = 1.0,
              each: bool = False, rate: bool = False) -> None:  # fmt: skip
-        """A figure of what stages cost: their CPU seconds for one of what they are counted in, `per` a measured value and a figure
-        of it. `shards`: only in the shards in which this one is made; `scale`: of the unit; `each`: also of every stage as
-        `<name>.<stage>`; `rate`: so many a CPU second instead, and none where nothing was spent.
+        """Add a cost figure: CPU seconds of stages per unit of a measured figure.
+
+        `per` is (measured value, figure in it). `shards`: count only the shards of this stage; `scale`: factor of the unit;
+        `each`: also one figure for every stage, as `<name>.<stage>`; `rate`: units per CPU second instead, omitted when no
+        time was spent.
         """
         spent = tuple(self._maker(stage) for stage in stages)
         self.costs.append(Cost(name, spent, self._node(per[0], "g.cost").id, per[1],
                                None if shards is None else self._maker(shards), scale, each, rate, self._part))
 
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        """One stage, named after its module. Inputs are handles, or tuples of handles; `params` a frozen dataclass; `ctx` is
-        supplied by the runner. GraphError when the arguments do not fit.
+        """Add a stage, named after its module.
+
+        Inputs are handles or tuples of handles, `params` is a frozen dataclass, and the runner supplies `ctx`. GraphError
+        when the arguments do not fit.
         """
         return self._add(fn.__module__.rpartition(".")[2], fn, args, kwargs)
 
     def _add(self, name: str, fn: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> T:
         taken = any(node.sort == "stage" and node.name == name for node in self.nodes)
         if taken and not self._variant:
-            raise GraphError(f"stage {name!r} is added twice; name the second one: g.named('{name}_again').add(...)")
+            raise GraphError(f"stage {name!r} is added twice; give the second one a name: g.named('{name}_again').add(...)")
         if "." in fn.__qualname__:
             raise GraphError(f"{name}: expected a function of a module, got {fn.__qualname__}; workers import it by its name")
         bound, wants_ctx = _bind(fn, args, kwargs, name)
@@ -173,7 +187,10 @@ class Graph:
         return cast(T, made)
 
     def each(self, values: tuple[T, ...]) -> T:
-        """One element of a list; whatever uses it runs once per element. The same list gives the same axis."""
+        """Spread a list: every stage that uses the result runs once per element.
+
+        The same list gives the same axis.
+        """
         source = self._node(values, "g.each")
         if source.id not in self._axes:
             axes = (*source.axes, len(self.nodes))
@@ -181,25 +198,27 @@ class Graph:
         return cast(T, self._axes[source.id])
 
     def first(self, value: T) -> T:
-        """What makes `value` goes before everything else: it is quick, and tells at once whether the rest is worth doing."""
-        self.early.add(self._node(value, "g.first").id)
+        """Give the tasks behind `value` priority over all others, for quick checks that tell whether the rest is worthwhile."""
+        self.priority.add(self._node(value, "g.first").id)
         return value
 
     def collect(self, value: T, partial: bool = False) -> tuple[T, ...]:
-        """All elements over all axes again, in order; those that failed are left out and listed in the report. `partial`: so are
-        those that a run with a limit has left for another one, even all of them; without, the list then is left too.
+        """Collect all elements over all axes, in order.
+
+        Failed elements are omitted and listed in the report. With `partial`, deferred elements are omitted as well, even
+        all of them; without it, one deferred element defers the list.
         """
         source = self._node(value, "g.collect")
         return cast("tuple[T, ...]", self._new("collect", f"collect {source.name}", (("", source.id),), partial=partial))
 
     def finished(self, name: str, values: Iterable[T]) -> tuple[T, ...]:
-        """Of these handles those that could be made, in order; what failed or was left for another run is left out."""
+        """Collect those handles that have an output, in order; failed and deferred ones are omitted."""
         parts = tuple(values)
         inputs = self._parts(parts, name) if parts else ()
         return cast("tuple[T, ...]", self._new("gather", name, inputs, self._join(inputs, name), partial=True))
 
     def pick(self, value: T, field: Callable[[T], U]) -> U:
-        """One field of an output that the codec splits into its fields (a bundle): `g.pick(h, lambda v: v.files)`."""
+        """Select one field of an output that the codec splits (a bundle): `g.pick(h, lambda v: v.files)`."""
         source = self._node(value, "g.pick")
         seen = _Field()
         field(cast(T, seen))
@@ -209,18 +228,18 @@ class Graph:
         return cast(U, self._new("pick", f"{source.name}.{names[0]}", (("", source.id),), source.axes, value=names[0]))
 
     def target(self, name: str, *handles: Any) -> None:
-        """Name what a run can be asked for."""
+        """Name handles as a target of runs."""
         name = f"{self._part}.{name}" if self._part else name
         if name in self.targets:
             raise GraphError(f"target {name!r} is declared twice")
         self.targets[name] = tuple(Handle(self, self._node(handle, f"g.target({name!r})")) for handle in handles)
 
     def node_of(self, handle: Any) -> Node:
-        """The node behind a handle of this graph."""
+        """Node of a handle of this graph."""
         return self._node(handle, "node_of")
 
     def upstream(self, wanted: Iterable[Node]) -> list[Node]:
-        """`wanted` and all they need, inputs first."""
+        """`wanted` and all nodes that they depend on, inputs first."""
         need, stack = set(), [node.id for node in wanted]
         while stack:
             at = stack.pop()
@@ -229,8 +248,8 @@ class Graph:
                 stack += [source for _, source in self.nodes[at].inputs]
         return [self.nodes[i] for i in sorted(need)]
 
-    def spare(self, wanted: Iterable[Node]) -> frozenset[int]:
-        """Ids of what `wanted` can do without: all that is asked of it goes through something partial."""
+    def optional(self, wanted: Iterable[Node]) -> frozenset[int]:
+        """Ids of nodes that `wanted` can do without, because only partial collections use them."""
         need, stack = set[int](), [node.id for node in wanted]
         while stack:
             node = self.nodes[stack.pop()]
@@ -240,11 +259,11 @@ class Graph:
         return frozenset(node.id for node in self.upstream(wanted)) - need
 
     def stages(self) -> list[Node]:
-        """Every stage, in the order written."""
+        """Stages in the order of their definition."""
         return [node for node in self.nodes if node.sort == "stage"]
 
     def _maker(self, value: Any) -> str:
-        """The name of the stage that a value, or a field of it, comes from."""
+        """Name of the stage that produces a value, or a field of it."""
         node = self._node(value, "g.cost")
         while node.sort == "pick":
             node = self.nodes[node.inputs[0][1]]
@@ -252,7 +271,7 @@ class Graph:
 
     def _new(self, sort: Sort, name: str, inputs: tuple[tuple[str, int], ...] = (), axes: tuple[int, ...] = (), *, own: str = "",
              **more: Any) -> Handle:
-        """A node, called `own` where its name is taken; in a variant, the one that is there already with the same arguments."""
+        """Add a node, called `own` if its name is taken; in a variant, reuse an equal node."""
         node = Node(len(self.nodes), sort, name, inputs, axes, **more)
         twin = next((old for old in self.nodes if self._variant and _same(old, node)), None)
         if twin is not None:
@@ -269,7 +288,7 @@ class Graph:
         return cast(Node, handle.__dict__["_node"])
 
     def _input(self, value: Any, where: str) -> Node:
-        """The node of an argument; a tuple of handles becomes a node that gathers them."""
+        """Node of an argument; a tuple of handles becomes a gather node."""
         if not (isinstance(value, (tuple, list)) and value and all(isinstance(item, Handle) for item in value)):
             return self._node(value, where)
         inputs = self._parts(value, where)
@@ -281,7 +300,7 @@ class Graph:
         return tuple((f"{i:03d}_{part.name}", part.id) for i, part in enumerate(parts))
 
     def _join(self, inputs: Sequence[tuple[str, int]], where: str) -> tuple[int, ...]:
-        """The longest axes of the inputs; GraphError when another input is not on a prefix of them."""
+        """Longest axes of the inputs; GraphError when another input is not on a prefix of them."""
         longest = max((self.nodes[source].axes for _, source in inputs), key=len, default=())
         for name, source in inputs:
             axes = self.nodes[source].axes
@@ -294,18 +313,18 @@ class Graph:
 
 
 class Named:
-    """A graph that adds the next stage under a given name."""
+    """Graph that adds the next stage under a given name."""
 
     def __init__(self, graph: Graph, name: str) -> None:
         self._graph, self._name = graph, name
 
     def add(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        """As `Graph.add`."""
+        """Add a stage as `Graph.add` does."""
         return self._graph._add(self._name, fn, args, kwargs)
 
 
 def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], name: str) -> tuple[dict[str, Any], bool]:
-    """Arguments by name, without `ctx`, and whether the function wants one."""
+    """Arguments by name, without `ctx`, and a flag for functions that take `ctx`."""
     signature = inspect.signature(fn)
     wants_ctx = "ctx" in signature.parameters
     try:
@@ -318,8 +337,9 @@ def _bind(fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any],
 
 
 def _same(a: Node, b: Node) -> bool:
-    """Whether two nodes compute the same, whatever they are called; what has no inputs, also by its name. (An `each` is told by its
-    axis.)
+    """Compare two nodes by what they compute, ignoring names unless they have no inputs.
+
+    An `each` node equals no other, since its axis identifies it.
     """
     if a.sort != b.sort or a.sort == "each" or (not a.inputs and a.name != b.name):
         return False
@@ -333,20 +353,20 @@ def _is_frozen(params: Any) -> bool:
 
 @dataclass(frozen=True)
 class Published:
-    """A value with a place of its own, see `Graph.publish`."""
+    """Value with a published place, see `Graph.publish`."""
 
     node: int
     place: str
     """path with {source} and {clip} in it"""
     name: str
-    """in the summary of a run"""
+    """name in the summary of a run"""
     part: str = ""
-    """which of several targets that are made together it belongs to"""
+    """target among several combined ones"""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A value with figures, see `Graph.measure`."""
+    """Value with figures, see `Graph.measure`."""
 
     node: int
     file: str
@@ -356,7 +376,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Cost:
-    """What stages cost, see `Graph.cost`."""
+    """Cost figure of stages, see `Graph.cost`."""
 
     name: str
     stages: tuple[str, ...]
@@ -364,7 +384,7 @@ class Cost:
     per: str
     """figure of the measured value"""
     shards: str | None
-    """stage whose shards count; None: all do"""
+    """stage whose shards count; None: all shards"""
     scale: float
     each: bool
     rate: bool

@@ -1,4 +1,4 @@
-"""Keys: the digest of everything that an output depends on, and of nothing else."""
+"""Task keys: the digest of everything that an output depends on, and of nothing else."""
 
 from __future__ import annotations
 
@@ -17,40 +17,40 @@ from runner.files import Stamp
 from runner.fingerprint import Fingerprint, fingerprint, merged
 from runner.graph import Node
 from runner.modules import Modules
-from runner.selection import declarations, select_of, unselected, without
+from runner.selection import declarations, select_of, unselected, without_blocks
 
 VECTORS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16", "asimd", "sve", "bf16")
-"""flags of a CPU that decide which kernels numeric libraries choose, and so last bits"""
+"""CPU flags by which numeric libraries choose kernels, and which therefore affect the last bits"""
 CPUINFO, NVIDIA = Path("/proc/cpuinfo"), Path("/proc/driver/nvidia")
 
 
 @dataclass(frozen=True)
 class StageSpec:
-    """What is the same for every shard of a stage."""
+    """Properties that all shards of a stage share."""
 
     name: str
     function: str
-    """'module:function', where a worker finds it; in no key"""
+    """'module:function' for the worker's import; not part of the key"""
     params: Any
     """canonical JSON tree"""
     code: Fingerprint
-    """of the stage, of the codec for the schemas that occur in it, and of the worker's preparation"""
+    """fingerprint of the stage, of the codec for the schemas that the stage uses, and of the worker's preparation"""
     libraries: dict[str, str]
     threads: int
     memory_gib: float
     sources: tuple[tuple[str, Stamp], ...]
-    """files behind the fingerprint, with their stamps when they were read for it"""
+    """files that the fingerprint covers, with their stamps at the time of reading"""
     machine: str = ""
-    """the kind of machine, of stages that declare MACHINE; '' of all others"""
+    """kind of machine, for stages that declare MACHINE; '' for all others"""
     blocks: frozenset[str] = frozenset()
-    """fields of Params with the parameters of backends that are not selected; in no key"""
+    """fields of Params that hold parameters of backends that are not selected; not part of the key"""
 
 
-class Codes:
-    """Fingerprints of the code that decides the bytes of a task: its stage, the codec, the preparation of its worker.
+class CodeFingerprints:
+    """Fingerprints of the code that determines a task's bytes: stage, codec, worker preparation.
 
-    codec, worker: "module:attribute"; code of these that is not under the root of `modules` does not count. Definitions in schema
-    packages count where a stage uses them, and through the schemas of its inputs (`task_key`).
+    `codec` and `worker` are "module:attribute"; their code counts only if it is under the root of `modules`. Definitions in
+    schema packages count where a stage uses them, and through the schemas of its inputs (`task_key`).
     """
 
     def __init__(self, modules: Modules, codec: str, worker: str | None) -> None:
@@ -59,19 +59,19 @@ class Codes:
         self._memo: dict[Any, Fingerprint] = {}
 
     def of(self, function: str, params: Any) -> Fingerprint:
-        """Of 'module:function' under these Params; SourceError when some code cannot be followed."""
+        """Fingerprint 'module:function' under these Params; SourceError when some code cannot be followed."""
         stage = fingerprint(self.modules, function, select_of(params))
         return merged([stage, *self._codec_of(stage), *self._worker_of()])
 
     def _codec_of(self, stage: Fingerprint) -> list[Fingerprint]:
-        """What the codec selects in its registries (`Codec.selects`) follows from the schemas that occur in the stage."""
+        """Fingerprint the registry entries that the codec selects (`Codec.selects`) for the schemas in the stage."""
         if not self._ours(self._codec):
             return []
         selects = getattr(resolve(self._codec), "selects", None)
         select = selects(frozenset(name.partition(":")[2] for name in stage.definitions)) if selects else {}
         memo = tuple(sorted(select.items()))
         if memo not in self._memo:
-            self._memo[memo] = fingerprint(self.modules, self._codec, select, apart=self.modules.schemas)
+            self._memo[memo] = fingerprint(self.modules, self._codec, select, excluded=self.modules.schemas)
         return [self._memo[memo]]
 
     def _worker_of(self) -> list[Fingerprint]:
@@ -85,14 +85,17 @@ class Codes:
         return self.modules.get(reference.partition(":")[0]) is not None
 
 
-def stage_spec(node: Node, codes: Codes) -> StageSpec:
-    """Read a stage's code and declarations; ValueError when it cannot be followed or a library is not installed."""
+def stage_spec(node: Node, codes: CodeFingerprints) -> StageSpec:
+    """Read a stage's code and declarations.
+
+    ValueError when the code cannot be followed or a library is not installed.
+    """
     function = f"{node.value.__module__}:{node.value.__qualname__}"
     module, select = node.value.__module__, select_of(node.params)
     declared, blocks = declarations(codes.modules, module, select), unselected(codes.modules, module, select)
     code = codes.of(function, node.params)
     return StageSpec(
-        name=node.name, function=function, params=without(_params(node), node.params, blocks), code=code,
+        name=node.name, function=function, params=without_blocks(_params(node), node.params, blocks), code=code,
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
         sources=tuple((path, codes.modules.stamp(path)) for path in sorted(code.files) if not os.path.isdir(path)),
@@ -100,13 +103,13 @@ def stage_spec(node: Node, codes: Codes) -> StageSpec:
 
 
 def _machine(declared: bool | list[str], node: Node, blocks: frozenset[str]) -> str:
-    """MACHINE of a stage is True, or names fields of its Params that make its bytes depend on the kind of machine."""
+    """Kind of machine, if MACHINE is True or one of the Params fields that it names is set."""
     named = [] if isinstance(declared, bool) else [name for name in declared if name.partition(".")[0] not in blocks]
     return machine_kind() if declared is True or any(_field(node, name) for name in named) else ""
 
 
 def _field(node: Node, name: str) -> Any:
-    """A parameter by its name, or by 'block.name'."""
+    """Value of a parameter, by its name or by 'block.name'."""
     value = node.params
     for part in name.split("."):
         if not hasattr(value, part):
@@ -116,7 +119,7 @@ def _field(node: Node, name: str) -> Any:
 
 
 def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str]) -> str:
-    """The key of one shard: `inputs` argument -> artifact digest, `schemas` kind -> version of the kinds in them."""
+    """Key of one shard: `inputs` maps argument to artifact digest, `schemas` maps kind to version."""
     machine = {"machine": spec.machine} if spec.machine else {}
     return digest("afford-task", {
         "code": spec.code.digest, "params": spec.params, "inputs": dict(inputs),
@@ -124,14 +127,19 @@ def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, s
 
 
 def seed_of(params: Any, inputs: Mapping[str, str]) -> int:
-    """The seed of a task's global random states: 63 bits of the digest of its parameters and inputs, whatever its code and key."""
+    """Seed of a task's global random states: 63 bits of the digest of its parameters and inputs.
+
+    The code and the key of the task have no influence.
+    """
     return int(digest("afford-seed", {"params": params, "inputs": dict(inputs)})[:16], 16) >> 1
 
 
 @cache
 def machine_kind() -> str:
-    """What byte equality is promised for: architecture, vector units (those of bfloat16 decide mixed precision), GPU and driver,
-    version of Python. It is recorded, and part of the key of stages that declare MACHINE.
+    """Kind of machine for which byte equality is promised.
+
+    It consists of architecture, vector units (those of bfloat16 decide mixed precision), GPU, driver and Python version. Every
+    trace records it, and it is part of the key of stages that declare MACHINE.
     """
     parts = [platform.machine(), sys.platform, f"python{sys.version_info[0]}.{sys.version_info[1]}", *_vectors(), *_gpus()]
     forced = os.environ.get("OPENBLAS_CORETYPE")
@@ -139,7 +147,7 @@ def machine_kind() -> str:
 
 
 def _vectors() -> list[str]:
-    """Where the system does not say (not Linux), none are known."""
+    """CPU flags among VECTORS; none where the system does not list them (not Linux)."""
     if not CPUINFO.exists():
         return []
     lines = CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -148,7 +156,7 @@ def _vectors() -> list[str]:
 
 
 def _gpus() -> list[str]:
-    """Models and driver of NVIDIA's GPUs, as the kernel module states them."""
+    """Models and driver of NVIDIA GPUs, as the kernel module lists them."""
     version = NVIDIA / "version"
     if not version.exists():
         return []

@@ -1,6 +1,6 @@
-"""One run per key: an advisory lock on a file, held by the process that runs the task.
+"""Lease on a key: an advisory lock on a file, held by the process that runs the task.
 
-The kernel drops the lock when its owner dies, however it dies, so no unlock command exists and no process id is ever trusted.
+The kernel releases the lock when the owner dies, so there is no unlock command and no process id is trusted.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from pathlib import Path
 
 
 class Lease:
-    """Try to own a key. `held` tells whether it worked; `release` (or the end of the process) gives it back."""
+    """Attempt to lock a file.
+
+    `held` is true if it succeeded; `release`, or the end of the process, unlocks.
+    """
 
     def __init__(self, path: Path, shared: bool = False) -> None:
         self._path = path
@@ -19,11 +22,11 @@ class Lease:
 
     @property
     def held(self) -> bool:
-        """True while this process owns the key."""
+        """True while this process owns the lease."""
         return self._file is not None
 
     def release(self, remove: bool = True) -> None:
-        """Give the key back; the file goes first, while it is still ours."""
+        """Release the lease; the file is removed first, while it is still locked."""
         if self._file is not None:
             if remove:
                 self._path.unlink(missing_ok=True)
@@ -41,7 +44,7 @@ class Lease:
                 return None
             if self._is_still(file):
                 return file
-            os.close(file)  # its last owner removed it between our open and our lock: take the new one
+            os.close(file)  # the last owner removed the file between open and lock: retry with the new file
 
     def _is_still(self, file: int) -> bool:
         try:

@@ -1,8 +1,8 @@
-"""What one statement leads to: items and modules of ours, packages of others; or the reason why that cannot be determined.
+"""Resolve the references of one statement to project definitions, project modules and other packages.
 
-A link has a label, which is written in the code, and a target, which lies somewhere. Only labels are part of what a definition is:
-a module that moves changes no definition that uses it. Links depend on the code alone, not on parameters, so that all fingerprints
-over one `Modules` share them.
+A link has a label, which is written in the code, and a target, which has a location. Only labels are part of a definition's digest,
+so moving a module changes no definition that uses it. Links depend on the code alone, not on parameters, and all fingerprints over
+one `Modules` share them. A reference that cannot be traced is an error.
 """
 
 from __future__ import annotations
@@ -17,49 +17,52 @@ from weakref import WeakKeyDictionary
 
 from runner.canonical import digest
 from runner.effects import Effects, effects_of
-from runner.foreign import FILES, IMPORT, PLAIN, ROOTS, UNSEEN, refusal
+from runner.external import FILES, IMPORT, PLAIN, ROOTS, UNSEEN, refusal
 from runner.modules import Modules, Snapshot
-from runner.resolve import Place, places
+from runner.references import Referent, referents
 from runner.source import Module, SourceError, line_of
 
 Target = tuple[str, str]
-"""(module, name) of an item; the name is `WHOLE` for the module as a value, `PROGRAM` for one that is started, `LOADABLE` for one
-that is loaded by a computed name, '/' and the name of a file for data beside it"""
+"""(module, name) of an item. The name is `WHOLE` for the module as a value, `PROGRAM` for a started module, `LOADABLE` for a module
+that is loaded by a computed name, and '/' plus a file name for data beside the module"""
 WHOLE, PROGRAM, LOADABLE = "<module>", "<program>", "<loadable>"
 WRITERS = ("pickle", "_pickle", "dill", "cloudpickle", "joblib")
 WRITES_NAMES = re.compile(rf"({'|'.join(WRITERS)})\.(dump|dumps|Pickler)")
-"""what writes the names of modules into what it makes"""
+"""functions that write module names into their output"""
 
 
 @dataclass
 class Links:
-    """Where a statement leads."""
+    """Targets of the references of a statement."""
 
     edges: dict[str, list[tuple[str, Target]]] = field(default_factory=dict)
-    """label -> what it stands for, in the order in which it is bound: attributes that follow, and target. A label is a reference as
-    it is written, and never says where something lies: 'm.f', '@0.f' of the import in slot 0, '=0' of the string in slot 0"""
+    """label -> (following attributes, target) pairs, in the order of binding. A label is a reference as written, without location:
+    'm.f', '@0.f' for the import in slot 0, '=0' for the string in slot 0"""
     packages: set[str] = field(default_factory=set)
-    """top-level names of packages that are neither ours nor Python's"""
-    meant: list[list[Any]] = field(default_factory=list)
-    """what is known of labels without a target: what a name of another package is called there, what a string says"""
-    everywhere: bool = False
-    """whether the names of modules may be part of what it makes"""
+    """top-level names of third-party packages"""
+    facts: list[list[Any]] = field(default_factory=list)
+    """values of labels without target: the full name in another package, the text of a string"""
+    any_module_name: bool = False
+    """True if module names may be part of the output"""
 
 
 class Definition(NamedTuple):
-    """What the statements of one name are, and where they lead."""
+    """Statements of one name, and the targets of their references."""
 
     digest: str
-    """of the statements and of the labels of their targets, wherever those lie"""
+    """digest of the statements and of the labels of their targets, without locations"""
     targets: tuple[Target, ...]
     loads: tuple[Module, ...]
-    """modules of ours that the statements import when they run"""
+    """project modules that the statements import when they run"""
     packages: set[str]
-    everywhere: bool
+    any_module_name: bool
 
 
 class Linker:
-    """Links and effects of the modules of a project, found once. The modules stay as they were when they were read."""
+    """Links and effects of the modules of a project, each computed once.
+
+    The modules stay as they were at the first read.
+    """
 
     def __init__(self, modules: Modules) -> None:
         self._modules = modules
@@ -67,11 +70,12 @@ class Linker:
         self._definitions: dict[tuple[str, str, tuple[int, ...]], Definition] = {}
         self._effects: dict[str, Effects] = {}
         self._loads: dict[str, list[Module]] = {}
-        self._foreign: dict[str, dict[str, list[str]]] = {}
+        self._external: dict[str, dict[str, list[str]]] = {}
 
     def links(self, module: Module, index: int) -> Links:
-        """Links of one statement; SourceError when it uses what cannot be followed. What a string names is left out where only
-        another package gets to see the string.
+        """Links of one statement; SourceError for a reference that cannot be followed.
+
+        The target of a string is omitted if only another package receives the string.
         """
         by_string = index not in self.effects(module).outside
         key = module.name, index, by_string
@@ -81,15 +85,15 @@ class Linker:
         return self._links[key]
 
     def _outside(self, module: Module) -> dict[str, list[str]]:
-        """Imported names that come from packages of others only, none of which can reach our code: name -> targets."""
-        if module.name not in self._foreign:
-            self._foreign[module.name] = {
+        """Imported names from other packages that cannot reach project code: name -> targets."""
+        if module.name not in self._external:
+            self._external[module.name] = {
                 name: targets for name, targets in module.imports.items() if name not in module.items
                 and all(self._modules.get(root) is None and root not in ROOTS for root in map(_root, targets))}
-        return self._foreign[module.name]
+        return self._external[module.name]
 
     def definition(self, module: Module, name: str, statements: tuple[int, ...]) -> Definition:
-        """The statements of one name."""
+        """Statements of one name, with their targets."""
         key = module.name, name, statements
         if key not in self._definitions:
             self._definitions[key] = self._defined(module, name, statements)
@@ -100,28 +104,28 @@ class Linker:
         for index in statements:
             statement, found = module.statements[index], self.links(module, index)
             edges = [(label, *edge) for label in sorted(found.edges) for edge in found.edges[label]]
-            rows.append([statement["digest"], sorted(found.meant), [f"{label}|{rest}" for label, rest, _ in edges]])
+            rows.append([statement["digest"], sorted(found.facts), [f"{label}|{rest}" for label, rest, _ in edges]])
             targets += [target for _, _, target in edges]
             loads += self.imported(statement["loads"]) if "loads" in statement else ()
             links.append(found)
         packages = links[0].packages.union(*(found.packages for found in links[1:])) if links else set()
         return Definition(digest("afford-definition", [name, rows]), tuple(targets), tuple(loads), packages,
-                          any(found.everywhere for found in links))
+                          any(found.any_module_name for found in links))
 
     def effects(self, module: Module) -> Effects:
-        """See `runner.effects`."""
+        """Effects of importing the module, see `runner.effects`."""
         if module.name not in self._effects:
             self._effects[module.name] = effects_of(self._modules, module)
         return self._effects[module.name]
 
     def loads(self, module: Module) -> list[Module]:
-        """Modules of ours that run when this one is imported: its packages, and what it imports with theirs."""
+        """Project modules that run when this one is imported: its packages, its imports, and their packages."""
         if module.name not in self._loads:
             self._loads[module.name] = self.imported((module.name, *module.loads))
         return self._loads[module.name]
 
     def imported(self, names: Iterable[str]) -> list[Module]:
-        """Modules of ours among dotted names, each after its packages."""
+        """Project modules among dotted names, each after its packages."""
         parts = [name.split(".") for name in names]
         found = dict.fromkeys(".".join(name[:count]) for name in parts for count in range(1, len(name) + 1))
         return [module for module in map(self._modules.get, found) if module is not None]
@@ -140,14 +144,14 @@ _linkers: WeakKeyDictionary[Snapshot, Linker] = WeakKeyDictionary()
 
 
 def linker_of(modules: Modules) -> Linker:
-    """The one linker of these modules as they are now."""
+    """The one linker for the current state of these modules."""
     if modules.snapshot not in _linkers:
         _linkers[modules.snapshot] = Linker(modules)
     return _linkers[modules.snapshot]
 
 
 def refused(module: Module, statement: dict[str, Any], ref: str, what: str, instead: str) -> SourceError:
-    """The error for a reference, with its line."""
+    """Error for a reference, with its line."""
     return SourceError(f"{module.path}:{line_of(module, statement, ref)}: {what}; {instead}")
 
 
@@ -162,13 +166,13 @@ class _Statement:
 
     def links(self) -> Links:
         for ref in self.statement.get("hints", ()):
-            for place in self._places(ref) if _root(ref) not in self.outside else ():
-                self._take(ref, f": {self._label(ref)}", place, counts=False)
+            for referent in self._referents(ref) if _root(ref) not in self.outside else ():
+                self._take(ref, f": {self._label(ref)}", referent, counts=False)
         for ref in self.statement.get("getattrs", ()):
             self._getattr(ref)
         for name in sorted({_root(ref) for ref in self.statement["refs"]} & self.outside.keys()):
             self.found.packages |= {_root(target) for target in self.outside[name]} - sys.stdlib_module_names
-            self.found.meant.append([name, self.outside[name]])
+            self.found.facts.append([name, self.outside[name]])
         for ref in self.statement["refs"]:
             if _root(ref) not in self.outside:
                 self._ref(ref)
@@ -179,30 +183,30 @@ class _Statement:
         for slot, string in enumerate(self.statement.get("strings", ())):
             self._string(f"={slot}", string)
         if "home" in self.statement:
-            self.found.meant.append(["__name__", self.module.name])
-        self.found.everywhere |= "everywhere" in self.statement
+            self.found.facts.append(["__name__", self.module.name])
+        self.found.any_module_name |= "any_module_name" in self.statement
         return self.found
 
     def _imports(self, imports: list[str]) -> None:
-        """What an import inside the statement binds counts as it is written where it leads to nothing of ours."""
+        """Record imports inside the statement; one without a project target counts as written."""
         used = [*self.statement["refs"], *self.statement.get("hints", ()), *self.statement.get("getattrs", ())]
         is_definition = "kind" in self.statement
         for slot, target in enumerate(imports):
             is_ours = self.modules.get(_root(target)) is not None
             reached = is_ours and (not is_definition or any(_is_of(ref, target) for ref in used))
-            self.found.meant.append([f"@{slot}", imports.index(target) if reached else target])
+            self.found.facts.append([f"@{slot}", imports.index(target) if reached else target])
 
     def _string(self, label: str, string: str) -> None:
-        stands = [place for place in self._places(f"={string}") if place.item is not None]
-        if not stands:
-            self.found.meant.append([label, string])
+        named = [referent for referent in self._referents(f"={string}") if referent.item is not None]
+        if not named:
+            self.found.facts.append([label, string])
         elif not self.by_string:
-            self.found.meant.append([label, string.partition(":")[2]])
-        for place in stands if self.by_string else ():
-            self._lead(label, place, (place.name, str(place.item)))
+            self.found.facts.append([label, string.partition(":")[2]])
+        for referent in named if self.by_string else ():
+            self._lead(label, referent, (referent.name, str(referent.item)))
 
     def _label(self, ref: str) -> str:
-        """A reference as it is written. What an import inside the statement binds is told by the slots of the import."""
+        """Reference as written; an import inside the statement is identified by its slots."""
         if not ref.startswith("@"):
             return ref
         slots = [(slot, target) for slot, target in enumerate(self.statement.get("imports", ())) if _is_of(ref, target)]
@@ -216,79 +220,82 @@ class _Statement:
         if ref[:1] == "=" and (ref[1:] in self.statement.get("strings", ()) or not self.by_string):
             return
         label = self._label(ref) if ref[:1] == "@" else ref
-        for place in self._places(ref):
-            self._take(ref, label, place, counts=True)
-            if place.module is None and _root(ref) in self.module.imports:
-                self.found.meant.append([ref, place.dotted])
+        for referent in self._referents(ref):
+            self._take(ref, label, referent, counts=True)
+            if referent.module is None and _root(ref) in self.module.imports:
+                self.found.facts.append([ref, referent.dotted])
 
-    def _places(self, ref: str) -> Iterator[Place]:
-        return places(self.modules, self.module, ref)
+    def _referents(self, ref: str) -> Iterator[Referent]:
+        return referents(self.modules, self.module, ref)
 
-    def _take(self, ref: str, label: str, place: Place, *, counts: bool) -> None:
-        if place.module is None:
-            self._foreign(ref, place, counts=counts)
-        elif not place.chain:
-            self._whole(ref, label, place, place.module)
-        elif place.item is not None:
-            self._lead(label, place, (place.name, place.item))
-        elif place.chain[0] == "__name__":
-            self._program(ref, label, place, place.module)
-        elif place.chain[0] == "__file__":
-            self._files(ref, label, place, place.module)
-        elif place.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
+    def _take(self, ref: str, label: str, referent: Referent, *, counts: bool) -> None:
+        if referent.module is None:
+            self._package(ref, referent, counts=counts)
+        elif not referent.chain:
+            self._whole(ref, label, referent, referent.module)
+        elif referent.item is not None:
+            self._lead(label, referent, (referent.name, referent.item))
+        elif referent.chain[0] == "__name__":
+            self._program(ref, label, referent, referent.module)
+        elif referent.chain[0] == "__file__":
+            self._files(ref, label, referent, referent.module)
+        elif referent.chain[0] in ("__dict__", "__spec__", "__loader__", "__path__"):
             raise self._error(ref, f"{ref} of a module cannot be followed", PLAIN)
 
-    def _lead(self, label: str, place: Place, target: Target) -> None:
-        stands, edge = self.found.edges.setdefault(label, []), (".".join(place.chain[1:]), target)
-        stands += [edge] if edge not in stands else []
+    def _lead(self, label: str, referent: Referent, target: Target) -> None:
+        edges, edge = self.found.edges.setdefault(label, []), (".".join(referent.chain[1:]), target)
+        edges += [edge] if edge not in edges else []
 
-    def _whole(self, ref: str, label: str, place: Place, module: Module) -> None:
-        """A module as a value. What a package has beside its own names depends on who imported what before."""
+    def _whole(self, ref: str, label: str, referent: Referent, module: Module) -> None:
+        """Record a module used as a value.
+
+        A package's further attributes depend on earlier imports.
+        """
         if module.is_package and _has_modules(Path(module.path)):
-            raise self._error(ref, f"the package {module.name!r} is used as a value", "import the module of it that is used")
-        self._lead(label, place, (module.name, WHOLE))
+            raise self._error(ref, f"the package {module.name!r} is used as a value", "import the used module of the package")
+        self._lead(label, referent, (module.name, WHOLE))
 
-    def _program(self, ref: str, label: str, place: Place, module: Module) -> None:
-        """A module by its name: it may be started, and its name may be part of what is made."""
-        self._lead(label, place, (module.name, PROGRAM))
+    def _program(self, ref: str, label: str, referent: Referent, module: Module) -> None:
+        """Record a module used by its name: it may be started, and its name may be part of the output."""
+        self._lead(label, referent, (module.name, PROGRAM))
         if ref not in self.statement.get("started", ()):
-            self.found.meant.append([label, module.name])
+            self.found.facts.append([label, module.name])
 
-    def _files(self, ref: str, label: str, place: Place, module: Module) -> None:
+    def _files(self, ref: str, label: str, referent: Referent, module: Module) -> None:
         if "DATA_FILES" not in module.literals:
             raise self._error(ref, f"{ref} may lead to any file", FILES)
         for name in module.literals["DATA_FILES"]:
-            self._lead(f"{label} {name}", place, (module.name, f"/{name}"))
+            self._lead(f"{label} {name}", referent, (module.name, f"/{name}"))
 
-    def _foreign(self, ref: str, place: Place, *, counts: bool) -> None:
-        root = _root(place.name)
-        objection = refusal(place.dotted, lambda name: self.modules.get(name) is not None) if root in ROOTS else None
+    def _package(self, ref: str, referent: Referent, *, counts: bool) -> None:
+        root = _root(referent.name)
+        objection = refusal(referent.dotted, lambda name: self.modules.get(name) is not None) if root in ROOTS else None
         if objection is not None and not (objection[1] in (IMPORT, PLAIN) and "DYNAMIC" in self.module.literals):
             raise self._error(ref, f"{objection[0]} cannot be followed", objection[1])
-        self.found.everywhere |= bool(WRITES_NAMES.match(place.dotted))
+        self.found.any_module_name |= bool(WRITES_NAMES.match(referent.dotted))
         if counts and root not in sys.stdlib_module_names:
             self.found.packages.add(root)
 
     def _note_writer(self, ref: str) -> None:
-        """Whether a name of another package writes the names of modules."""
+        """Record a function of another package that writes module names."""
         name, _, rest = ref.partition(".")
         dotted = (f"{target.replace(':', '.')}.{rest}" for target in self.outside[name])
-        self.found.everywhere |= any(map(WRITES_NAMES.match, dotted))
+        self.found.any_module_name |= any(map(WRITES_NAMES.match, dotted))
 
     def _getattr(self, ref: str) -> None:
         label = f"getattr {self._label(ref)}"
-        for place in self._places(ref):
-            if place.module is not None and not place.chain and "DYNAMIC" not in self.module.literals:
+        for referent in self._referents(ref):
+            if referent.module is not None and not referent.chain and "DYNAMIC" not in self.module.literals:
                 raise self._error(ref, f"getattr({ref.lstrip('@')}, <computed>) on a module cannot be followed",
-                                  'name what it may be in DYNAMIC = ("module:attribute", ...)')
-            self._take(ref, label, place, counts=True)
-            if place.module is None:
-                self.found.meant.append([label, place.dotted])
+                                  'list the possible attributes in DYNAMIC = ("module:attribute", ...)')
+            self._take(ref, label, referent, counts=True)
+            if referent.module is None:
+                self.found.facts.append([label, referent.dotted])
 
     def _error(self, ref: str, what: str, instead: str) -> SourceError:
         return refused(self.module, self.statement, ref, what, instead)
 
 
 def _is_of(ref: str, target: str) -> bool:
-    """Whether a reference is to what an import names, or to an attribute of that."""
+    """Return True for a reference to an import's target, or to an attribute of it."""
     return ref.startswith(f"@{target}") and ref[len(target) + 1:][:1] in ("", ".")

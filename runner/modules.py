@@ -1,6 +1,6 @@
-"""The modules of the project, found under its root, parsed once and remembered by their stamps.
+"""Project modules, found under a root folder, parsed once and cached by their file stamps.
 
-The stamp of a file is taken before and after the read that is parsed, so that it belongs to that text: one read serves the
+The stamp of a file is taken before and after the read that is parsed, and so belongs to that text. One read serves both the
 fingerprint and the check that the code has not been edited since.
 """
 
@@ -20,12 +20,13 @@ from runner.source import Module, SourceError, parse_module
 
 FIRST: dict[str, list[Any]] = {}
 LAST: dict[str, list[Any]] = {}
-"""path -> its statements and imports, when this process read the file for the first and the last time"""
+"""path -> statements and imports at the first and the last time that this process read the file"""
 
 
 def outdated(paths: Iterable[str]) -> str | None:
-    """Return the first of these files that has other code than when this process read it first, and whose module it has imported:
-    what runs here is then not what the file says.
+    """First of these files that changed since this process imported its module; None if there is none.
+
+    The code that runs in this process then differs from the file.
     """
     edited = [path for path in paths if FIRST.get(path) != LAST.get(path)]
     loaded = {getattr(module, "__file__", None) for module in list(sys.modules.values())} if edited else set()
@@ -33,15 +34,18 @@ def outdated(paths: Iterable[str]) -> str | None:
 
 
 DEPTH = 4
-"""how many folders deep the first module of a folder may lie"""
+"""maximum depth of the first module below a folder without __init__.py"""
 
 
 class Snapshot:
-    """Stands for one state of the code; what was found out about it holds for this state alone."""
+    """Identity of one state of the code; analysis results are valid for this state alone."""
 
 
 class Modules:
-    """Project modules by dotted name. `schemas` are packages whose doc lines do not count; `cache` may be None."""
+    """Project modules by dotted name.
+
+    `schemas` are packages whose doc lines do not count; `cache` may be None.
+    """
 
     def __init__(self, root: Path, cache: Path | None = None, schemas: tuple[str, ...] = ("schemas",)) -> None:
         self.root, self._cache, self._schemas = root, cache, schemas
@@ -61,7 +65,7 @@ class Modules:
         return self._schemas
 
     def renew(self) -> None:
-        """Forget what was read in this process where any of it was edited since, or a module has come that was not there."""
+        """Drop all parsed modules if a file was edited, or a missing module was added."""
         if self._is_current():
             return
         self._modules.clear()
@@ -73,19 +77,19 @@ class Modules:
         return same and all(self._find(name) is None for name, module in list(self._modules.items()) if module is None)
 
     def stamp(self, path: str) -> Stamp:
-        """Stamp of a file when it was read here, for the first time since `renew`."""
+        """Stamp of a file at its first read since `renew`."""
         if path not in self._stamps:
             self._stamps[path] = stamp(path)
         return self._stamps[path]
 
     def get(self, name: str) -> Module | None:
-        """The module, or None when it is not one of ours."""
+        """Project module of this name; None for a module outside the project."""
         if name not in self._modules:
             self._modules[name] = self._find(name)
         return self._modules[name]
 
     def save(self) -> None:
-        """Write what was parsed, at once."""
+        """Write parsed modules to the cache."""
         if self._cache is not None and self._fresh:
             write_cache(self._cache, {"version": self._version, "modules": self._saved})
             self._fresh = False
@@ -98,14 +102,14 @@ class Modules:
         module, package = base.with_name(base.name + ".py"), base / "__init__.py"
         if module.is_file():
             if package.is_file():
-                raise SourceError(f"{module}:1: {package} has the same name, and Python imports that one; rename one of them")
+                raise SourceError(f"{module}:1: {package} has the same name and takes precedence; rename one of them")
             return self._read(name, module, False)
         if package.is_file():
             return self._read(name, package, True)
         return Module(name, str(base)) if base.is_dir() and self._holds_code(name, base) else None
 
     def _holds_code(self, name: str, folder: Path) -> bool:
-        """A folder without __init__.py is a package when modules lie in it or below, and is not an installed one's name."""
+        """Return True when a folder without __init__.py contains modules and its name is not in the standard library."""
         below = any(next(folder.glob(f"{'*/' * depth}*.py"), None) for depth in range(DEPTH))
         return below and name.partition(".")[0] not in sys.stdlib_module_names
 
@@ -120,7 +124,7 @@ class Modules:
         if name in self._saved and self._saved[name][0] == list(now):
             return Module(**self._saved[name][1] | {"path": str(path)})
         text = path.read_text(encoding="utf-8")
-        if stamp(path) != now:  # saved in between: read again what is there now
+        if stamp(path) != now:  # the file changed during the read: read it again
             del self._stamps[str(path)]
             return self._parsed(name, path, package)
         module = parse_module(name, str(path), text, package, name.partition(".")[0] in self._schemas)
@@ -131,13 +135,13 @@ class Modules:
 
 
 def _code(module: Module) -> list[Any]:
-    """What a module is, the places included that it imports from."""
+    """Content of a module, including the locations of its imports."""
     named = [[found.get("imports"), found.get("strings")] for found in module.statements if {"imports", "strings"} & found.keys()]
     return [[found["digest"] for found in module.statements], named, module.imports]
 
 
 def _version(schemas: tuple[str, ...]) -> str:
-    """What the remembered form depends on: our own parser, and Python's."""
+    """Version of the cached form: digest of the parser's own source files and of Python's version."""
     own = [stamp(Path(__file__).with_name(name)) for name in (
-        "source.py", "spelling.py", "names.py", "scopes.py", "foreign.py", "modules.py", "canonical.py")]
+        "source.py", "spelling.py", "names.py", "scopes.py", "external.py", "modules.py", "canonical.py")]
     return digest("afford-parser", [own, list(sys.version_info[:3]), list(schemas)])

@@ -1,8 +1,7 @@
-"""Which names of the outside does a statement use, and which objects of the outside does it change? Python's scopes, applied
-to a syntax tree.
+"""Names outside a statement that it uses, and outside objects that it changes, by Python's scoping rules.
 
-References are 'name.attribute...', '@module:name...' of an import inside a function, '=module:name' of a string that names code
-(an entry point), and '.attribute' of any object, for the few attributes that no fingerprint can follow (`UNSEEN`).
+References are 'name.attribute...', '@module:name...' for an import inside a function, '=module:name' for a string that names code
+(an entry point), and '.attribute' for an attribute, of any object, that no fingerprint can trace (`UNSEEN`).
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ SETTERS = ("setattr", "delattr", "__setattr__", "__delattr__", "__setitem__", "_
 
 
 class SourceError(ValueError):
-    """Code that cannot be followed statically; the message names file, line and what to do."""
+    """Code that cannot be followed statically; the message has file, line and advice."""
 
 
 @dataclass
 class Uses:
-    """References of a statement, see `runner.source.Module`; each with the line where it is first used."""
+    """References of a statement, each with the line of its first use; see `runner.source.Module`."""
 
     refs: dict[str, int] = field(default_factory=dict)
     hints: dict[str, int] = field(default_factory=dict)
@@ -36,24 +35,30 @@ class Uses:
     now: set[str] = field(default_factory=set)
     gives: set[str] = field(default_factory=set)
     names: Counter[str] = field(default_factory=Counter)
-    """'module.__name__' -> how often it is used"""
+    """'module.__name__' -> number of uses"""
     starts: Counter[str] = field(default_factory=Counter)
-    """'module.__name__' -> how often it follows `-m` in a command line"""
+    """'module.__name__' -> number of uses after `-m` in a command line"""
 
     def started(self) -> set[str]:
-        """'module.__name__' that is used for nothing but to start the module."""
+        """'module.__name__' references that are used only to start the module."""
         return {ref for ref, count in self.starts.items() if self.names[ref] == count}
 
 
 def uses_of(statement: ast.stmt, home: str, where: str) -> Uses:
-    """Everything that a statement refers to outside itself. `home` is the package that relative imports start from."""
+    """References of a statement to names outside it.
+
+    `home` is the package from which relative imports start.
+    """
     visitor = _Visitor(home, where)
     visitor.visit(statement)
     return visitor.uses
 
 
 def imports_of(statement: ast.stmt, home: str, where: str) -> list[tuple[str, str, list[str], bool]]:
-    """(bound name, 'module' or 'module:attribute', modules it loads, for type checkers only) of imports that run with a module."""
+    """Imports that run when the module is imported, also inside `if` and `try`.
+
+    Each is (bound name, 'module' or 'module:attribute', modules that it loads, True for type checkers only).
+    """
     found: list[tuple[str, str, list[str], bool]] = []
     if isinstance(statement, (ast.Import, ast.ImportFrom)):
         loads = loads_of(statement, home)
@@ -69,17 +74,17 @@ def imports_of(statement: ast.stmt, home: str, where: str) -> list[tuple[str, st
 
 
 def bindings_of(node: ast.Import | ast.ImportFrom, home: str, where: str) -> list[tuple[str, str]]:
-    """(bound name, 'module' or 'module:attribute') of one import."""
+    """(bound name, 'module' or 'module:attribute') for every name of one import."""
     if isinstance(node, ast.Import):
         return [(a.asname, a.name) if a.asname else (a.name.partition(".")[0], a.name.partition(".")[0]) for a in node.names]
     base = _base(node, home)
     if any(alias.name == "*" for alias in node.names):
-        raise SourceError(f"{where}: 'from {base} import *' hides what is used; name what you need")
+        raise SourceError(f"{where}: 'from {base} import *' hides the used names; import them by name")
     return [(alias.asname or alias.name, f"{base}:{alias.name}") for alias in node.names]
 
 
 def loads_of(node: ast.Import | ast.ImportFrom, home: str) -> list[str]:
-    """Modules that one import runs: the full dotted names, and what may be a module inside a package."""
+    """Modules that one import runs: full dotted names, and possible modules inside a package."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
     base = _base(node, home)
@@ -101,7 +106,7 @@ class _Visitor(ast.NodeVisitor):
         self.target = self.uses.refs
 
     def find(self, name: str) -> Scope | None:
-        """The scope of a local name; None for a name of the module or of Python."""
+        """Scope of a local name; None for a name of the module or of Python."""
         for depth, scope in enumerate(reversed(self.scopes)):
             if name in scope and not (scope.is_class and depth):
                 return scope
@@ -109,7 +114,7 @@ class _Visitor(ast.NodeVisitor):
 
     def use(self, name: str, chain: list[str], line: int, *, read: bool = True) -> None:
         scope = self.find(name)
-        outer = scope is None or (scope.is_class and read)  # in the body of a class, a name not bound yet is that of the module
+        outer = scope is None or (scope.is_class and read)  # in a class body, a name that is not bound yet is the module's
         local = [] if scope is None else [f"@{target}" for target in scope[name]]
         for start in [name, *local] if outer else local:
             ref = ".".join([start, *chain])
@@ -120,7 +125,10 @@ class _Visitor(ast.NodeVisitor):
                 self.uses.now.add(ref)
 
     def change(self, node: ast.expr, suffix: str = "") -> None:
-        """An object is changed: 'ref', or its method is called: 'ref.method()'. Kept apart: at import, and inside functions."""
+        """Record the change of an object ('ref') or the call of its method ('ref.method()').
+
+        Changes at import and inside functions are recorded separately.
+        """
         for root in roots(node, self.find):
             if not self.inside:
                 self.uses.sets.setdefault(root + suffix, node.lineno)
@@ -132,12 +140,12 @@ class _Visitor(ast.NodeVisitor):
                 self.uses.does.add(ARGUMENT if root.startswith(ARGUMENT) else root)
 
     def visit_Return(self, node: ast.Return | ast.Yield | ast.YieldFrom) -> None:
-        """A function gives what it returns to whoever calls it, to be changed there."""
+        """Record the roots of a returned value, which the caller may change."""
         if node.value is not None:
             self.uses.gives.update(roots(node.value, self.find))
             self.visit(node.value)
 
-    visit_Yield = visit_YieldFrom = visit_Return  # noqa: N815 (ast.NodeVisitor's names)
+    visit_Yield = visit_YieldFrom = visit_Return  # noqa: N815 (names of ast.NodeVisitor)
 
     def visit_Constant(self, node: ast.Constant) -> None:
         if isinstance(node.value, str) and ":" in node.value and ENTRY_POINT.fullmatch(node.value):
@@ -189,7 +197,7 @@ class _Visitor(ast.NodeVisitor):
                 self.visit(rest)
 
     def _call(self, node: ast.Call) -> None:
-        """What a call may change: the object whose method it is; the object that a setter is given; or what the function does."""
+        """Record the objects that a call may change: the method's object, a setter's argument, effects of the function."""
         func = node.func
         last = func.attr if isinstance(func, ast.Attribute) else func.id if isinstance(func, ast.Name) else ""
         if last in SETTERS and node.args:
@@ -207,7 +215,7 @@ class _Visitor(ast.NodeVisitor):
                 self.change(keyword.value, "()")
 
     def _loaded(self, table: ast.expr, key: ast.expr) -> bool:
-        """`sys.modules["name"]`: one module by a literal name, which is harmless when the module is not ours."""
+        """Record `sys.modules["name"]`: one module by a literal name, harmless for a module outside the project."""
         if not (isinstance(table, ast.Attribute) and table.attr == "modules" and isinstance(table.value, ast.Name)
                 and isinstance(key, ast.Constant) and isinstance(key.value, str)):
             return False
@@ -229,7 +237,7 @@ class _Visitor(ast.NodeVisitor):
         return True
 
     def visit_List(self, node: ast.List | ast.Tuple) -> None:
-        """In a command line, `-m` names a module."""
+        """Record the module after `-m` in a command line."""
         for option, name in zip(node.elts, node.elts[1:], strict=False):
             if isinstance(option, ast.Constant) and option.value == "-m" and isinstance(name, ast.Constant):
                 self.uses.refs.setdefault(f"={name.value!s}:__main__", name.lineno)
@@ -238,7 +246,7 @@ class _Visitor(ast.NodeVisitor):
         self.generic_visit(node)
 
     def _start(self, name: ast.expr) -> None:
-        """`-m module.__name__`: the name only says which module is started."""
+        """Record `-m module.__name__`, in which the name only selects the module to start."""
         before = self.uses.names.copy()
         self.visit(name)
         self.uses.starts += self.uses.names - before
@@ -292,7 +300,10 @@ class _Visitor(ast.NodeVisitor):
     visit_ListComp = visit_SetComp = visit_GeneratorExp = visit_DictComp = _comprehension  # noqa: N815
 
     def _outside(self, parts: list[ast.expr]) -> None:
-        """Decorators and bases are references; what they do is a matter of `Module.decorated`, and of a class's `bases`."""
+        """Visit decorators and base classes as references.
+
+        `Module.decorated` and the bases of a class record their effects.
+        """
         sets, now = self.uses.sets, self.uses.now
         self.uses.sets, self.uses.now = {}, set()
         for part in parts:
@@ -327,4 +338,4 @@ class _Visitor(ast.NodeVisitor):
         try:
             self.visit(ast.parse(text, mode="eval").body)
         except SyntaxError:
-            return  # a literal string in an annotation, not a type
+            return  # a string in an annotation that is not a type

@@ -1,4 +1,4 @@
-"""What a run says: reasons, plans, events while it goes on, and the report at the end."""
+"""Reasons, plans, progress events, and the final report of a run."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any, Literal, Protocol
 
 Why = Literal["first run", "input changed", "parameter changed", "code changed", "schema changed", "library version changed",
               "threads changed", "machine changed", "output lost", "output damaged", "forced", "upstream pending"]
-Result = Literal["ran", "cached", "failed", "blocked", "left"]
+Result = Literal["ran", "cached", "failed", "blocked", "deferred"]
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a task runs, in one of a closed list of ways; `detail` says which input, parameter or definition."""
+    """Reason of a task's run: one entry of a closed list, and the input, parameter or definition concerned."""
 
     why: Why
     detail: str = ""
@@ -23,20 +23,20 @@ class Reason:
 
 @dataclass(frozen=True)
 class TaskPlan:
-    """What a run would do with one shard of a stage. `key` is '' while an input is still to be made."""
+    """Planned action for one shard of a stage; `key` is '' while an input is not computed yet."""
 
     stage: str
     shard: str
     status: Literal["cached", "run", "pending", "blocked"]
     reason: Reason
-    """run, pending: why; cached: why it ran last"""
+    """reason to run; for a cached task, the reason of its last run"""
     key: str = ""
     output: str = ""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """One shard that failed, or that could not run because of one that did (`blocked`)."""
+    """A shard that failed."""
 
     stage: str
     shard: str
@@ -46,8 +46,9 @@ class Failure:
 
 @dataclass
 class RunReport:
-    """What a run did. `outputs` holds, for every handle of the target and for what is published on
-    the way, its (shard, artifact digest) pairs.
+    """Result of a run.
+
+    `outputs` maps every handle of the target, and every published value on the way, to its (shard, artifact digest) pairs.
     """
 
     target: str
@@ -55,15 +56,15 @@ class RunReport:
     cached: dict[str, int] = field(default_factory=dict)
     failed: dict[str, int] = field(default_factory=dict)
     blocked: dict[str, int] = field(default_factory=dict)
-    left: dict[str, int] = field(default_factory=dict)
-    """what a run with a limit has left for the next one"""
+    deferred: dict[str, int] = field(default_factory=dict)
+    """tasks that a run with a time limit deferred to the next run"""
     failures: list[Failure] = field(default_factory=list)
     outputs: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
     stale: list[str] = field(default_factory=list)
     cpu_s: dict[tuple[str, str], float] = field(default_factory=dict)
-    """CPU seconds of every (stage, shard) that is done, also when it ran in an earlier run"""
+    """CPU seconds of every finished (stage, shard), also of those that an earlier run computed"""
     peak_mib: dict[tuple[str, str], float] = field(default_factory=dict)
-    """the most memory that its process held while it ran, MiB"""
+    """peak memory of the process during the task, MiB"""
     seconds: float = 0.0
 
     @property
@@ -73,30 +74,30 @@ class RunReport:
 
 
 class Observer(Protocol):
-    """Told what goes on, from the scheduler's own thread; it must not block."""
+    """Receives the events of a run, in the thread of the scheduler; it must not block."""
 
     def planned(self, stage: str, shard: str) -> None:
-        """A task is known (shards stream: later ones come while earlier ones run)."""
+        """A task is known; later shards become known while earlier ones run."""
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
-        """A worker has begun."""
+        """A worker has started the task."""
 
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
-        """The stage said how far it is."""
+        """The stage reported its progress."""
 
     def finished(self, stage: str, shard: str, result: Result, wall_s: float, cpu_s: float, message: str) -> None:
-        """The task is over; `message` says why it failed, '' otherwise."""
+        """The task is over; `message` gives the reason of a failure, '' otherwise."""
 
 
-def count(table: dict[str, int], stage: str) -> None:
-    """One more."""
+def increment(table: dict[str, int], stage: str) -> None:
+    """Add one to a stage's count."""
     table[stage] = table.get(stage, 0) + 1
 
 
-class Silent:
-    """An observer that does nothing."""
+class SilentObserver:
+    """Observer that ignores every event."""
 
-    def planned(self, *_: Any) -> None: ...
-    def started(self, *_: Any) -> None: ...
-    def progress(self, *_: Any) -> None: ...
-    def finished(self, *_: Any) -> None: ...
+    def planned(self, *_: Any) -> None:
+        """Ignore the event."""
+
+    started = progress = finished = planned

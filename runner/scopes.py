@@ -1,4 +1,9 @@
-"""Local names of one function, class or comprehension, as Python's scopes have them, and the values that may stand behind them."""
+"""Local names of functions, classes and comprehensions, and the outside objects that an expression may refer to.
+
+A change of an expression changes its roots. A root is 'name.attribute...' of the module, '@module:name' of an import, or
+'(argument)' for a parameter of the function; it ends in '!' for a returned object. A local variable has the roots of all values
+assigned to it. A new object has no root.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +17,27 @@ Imports = Callable[[ast.Import | ast.ImportFrom], Iterable[tuple[str, str]]]
 
 
 class Scope(dict[str, list[str]]):
-    """Local names, each with what imports inside the scope bind it to: an empty list for a plain variable."""
+    """Local names, each with the imports that bind it inside the scope; an empty list for a plain variable."""
 
     def __init__(self, names: Iterable[str] = (), *, is_class: bool = False) -> None:
         super().__init__((name, []) for name in names)
         self.is_class = is_class
-        self.given: frozenset[str] = frozenset()
-        """parameters, except for `self` and `cls`"""
-        self.stands: dict[str, list[ast.expr]] = {}
-        """name -> the expressions that it is assigned, or whose elements it is"""
+        self.parameters: frozenset[str] = frozenset()
+        """parameters, except `self` and `cls`"""
+        self.assigned: dict[str, list[ast.expr]] = {}
+        """name -> the expressions that are assigned to it, or whose elements it takes"""
 
     def bind(self, target: ast.expr, value: ast.expr) -> None:
-        """Every name in an assignment's target may stand for `value` or for a part of it."""
+        """Record that every name in the target of an assignment may refer to `value` or a part of it."""
         for name in stored(target):
             self.setdefault(name, [])
-            self.stands.setdefault(name, []).append(value)
+            self.assigned.setdefault(name, []).append(value)
 
 
 def scope_of(body: Iterable[ast.AST], arguments: list[ast.arg], imports: Imports, *, is_class: bool = False) -> Scope:
-    """The scope of a body. Names that it declares `global` or `nonlocal` are not in it."""
+    """Scope of a body, without names that it declares `global` or `nonlocal`."""
     scope = Scope((arg.arg for arg in arguments), is_class=is_class)
-    scope.given = frozenset(arg.arg for arg in arguments if arg.arg not in ("self", "cls"))
+    scope.parameters = frozenset(arg.arg for arg in arguments if arg.arg not in ("self", "cls"))
     outer: set[str] = set()
     _collect(body, scope, outer, imports)
     for name in outer:
@@ -48,12 +53,12 @@ def stored(node: ast.AST) -> list[str]:
 
 
 def arguments_of(args: ast.arguments) -> list[ast.arg]:
-    """Every parameter of a function."""
+    """Parameters of a function, of every kind."""
     return [*args.posonlyargs, *args.args, *args.kwonlyargs, *(arg for arg in (args.vararg, args.kwarg) if arg)]
 
 
 def defaults_of(args: ast.arguments) -> list[ast.expr]:
-    """Every default of a parameter."""
+    """Default values of parameters."""
     return [*args.defaults, *(default for default in args.kw_defaults if default)]
 
 
@@ -72,7 +77,7 @@ def _collect(nodes: Iterable[ast.AST], scope: Scope, outer: set[str], imports: I
 
 
 def _statement(node: ast.AST, scope: Scope, outer: set[str], imports: Imports) -> None:
-    """What one node binds by itself, apart from the names in it."""
+    """Record the names that one node binds by itself, apart from names inside it."""
     if isinstance(node, ast.Assign):
         for target in node.targets:
             scope.bind(target, node.value)
@@ -96,7 +101,7 @@ def _statement(node: ast.AST, scope: Scope, outer: set[str], imports: Imports) -
 
 
 def _named(comprehension: ast.AST, scope: Scope) -> None:
-    """`:=` in a comprehension binds outside it."""
+    """Bind the names of `:=` in a comprehension, which belong to the enclosing scope."""
     for part in ast.walk(comprehension):
         if isinstance(part, ast.NamedExpr):
             scope.bind(part.target, part.value)
@@ -115,9 +120,9 @@ ARGUMENT = "(argument)"
 CALLED = "(argument)()"
 """a parameter that the function calls"""
 PASSES = frozenset(("getattr", "next", "iter", "reversed", "zip", "enumerate", "map", "filter", "vars"))
-"""functions of Python that return what they are given, or parts of it"""
+"""built-in functions that return their arguments, or parts of them"""
 PARTS = frozenset(("get", "setdefault", "values", "items", "pop", "popitem", "__getitem__"))
-"""methods of containers that return what is in them"""
+"""methods of containers that return elements"""
 READS = frozenset((
     "__iadd__", "absolute", "all", "any", "argmax", "argmin", "argsort", "as_posix", "astype", "capitalize", "casefold", "center",
     "copy", "count", "cumsum", "decode", "difference", "dot", "encode", "endswith", "exists", "expandvars", "extract", "find",
@@ -129,12 +134,15 @@ READS = frozenset((
     "rfind", "rglob", "rindex", "rjust", "round", "rpartition", "rsplit", "rstrip", "search", "split", "splitlines", "squeeze",
     "startswith", "std", "strip", "sub", "sum", "swapaxes", "swapcase", "title", "to_bytes", "tobytes", "tolist", "total_seconds",
     "trace", "translate", "transpose", "union", "upper", "values", "var", "view", "with_name", "with_suffix", "zfill"))
-"""methods of Python's and numpy's values that change nothing"""
+"""methods of Python and numpy objects without side effects"""
 Find = Callable[[str], Scope | None]
 
 
 def roots(node: ast.expr, find: Find, seen: frozenset[str] = frozenset()) -> Iterator[str]:
-    """Roots of an expression. `find` gives the scope of a local name, None for a name of the module or of Python."""
+    """Yield the roots of an expression.
+
+    `find` returns the scope of a local name, None for a name of the module or of Python.
+    """
     if isinstance(node, ast.Name):
         yield from _name(node, find, seen)
     elif isinstance(node, ast.Attribute):
@@ -164,10 +172,10 @@ def _name(node: ast.Name, find: Find, seen: frozenset[str]) -> Iterator[str]:
     if scope is None:
         return
     yield from (f"@{target}" for target in scope[name])
-    if name in scope.given:
+    if name in scope.parameters:
         yield ARGUMENT
-    for value in scope.stands.get(name, ()) if name not in seen else ():
-        if not (scope.is_class and value.lineno > node.lineno):  # the body of a class runs once, from top to bottom
+    for value in scope.assigned.get(name, ()) if name not in seen else ():
+        if not (scope.is_class and value.lineno > node.lineno):  # a class body runs once, from top to bottom
             yield from roots(value, find, seen | {name})
 
 

@@ -1,13 +1,13 @@
-"""What the backends of a stage need, and what those that are not selected leave out of its key.
+"""Declarations of the backends of a stage, and removal of unselected backends from the key.
 
-A registry of a stage is a literal dict ``name -> "module:attribute"`` in its module, or imported there. The field `backend` of
-Params selects from `BACKENDS`, `refine` from `REFINES`. A field of Params named after an entry holds the parameters of that entry,
-a frozen dataclass (a `-` of the entry is a `_` of the field):
+A registry of a stage is a literal dict ``name -> "module:attribute"`` that its module defines or imports. The field `backend` of
+Params selects from `BACKENDS`, `refine` from `REFINES`. A field of Params named after an entry holds that entry's parameters as a
+frozen dataclass (`-` in the entry's name becomes `_`):
 
     BACKENDS = {"flow": "afford.flow:propagate", "sam2": "afford.sam2:propagate"}
-    LIBRARIES = ("numpy",)                                    of every backend
-    BACKEND_LIBRARIES = {"sam2": ("torch", "transformers")}   and of this one as well
-    BACKEND_MEMORY_GIB = {"sam2": 6.0}                        in place of MEMORY_GIB; so THREADS and MACHINE
+    LIBRARIES = ("numpy",)                                    needed by every backend
+    BACKEND_LIBRARIES = {"sam2": ("torch", "transformers")}   needed by this backend as well
+    BACKEND_MEMORY_GIB = {"sam2": 6.0}                        replaces MEMORY_GIB; likewise THREADS and MACHINE
 
     @dataclass(frozen=True)
     class Params:
@@ -15,8 +15,8 @@ a frozen dataclass (a `-` of the entry is a `_` of the field):
         flow: Flow = Flow()
         sam2: Sam2 = Sam2()
 
-With backend="flow", neither the values of `sam2`, nor the class Sam2, nor the version of torch is in the key. A stage cannot read
-them by mistake: it gets an object in their place that refuses every attribute (`Unselected`).
+With backend="flow", the key contains neither the values of `sam2`, nor the class Sam2, nor the version of torch. `Unselected`
+replaces the block, and raises an error when the stage reads one of its attributes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from runner.modules import Modules
-from runner.resolve import places
+from runner.references import referents
 from runner.source import Module
 
 KINDS: dict[str, type | tuple[type, ...]] = {"LIBRARIES": list, "THREADS": int, "MEMORY_GIB": (int, float), "MACHINE": (bool, str)}
@@ -37,9 +37,10 @@ SHAPE = ('LIBRARIES = ("name", ...), THREADS = int, MEMORY_GIB = float and MACHI
          "of BACKENDS")
 
 
-def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
-    """The entry of a registry that a parameter names, or the entries that a tuple of names does; all of them without such a
-    parameter. A frozenset, which is no parameter but what a codec selects, is taken as it is.
+def selected_entries(value: object, entries: Mapping[str, str]) -> list[str]:
+    """Entries of a registry that a parameter selects: one name, or a tuple of names.
+
+    All entries without such a parameter. A frozenset comes from a codec's `selects`, and is used unchanged.
     """
     if isinstance(value, frozenset):
         return sorted(value & entries.keys())
@@ -48,13 +49,13 @@ def chosen(value: object, entries: Mapping[str, str]) -> list[str]:
 
 
 def selector(registry: str) -> str:
-    """The field of Params that selects from a registry: `backend` from BACKENDS, `policy` from POLICIES."""
+    """Name of the Params field that selects from a registry: `backend` from BACKENDS, `policy` from POLICIES."""
     name = registry.lower()
     return f"{name.removesuffix('ies')}y" if name.endswith("ies") else name.removesuffix("s")
 
 
 def select_of(params: object) -> dict[str, object]:
-    """Field -> value of Params."""
+    """Map each field of Params to its value."""
     fields = () if params is None else dataclasses.fields(params)  # type: ignore[arg-type]  # a dataclass, see `Graph.add`
     return {field.name: getattr(params, field.name) for field in fields}
 
@@ -65,13 +66,15 @@ def unselected(modules: Modules, module: str, select: Mapping[str, object]) -> f
     for field, entries in registries_of(modules, module):
         if field in select:
             known |= entries.keys()
-            picked.update(chosen(select[field], entries))
+            picked.update(selected_entries(select[field], entries))
     return frozenset(name.replace("-", "_") for name in known - picked)
 
 
 def declarations(modules: Modules, module: str, select: Mapping[str, object] | None = None) -> dict[str, Any]:
-    """LIBRARIES, THREADS, MEMORY_GIB and MACHINE (True, False, or a list of names of parameters) of a stage's module under these
-    parameters, or of all backends together; ValueError when one has the wrong type.
+    """LIBRARIES, THREADS, MEMORY_GIB and MACHINE of a stage's module under these parameters.
+
+    Without parameters: of all backends together. MACHINE is True, False or a list of parameter names. ValueError when a
+    declaration has the wrong type.
     """
     found = modules.get(module)
     literals = found.literals if found else {}
@@ -79,7 +82,7 @@ def declarations(modules: Modules, module: str, select: Mapping[str, object] | N
     special: dict[str, list[Any]] = {name: [own[name]] for name in KINDS}
     tables = {name for name, table in literals.items() if isinstance(table, dict)}
     for field, entries in registries_of(modules, module):
-        names = chosen((select or {}).get(field), entries)
+        names = selected_entries((select or {}).get(field), entries)
         for kind in KINDS:
             name = f"{field.upper()}_{kind}"
             tables.discard(name)
@@ -88,32 +91,35 @@ def declarations(modules: Modules, module: str, select: Mapping[str, object] | N
                 values = [_checked(module, kind, table[entry]) if entry in table else own[kind] for entry in names]
                 special[kind] = values if special[kind] == [own[kind]] else [*special[kind], *values]
     if tables:
-        raise ValueError(f"{module}: {min(tables)} is about no registry of this module; expected {SHAPE}")
+        raise ValueError(f"{module}: {min(tables)} belongs to no registry of this module; expected {SHAPE}")
     machines = [value for value in special["MACHINE"] if value]
     return {"LIBRARIES": sorted({name for names in (own["LIBRARIES"], *special["LIBRARIES"]) for name in names}),
             "THREADS": max(special["THREADS"]), "MEMORY_GIB": float(max(special["MEMORY_GIB"])),
             "MACHINE": True if True in machines else machines}
 
 
-def selected(params: Any, blocks: Iterable[str]) -> Any:
-    """Params whose unselected blocks refuse to be read."""
+def hide_unselected(params: Any, blocks: Iterable[str]) -> Any:
+    """Copy Params with `Unselected` in place of the unselected blocks."""
     names = [name for name in blocks if _is_block(params, name)]
     if not names:
         return params
     reduced = copy.copy(params)
     for name in names:
-        object.__setattr__(reduced, name, Unselected(name))  # what the checks of Params have seen is there no more
+        object.__setattr__(reduced, name, Unselected(name))  # bypasses the checks of Params, which would read the block
     return reduced
 
 
-def without(tree: Any, params: Any, blocks: Iterable[str]) -> Any:
-    """The canonical tree of Params without their unselected blocks."""
+def without_blocks(tree: Any, params: Any, blocks: Iterable[str]) -> Any:
+    """Canonical tree of Params without the unselected blocks."""
     gone = {name for name in blocks if _is_block(params, name)}
     return tree if not gone else tree | {"fields": {name: value for name, value in tree["fields"].items() if name not in gone}}
 
 
 class Unselected:
-    """Stands for the parameters of a backend that is not selected: they are in no key, so that no stage may read them."""
+    """Placeholder for the parameters of an unselected backend, which are not part of the key.
+
+    Reading an attribute is a ValueError.
+    """
 
     def __init__(self, name: str) -> None:
         self.__dict__["_block"] = name
@@ -121,8 +127,8 @@ class Unselected:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise ValueError(f"params.{self.__dict__['_block']}.{name} belongs to a backend that is not selected, and is in no key; "
-                         "read only the block of the selected backend")
+        raise ValueError(f"params.{self.__dict__['_block']}.{name} belongs to a backend that is not selected, and is not in the "
+                         "key; read only the block of the selected backend")
 
     def __repr__(self) -> str:
         return f"<{self.__dict__['_block']} is not selected>"
@@ -137,7 +143,7 @@ def _is_block(params: Any, name: str) -> bool:
 
 
 def registries_of(modules: Modules, module: str) -> Iterator[tuple[str, dict[str, str]]]:
-    """(selecting field, entries) of every registry that a module has or imports."""
+    """Yield (selecting field, entries) for every registry that a module defines or imports."""
     found = modules.get(module)
     for name in sorted({*found.registries, *(name for name in found.imports if name.isupper())}) if found else ():
         for home, item in _homes(modules, found, name):  # type: ignore[arg-type]  # not None, see above
@@ -149,13 +155,13 @@ def _homes(modules: Modules, module: Module, name: str) -> Iterator[tuple[Module
     if name in module.registries:
         yield module, name
         return
-    for place in places(modules, module, name):
+    for place in referents(modules, module, name):
         if place.module is not None and place.item is not None and len(place.chain) == 1:
             yield place.module, place.item
 
 
 def _of_entries(module: str, name: str, table: Any, entries: Mapping[str, str]) -> dict[str, Any]:
-    """A table of what entries declare; ValueError for one of another form."""
+    """Check a table of declarations by entry; ValueError for unknown entries or another form."""
     if not isinstance(table, dict) or not table.keys() <= entries.keys():
         known = ", ".join(sorted(entries))
         raise ValueError(f"{module}: {name}: expected entries of the registry ({known}), got {table}; correct the names")

@@ -1,4 +1,4 @@
-"""SIGTERM as Ctrl-C: what is underway is stopped, what is finished is kept, and the process ends with status 143."""
+"""Handle SIGTERM like Ctrl-C: running tasks stop, finished ones are kept, the exit status is 143."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ TERMINATED = 128 + signal.SIGTERM
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM came."""
+    """Raised in the main thread by SIGTERM."""
 
 
 @contextmanager
 def terminating() -> Iterator[None]:
-    """Let SIGTERM end what is inside as Ctrl-C does, then the process with status 143. Where the process handles the signal itself,
-    or in another thread than the main one, nothing changes.
+    """Let SIGTERM end the body as Ctrl-C does, then the process with status 143.
+
+    Has no effect where the process handles SIGTERM itself, or outside the main thread.
     """
     ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     if not ours:

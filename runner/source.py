@@ -1,10 +1,11 @@
-"""One module, read and not imported: its statements as digests, and the names that each of them uses.
+"""Parse one module without importing it: statements as digests, and the names that each statement uses.
 
-A statement belongs to the names it binds. One that does more than bind (a loop, `TABLE["x"] = 1`, a call) belongs to every
-name it mentions, and, when it mentions an imported one, to the module as a whole (`effects`). Names are resolved with
-Python's scopes, so that a local variable is not taken for a constant of the module. The digest of a statement is taken over
-our own spelling of its syntax tree (`runner.spelling`): comments, docstrings and formatting do not count, nor does the version of
-Python, nor the place that an import names.
+A statement belongs to the names that it binds. A statement with effects (a loop, `TABLE["x"] = 1`, a call) belongs to every name in
+it, and if it mentions an imported name, to the module as a whole (`effects`). Names are resolved by Python's scoping rules, so that
+a local variable is not confused with a constant of the module.
+
+The digest of a statement covers the normal form of its syntax tree (`runner.spelling`). Comments, docstrings, formatting, the
+version of Python and the locations of imports do not count.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.canonical import digest
-from runner.foreign import COMPUTED, harmless
+from runner.external import COMPUTED, harmless
 from runner.names import SourceError, Uses, bindings_of, imports_of, loads_of, uses_of
 from runner.scopes import ARGUMENT, DEFINITIONS, arguments_of, roots, scope_of
 from runner.spelling import Slots, is_text, spell
@@ -28,52 +29,54 @@ __all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "unt
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 LITERALS = re.compile(r"([A-Z]\w*_)?(LIBRARIES|THREADS|MEMORY_GIB|MACHINE)|DATA_FILES|DYNAMIC")
 PARAMS = "Params"
-"""the class whose blocks are statements of their own, see `runner.selection`"""
+"""class whose blocks are separate statements, see `runner.selection`"""
 BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {
     name.partition(".")[2] for name in COMPUTED}
 PASSIVE = ("__repr__", "__str__", "__eq__", "__hash__", "__len__", "__bool__")
-"""methods that do not run when an object is made, or that change nothing"""
+"""methods that do not run during construction, or have no effect"""
 MAIN = "__main__"
-"""the name that `if __name__ == "__main__":` belongs to"""
+"""name of the item for `if __name__ == "__main__":`"""
 
 
 @dataclass
 class Module:
-    """What is known of a module. References are as in `runner.names`."""
+    """Statements and names of a module. References have the form that `runner.names` describes."""
 
     name: str
     path: str
     statements: list[dict[str, Any]] = field(default_factory=list)
-    """each has digest, line and refs, and where there are any:
-    imports and strings (what its spelling has slots for), home (it uses the name of its own module), everywhere (it may use that
-    of any), started (modules that it starts as programs and whose name it uses for nothing else); hints (names used in
-    annotations only), getattrs (objects of a computed getattr), loads (modules imported inside functions);
-    kind ('class' or 'function'), bases, hook (a class that acts when a subclass is made), builds (one that acts when an object is
-    made), untyped (parameters of `run` whose type nobody states); sets and does (what is changed at import, and inside
-    functions), gives (what functions return), alias (objects that a name may stand for), now (references used at import where
-    anything is called), block (the field of Params that it is)"""
+    """each statement has digest, line and refs, and these keys where they apply:
+    imports and strings (values of the slots in its normal form), home (it uses the name of its own module), any_module_name (it may
+    use the name of any module), started (modules that it only starts as programs); hints (names used only in annotations), getattrs
+    (objects of a computed getattr), loads (modules imported inside functions); kind ('class' or 'function'), bases, hook (a class
+    with effects on subclass creation), builds (a class with effects on construction), untyped (parameters of `run` without a type);
+    sets and does (changes at import, and inside functions), gives (values that functions return), alias (objects that a name may
+    refer to), now (references used at import if there is a call), block (name of the field of Params)"""
     items: dict[str, list[int]] = field(default_factory=dict)
-    """name -> its statements"""
+    """name -> indices of its statements"""
     imports: dict[str, list[str]] = field(default_factory=dict)
     """name -> 'module' or 'module:attribute' of every import that binds it"""
     typing: list[str] = field(default_factory=list)
-    """names that are imported for type checkers only"""
+    """names imported only for type checkers"""
     loads: list[str] = field(default_factory=list)
     """modules that importing this one imports as well"""
     effects: list[int] = field(default_factory=list)
     decorated: list[tuple[int, list[str]]] = field(default_factory=list)
-    """definitions with decorators, and the names that those start with"""
+    """definitions with decorators, and the first names of the decorators"""
     registries: dict[str, dict[str, str]] = field(default_factory=dict)
     literals: dict[str, Any] = field(default_factory=dict)
 
     @property
     def is_package(self) -> bool:
-        """Whether other modules may be inside."""
+        """True for a package, which may contain modules."""
         return not self.path.endswith(".py") or self.path.endswith("/__init__.py")
 
 
 def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -> Module:
-    """Read a module. In a `schema` module the doc line (last positional argument) and the encoding of a field do not count."""
+    """Parse a module.
+
+    In a `schema` module the doc line (last positional argument) and the encoding of a field do not count.
+    """
     module = Module(name, path)
     for statement in _parsed(path, text).body:
         if not is_text(statement):
@@ -89,7 +92,7 @@ def parse_module(name: str, path: str, text: str, package: bool, schema: bool) -
 
 
 def line_of(module: Module, statement: dict[str, Any], ref: str) -> int:
-    """The line of a reference; read from the file, only when an error is to be said."""
+    """Line of a reference, read from the file again for an error message."""
     at: int = statement["line"]
     tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
     home = _home(module.name, module.is_package)
@@ -105,7 +108,7 @@ def where(module: Module, name: str) -> str:
 
 
 def import_of(module: Module, target: str) -> str:
-    """'file:line' of the import of a module; read from the file, only when an error is to be said."""
+    """'file:line' of the import of a module, read from the file again for an error message."""
     tree = _parsed(module.path, Path(module.path).read_text(encoding="utf-8"))
     home = _home(module.name, module.is_package)
     lines = (node.lineno for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))
@@ -114,7 +117,7 @@ def import_of(module: Module, target: str) -> str:
 
 
 def untyped(module: Module, name: str) -> list[str]:
-    """Parameters of a stage, but for `ctx`, that may be of any class."""
+    """Parameters of a stage, except `ctx`, without a specific class."""
     return [arg for index in module.items.get(name, ()) for arg in module.statements[index].get("untyped", ()) if arg != "ctx"]
 
 
@@ -139,7 +142,7 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
         statement, blocks = _parted(statement)
     bound = _bound_names(statement)
     if bound is None and imported and not isinstance(statement, (ast.If, ast.Try)):
-        raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out")
+        raise SourceError(f"{at}: an import inside this statement cannot be followed; move it out of the statement")
     index, main = len(module.statements), _is_guard(statement, "__name__ == '__main__'")
     uses = _keep(module, statement, home, schema, main)
     for item in [MAIN] if main else bound if bound is not None else _mentioned(statement) | set(imported):
@@ -157,26 +160,25 @@ def _add(module: Module, statement: ast.stmt, home: str, schema: bool) -> None:
 
 
 def _keep(module: Module, statement: ast.stmt, home: str, schema: bool, main: bool = False, **more: Any) -> Uses:
-    """Note what a statement is and uses."""
+    """Add a statement, with its digest and uses, to the module."""
     at = f"{module.path}:{statement.lineno}"
     uses, slots = uses_of(statement, home, at), Slots(lambda node: bindings_of(node, home, at))
     module.statements.append({
         "digest": digest("afford-code", spell(statement, slots, schema)), "line": statement.lineno, "refs": sorted(uses.refs),
-        "imports": slots.imports, "strings": slots.strings, "home": slots.home and not main, "everywhere": slots.everywhere,
-        "started": sorted(uses.started()), "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs),
+        "imports": slots.imports, "strings": slots.strings, "home": slots.home and not main,
+        "any_module_name": slots.any_module_name, "started": sorted(uses.started()),
+        "hints": sorted(uses.hints), "getattrs": sorted(uses.getattrs),
         "loads": sorted(uses.loads), **_class(statement), **_function(statement), "sets": uses.sets, "does": uses.does,
         "gives": uses.gives, "alias": _alias(statement), "now": uses.now, **more})
     return uses
 
 
 def _parted(whole: ast.ClassDef) -> tuple[ast.ClassDef, list[tuple[ast.stmt, str]]]:
-    """A class without those of its fields that may hold the parameters of a backend; and each of them, as a class that has no other
-    field, with its name.
-    """
+    """Split a class into the class without backend blocks, and one class per block with its name."""
     rest, blocks = list[ast.stmt](), list[tuple[ast.stmt, str]]()
     for part in whole.body:
         if _is_block(part):
-            at = ast.Expr(ast.Constant(sum(not is_text(other) for other in rest)))  # where it stands among the other fields
+            at = ast.Expr(ast.Constant(sum(not is_text(other) for other in rest)))  # its position among the other fields
             alone = ast.ClassDef(whole.name, [], [], [part, ast.copy_location(at, part)], [])
             blocks.append((ast.copy_location(alone, part), part.target.id))  # type: ignore[attr-defined]  # see _is_block
         else:
@@ -185,13 +187,13 @@ def _parted(whole: ast.ClassDef) -> tuple[ast.ClassDef, list[tuple[ast.stmt, str
 
 
 def _is_block(part: ast.stmt) -> bool:
-    """Whether a part of a class is a field of another class, as its annotation says."""
+    """Return True for a field whose annotation names another class."""
     return isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name) and any(
         isinstance(node, ast.Name) and node.id not in BUILTINS for node in ast.walk(part.annotation))
 
 
 def _imports(module: Module, statement: ast.stmt, home: str, at: str) -> list[str]:
-    """Note what a statement imports; the names that it binds so."""
+    """Record the imports of a statement; return the names that they bind."""
     found = imports_of(statement, home, at)
     for bound, target, loads, typing_only in found:
         targets = module.imports.setdefault(bound, [])
@@ -209,15 +211,15 @@ def _effect(module: Module, index: int, uses: Uses) -> None:
 
 
 def _alias(statement: ast.stmt) -> set[str]:
-    """Objects that the names may stand for which a statement binds, apart from definitions."""
+    """Objects to which the names that a statement binds may refer, except definitions."""
     if isinstance(statement, DEFINITIONS):
         return set()
-    stands = scope_of([statement], [], lambda _: ()).stands
-    return {root for values in stands.values() for value in values for root in roots(value, lambda _: None)}
+    assigned = scope_of([statement], [], lambda _: ()).assigned
+    return {root for values in assigned.values() for value in values for root in roots(value, lambda _: None)}
 
 
 def _class(statement: ast.stmt) -> dict[str, Any]:
-    """Bases and metaclass of a class, and whether it acts when a subclass of it is made."""
+    """Bases and metaclass of a class, and flags for effects on subclass creation and construction."""
     if not isinstance(statement, ast.ClassDef):
         return {}
     bases = [ast.unparse(base) for base in (*statement.bases, *(keyword.value for keyword in statement.keywords))]
@@ -229,7 +231,7 @@ def _class(statement: ast.stmt) -> dict[str, Any]:
 
 
 def _function(statement: ast.stmt) -> dict[str, Any]:
-    """Parameters of a stage whose type is Any, or that have none though a method of theirs is called."""
+    """Parameters of a stage of type Any, or without type although the body calls a method of them."""
     if not isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
         return {}
     if statement.name != "run":
@@ -249,7 +251,7 @@ def _is_any(hint: ast.expr) -> bool:
 
 
 def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
-    """Decorators of a definition, and of what is defined in the body of a class."""
+    """Decorators of a definition, and of definitions in a class body."""
     if isinstance(statement, DEFINITIONS):
         yield from statement.decorator_list
     if isinstance(statement, ast.ClassDef):
@@ -258,7 +260,7 @@ def _decorators(statement: ast.stmt) -> Iterator[ast.expr]:
 
 
 def _harmless(module: Module, entry: str) -> bool:
-    """Whether what a statement changes is nothing that others see: a value that a library's or Python's function made."""
+    """Return True when a change affects only a value that a function of a library or of Python returned."""
     if entry.startswith(ARGUMENT):
         return False
     if entry.startswith("@"):
@@ -270,13 +272,13 @@ def _harmless(module: Module, entry: str) -> bool:
 
 
 def _is_plain(module: Module, ref: str) -> bool:
-    """Whether a reference is to a name of Python's that everybody may use."""
+    """Return True for a reference to a built-in name."""
     name = ref.partition(".")[0]
     return name in BUILTINS and name not in module.items and name not in module.imports
 
 
 def _literal(module: Module, name: str, value: ast.expr) -> None:
-    """Remember registries and the declarations that the runner reads."""
+    """Record registries and the declarations that the runner reads."""
     try:
         literal = ast.literal_eval(value)
     except ValueError:
@@ -289,14 +291,14 @@ def _literal(module: Module, name: str, value: ast.expr) -> None:
 
 
 def _listed(literal: Any) -> Any:
-    """A literal as JSON keeps it."""
+    """Convert a literal to JSON types."""
     if isinstance(literal, dict):
         return {key: _listed(value) for key, value in literal.items()}
     return [_listed(value) for value in literal] if isinstance(literal, tuple) else literal
 
 
 def _bound_names(statement: ast.stmt) -> list[str] | None:
-    """Names that a plain definition binds; None for a statement that does something else or more."""
+    """Names that a plain definition binds; None for a statement with other effects."""
     if isinstance(statement, DEFINITIONS):
         return [statement.name]
     if isinstance(statement, ast.AnnAssign):
@@ -308,7 +310,7 @@ def _bound_names(statement: ast.stmt) -> list[str] | None:
 
 
 def _targets(target: ast.expr) -> Iterator[str]:
-    """Names in an assignment's target; '' for anything that is not a name."""
+    """Names in the target of an assignment; '' for anything but a name."""
     if isinstance(target, (ast.Tuple, ast.List)):
         for element in target.elts:
             yield from _targets(element)
@@ -319,11 +321,11 @@ def _targets(target: ast.expr) -> Iterator[str]:
 
 
 def _mentioned(statement: ast.stmt) -> set[str]:
-    """Every name in a statement, and every name that it defines."""
+    """Names in a statement, and names that it defines."""
     names = {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
     return names | {node.name for node in ast.walk(statement) if isinstance(node, DEFINITIONS)}
 
 
 def _is_guard(statement: ast.stmt, *tests: str) -> bool:
-    """`if TYPE_CHECKING:` runs nowhere, `if __name__ == "__main__":` only where the module is run as a program."""
+    """Return True for `if` statements with one of these tests, such as `TYPE_CHECKING`."""
     return isinstance(statement, ast.If) and not statement.orelse and ast.unparse(statement.test) in tests

@@ -1,8 +1,8 @@
-"""Our own spelling of a syntax tree, free of locations: two spellings are equal when two statements do the same.
+"""Location-free normal form of a syntax tree: equal for two statements that do the same.
 
-What says where something lies is no part of it. An import is spelled as the names that it binds, a string that may name code of
-ours ("module:attribute") as a slot; `Slots` lists, in the same order, what they say. What that is the linker finds out. Imports
-that follow each other count as one, in the order of the names that they bind.
+Locations are no part of it. An import is spelled as the names that it binds, and a string that may name project code
+("module:attribute") as a slot. `Slots` lists the imported names and these strings in the same order, for the linker to resolve.
+Adjacent imports count as one, in the order of the names that they bind.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ IMPORTS = (ast.Import, ast.ImportFrom)
 
 @dataclass
 class Slots:
-    """What a spelling leaves out."""
+    """Parts of statements that the normal form omits."""
 
     bindings: Callable[[Any], list[tuple[str, str]]]
     """(bound name, 'module' or 'module:attribute') of an import"""
     imports: list[str] = field(default_factory=list)
-    """'module' or 'module:attribute' of every name that is imported"""
+    """'module' or 'module:attribute' of every imported name"""
     strings: list[str] = field(default_factory=list)
     """'module:attribute' of every string of this form"""
     home: bool = False
-    """whether the name of the statement's own module is used"""
-    everywhere: bool = False
-    """whether the name of the module of any object may be used"""
+    """True if the statement uses the name of its own module"""
+    any_module_name: bool = False
+    """True if the statement may use the module name of any object"""
 
 
 def spell(node: Any, slots: Slots, schema: bool = False) -> Any:
-    """A syntax tree as a JSON tree: [kind, field, value, ...], fields sorted, empty ones left out. In a `schema` module so are the
-    doc line (last positional argument) and the encoding of a field.
+    """Convert a syntax tree to a JSON tree: [kind, field, value, ...], fields sorted, empty ones omitted.
+
+    In a `schema` module the doc line (last positional argument) and the encoding of a field are omitted as well.
     """
     if isinstance(node, ast.AST):
         if schema and isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Call):
@@ -56,7 +57,7 @@ def spell(node: Any, slots: Slots, schema: bool = False) -> Any:
 
 
 def is_text(statement: ast.AST) -> bool:
-    """A docstring, or a string literal that documents a field."""
+    """Return True for a docstring, or a string literal that documents a field."""
     value = statement.value if isinstance(statement, ast.Expr) else None
     return isinstance(value, ast.Constant) and isinstance(value.value, str)
 
@@ -66,7 +67,7 @@ def _others(run: Iterator[Any], slots: Slots, schema: bool) -> list[Any]:
 
 
 def _imports(run: Iterator[ast.Import | ast.ImportFrom], slots: Slots) -> list[Any]:
-    """The names that imports bind; of two that bind the same name the later one counts last."""
+    """Names that imports bind; of two imports of the same name the later one is listed last."""
     found = sorted((binding for node in run for binding in slots.bindings(node)), key=lambda binding: binding[0])
     first = len(slots.imports)
     slots.imports += [target for _, target in found]
@@ -74,23 +75,23 @@ def _imports(run: Iterator[ast.Import | ast.ImportFrom], slots: Slots) -> list[A
 
 
 def _note_names(node: ast.AST, slots: Slots) -> None:
-    """Names of modules are locations: see where they are used."""
+    """Record uses of module names, which are locations."""
     name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else getattr(node, "value", "")
     if isinstance(node, ast.Name) and name in ("__name__", "__package__"):
         slots.home = True
     elif isinstance(name, str) and name == "__module__":
-        slots.everywhere = True
+        slots.any_module_name = True
 
 
 @cache
 def _fields(kind: Hashable) -> list[str]:
-    """Fields of a kind of node that say what the code does."""
+    """Fields of a kind of node that affect execution."""
     assert isinstance(kind, type) and issubclass(kind, ast.AST)
     return sorted(set(kind._fields) - {"ctx", "kind", "type_comment", "type_ignores"})
 
 
 def _constant(value: Any, slots: Slots) -> list[str | int]:
-    """Tagged, so that 1, 1.0, True and '1' differ."""
+    """Constant with a tag, so that 1, 1.0, True and '1' differ."""
     if isinstance(value, str) and ":" in value and ENTRY_POINT.fullmatch(value):
         slots.strings.append(value)
         return ["named", len(slots.strings) - 1]

@@ -1,13 +1,13 @@
-"""Content-addressed artifacts: blobs, and manifests that say which blobs are one typed value.
+"""Content-addressed store of blobs, and of manifests that list the blobs of each typed value.
 
-    blobs/ab/cdef...        bytes, named by their blake3, read-only, put in place by rename
+    blobs/ab/cdef...        bytes named by their BLAKE3 digest, read-only, put in place by rename
     manifests/ab/cdef.json  kind and files of a plain artifact, or kind and children of a composite one (tuple, bundle)
-    damaged/                blobs whose bytes no longer fit their name
+    damaged/                blobs whose bytes do not match their name
 
-An artifact is named by the digest of its logical content, so that early cut-off works per element and per field of a
-composite and does not depend on how a codec lays values out. Files of leaf values are never copied: their manifest points
-at them. Whatever is read is hashed first; a blob that does not fit is moved aside and `LostError` is raised. A manifest is sealed
-(`runner.files`); what the cache holds of it counts while its file is as it was, and mends a file that was damaged or deleted.
+An artifact is named by the digest of its logical content. Early cut-off therefore works per element and per field of a composite,
+independent of the codec's file layout. Files of leaf values are never copied: their manifest refers to them. Every file is hashed
+before it is read; a blob that does not match is moved aside, and `LostError` is raised. Manifests are sealed (`runner.files`). A
+cached manifest is valid while its file is unchanged, and restores a file that was damaged or deleted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 from runner.canonical import digest as tagged
 from runner.canonical import file_digest
 from runner.codec import Codec
-from runner.files import DamagedError, FileMemo, SeenBlobs, read_cache, seal, stamp, unique, unseal, write_atomic, write_cache
+from runner.files import DamagedError, FileMemo, VerifiedBlobs, read_cache, seal, stamp, unique, unseal, write_atomic, write_cache
 
 FOLDERS = ("blobs", "manifests", "traces", "leases", "failures", "scratch", "damaged", ".cache")
 
@@ -34,7 +34,7 @@ class StoreError(OSError):
 
 
 class LostError(Exception):
-    """An artifact cannot be read: `digest` names it, `damaged` tells a broken blob from a missing one."""
+    """An artifact cannot be read; `damaged` distinguishes a broken blob from a missing one."""
 
     def __init__(self, digest: str, damaged: bool, what: str) -> None:
         super().__init__(digest, damaged, what)
@@ -46,7 +46,10 @@ class LostError(Exception):
 
 @dataclass(frozen=True)
 class Entry:
-    """One file of an artifact. `path` is '' for a blob; a leaf's file has its place and its stamp when it was hashed."""
+    """One file of an artifact.
+
+    `path` is '' for a blob. A leaf's file has its path, and its stamp at the time of hashing.
+    """
 
     name: str
     blob: str
@@ -57,7 +60,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What an artifact consists of: files (plain) or children (composite)."""
+    """Files of a plain artifact, or children of a composite one."""
 
     kind: str
     files: tuple[Entry, ...] = ()
@@ -65,26 +68,28 @@ class Manifest:
 
 
 class Store:
-    """The blobs and manifests under one folder."""
+    """Blobs and manifests under one folder."""
 
-    def __init__(self, root: Path, codec: Codec, rehash: bool = False, glance: bool = False) -> None:
+    def __init__(self, root: Path, codec: Codec, rehash: bool = False, plan_only: bool = False) -> None:
         self.root, self.codec = root, codec
-        self.memo = FileMemo(root, rehash, glance)
+        self.memo = FileMemo(root, rehash, plan_only)
         self._manifests: dict[str, Manifest] = {}
-        self._seen = SeenBlobs(root)
+        self._verified_blobs = VerifiedBlobs(root)
         self._recent: dict[str, object] = {}
         self._folder_is_clean = False
         self._cache = root / ".cache" / "manifests.json"
         self._trees: dict[str, list[Any]] = read_cache(self._cache)
-        """digest -> size and change time of the manifest's file when it was read, and what it says"""
+        """digest -> size and change time of the manifest's file when it was read, and its content"""
         self._fresh = False
         self._folder = root / "scratch" / unique("save")[1:]
 
     # -- writing ---------------------------------------------------------------------------------------------------
 
     def put(self, value: object, scratch: Path) -> str:
-        """Store the output of a stage; `scratch` is its private folder, out of which files are moved and not copied. A file may
-        be in several parts of the output.
+        """Store the output of a stage.
+
+        Files in the stage's private folder `scratch` are moved, not copied. A file may occur in several parts of the
+        output.
         """
         return self._put(value, scratch, {})
 
@@ -97,7 +102,10 @@ class Store:
         return self._put_manifest(self.codec.digest(value), Manifest(self.codec.kind(value), entries))
 
     def put_leaf(self, value: object) -> str:
-        """Store a value from outside: what the codec writes itself becomes blobs, linked files stay where they are."""
+        """Store a value from outside.
+
+        Files that the codec writes become blobs; linked files stay where they are.
+        """
         parts = self.codec.children(value)
         if parts is not None:
             return self._put_composite(self.codec.kind(value), [(name, self.put_leaf(part)) for name, part in parts])
@@ -105,7 +113,7 @@ class Store:
         known = self.find(digest)
         if known is not None and all(self._entry_state(entry) == "ok" for entry in known.files):
             return digest
-        if self.memo.glance:
+        if self.memo.plan_only:
             return self._put_manifest(digest, Manifest(self.codec.kind(value)))
         with self._saved(value) as files:
             entries = tuple(self._refer(path, name) if path.is_symlink() else self._take(path, name, path.parent, {})
@@ -113,11 +121,11 @@ class Store:
         before = {entry.name: entry.blob for entry in known.files} if known else {}
         for entry in entries:
             if entry.path and before.get(entry.name, entry.blob) != entry.blob:
-                raise StoreError(errno.ESTALE, f"{entry.path} is not what it was when its digest was taken; run again")
+                raise StoreError(errno.ESTALE, f"{entry.path} changed since its digest was computed; run again")
         return self._put_manifest(digest, Manifest(self.codec.kind(value), entries))
 
     def put_tuple(self, children: list[tuple[str, str]]) -> str:
-        """A composite of artifacts that are there already."""
+        """Store a composite of stored artifacts."""
         return self._put_composite("tuple", children)
 
     def _put_composite(self, kind: str, children: list[tuple[str, str]]) -> str:
@@ -129,7 +137,7 @@ class Store:
         return digest if self.find(digest) else self._put_manifest(digest, Manifest(kind, children=tuple(children)))
 
     def _put_manifest(self, digest: str, manifest: Manifest) -> str:
-        if self.memo.glance:  # a plan writes nothing down: digests of what it has not read are stand-ins
+        if self.memo.plan_only:  # a plan writes nothing: digests of files that it has not read are stand-ins
             self._manifests[digest] = manifest
             return digest
         tree = {"kind": manifest.kind, "files": [[e.name, e.blob, e.size, e.path, e.stamp] for e in manifest.files],
@@ -144,8 +152,9 @@ class Store:
 
     @contextmanager
     def _saved(self, value: object) -> Iterator[list[tuple[str, Path]]]:
-        """What the codec writes of a value, as (name, path), in a folder of this process that is used again and again (making
-        and removing a folder costs more than all the rest).
+        """Save a value with the codec; yield its files as (name, path).
+
+        The folder belongs to this process and is reused, since creating and removing one costs more than the rest.
         """
         folder = self._folder
         if not self._folder_is_clean:
@@ -154,14 +163,17 @@ class Store:
         self._folder_is_clean = False
         self.codec.save(value, folder)
         yield _files_in(folder)
-        left = list(folder.iterdir())
-        for path in left:
+        remaining = list(folder.iterdir())
+        for path in remaining:
             if path.is_symlink():
                 path.unlink()
-        self._folder_is_clean = all(path.is_symlink() for path in left)
+        self._folder_is_clean = all(path.is_symlink() for path in remaining)
 
     def _take(self, path: Path, name: str, scratch: Path, moved: dict[Path, tuple[str, int]]) -> Entry:
-        """A file becomes a blob: moved when the codec has written it or it lies in the task's own scratch, else copied."""
+        """Turn a file into a blob.
+
+        A file is moved when the codec has written it or when it is in the task's own scratch folder, else copied.
+        """
         linked = path.is_symlink()
         source = original = path.resolve() if linked else path
         if linked and source in moved:
@@ -183,7 +195,7 @@ class Store:
         return Entry(name, blob, size)
 
     def _held(self, source: Path) -> str | None:
-        """The digest of a file that is one of our blobs, after checking that its bytes fit."""
+        """Digest of a file that is a blob of this store and matches its name."""
         blobs = (self.root / "blobs").resolve()
         if not source.is_relative_to(blobs):
             return None
@@ -198,7 +210,7 @@ class Store:
     # -- reading ---------------------------------------------------------------------------------------------------
 
     def find(self, digest: str) -> Manifest | None:
-        """The manifest, or None; one that is damaged counts as missing."""
+        """Manifest of an artifact; None when it is missing or damaged."""
         if digest not in self._manifests:
             tree = self._tree(digest)
             if tree is None:
@@ -210,8 +222,9 @@ class Store:
         return self._manifests[digest]
 
     def _tree(self, digest: str) -> dict[str, Any] | None:
-        """What a manifest says: from the cache while its file is as it was, else from the file; a file that does not fit is written
-        anew from the cache.
+        """Content of a manifest: from the cache while its file is unchanged, else from the file.
+
+        A damaged file is rewritten from the cache.
         """
         path, known = self.path("manifests", digest, ".json"), self._trees.get(digest)
         tree = None
@@ -224,7 +237,7 @@ class Store:
             if known is None:
                 return None
             tree = dict(known[2])
-            if self.memo.glance:
+            if self.memo.plan_only:
                 return tree
             self._write_tree(digest, tree)
         found = os.stat(path)
@@ -232,41 +245,42 @@ class Store:
         return tree
 
     def manifest(self, digest: str) -> Manifest:
-        """The manifest; LostError when there is none."""
+        """Manifest of an artifact; LostError when there is none."""
         found = self.find(digest)
         if found is None:
             raise LostError(digest, False, "its manifest is gone")
         return found
 
     def closure(self, digest: str) -> Iterator[tuple[str, Manifest | None]]:
-        """The artifact and, when it is composite, everything inside it."""
+        """Yield the artifact and, recursively, the parts of a composite one."""
         found = self.find(digest)
         yield digest, found
         for _, child in (found.children or ()) if found else ():
             yield from self.closure(child)
 
     def kinds(self, digest: str) -> set[str]:
-        """The schemas that occur in an artifact."""
+        """Schemas that occur in an artifact."""
         return {found.kind for _, found in self.closure(digest) if found}
 
     def files(self, digest: str) -> dict[str, Path]:
-        """name -> path of every file of a plain artifact, verified by its digest; LostError when one is missing or damaged."""
+        """Map name to verified path for every file of a plain artifact; LostError when one is missing or damaged."""
         return {entry.name: self._verified(digest, entry) for entry in self.manifest(digest).files}
 
     def file(self, digest: str, name: str) -> Path:
-        """The path of one file of a plain artifact, verified by its digest; KeyError when it has none of this name, LostError when
-        the file is missing or damaged.
+        """Verified path of one file of a plain artifact.
+
+        KeyError for an unknown name, LostError when the file is missing or damaged.
         """
         entries = {entry.name: entry for entry in self.manifest(digest).files}
         return self._verified(digest, entries[name])
 
-    def places(self, digest: str) -> dict[str, Path]:
-        """name -> path of every file of a plain artifact; nothing is read, and a file may be missing."""
+    def unverified_files(self, digest: str) -> dict[str, Path]:
+        """Map name to path for every file of a plain artifact; nothing is read, and a file may be missing."""
         return {entry.name: Path(entry.path) if entry.path else self.path("blobs", entry.blob)
                 for entry in self.manifest(digest).files}
 
     def load(self, digest: str) -> object:
-        """The value, out of verified files."""
+        """Load the value from verified files."""
         if digest in self._recent:
             return self._recent[digest]
         found = self.manifest(digest)
@@ -275,7 +289,10 @@ class Store:
         return self.codec.load(found.kind, self.files(digest))
 
     def load_inputs(self, inputs: Mapping[str, str]) -> dict[str, object]:
-        """The values of a task's inputs. They are kept until the next call, since the stages of one clip share them."""
+        """Load the inputs of a task.
+
+        They are kept until the next call, since the stages of one clip share them.
+        """
         self._recent = {digest: self._recent[digest] for digest in inputs.values() if digest in self._recent}
         for digest in inputs.values():
             self._recent[digest] = self.load(digest)
@@ -291,9 +308,9 @@ class Store:
         except FileNotFoundError:
             self.forget(digest)
             raise LostError(digest, self.was_damaged(entry.blob), f"{entry.name} is not in the store") from None
-        self.set_aside(entry.blob)
+        self.quarantine(entry.blob)
         self.forget(digest)
-        raise LostError(digest, True, f"{entry.name} did not fit its digest and was moved to damaged/")
+        raise LostError(digest, True, f"{entry.name} did not match its digest and was moved to damaged/")
 
     def _verified_leaf(self, digest: str, entry: Entry) -> Path:
         path = Path(entry.path)
@@ -305,8 +322,9 @@ class Store:
         raise LostError(digest, True, f"{path} changed after the run began")
 
     def state(self, digest: str) -> str:
-        """'ok', 'lost' or 'damaged': whether all files of an artifact are there with the right bytes. Bytes are read again
-        only where a file's size or change time is not what it was; a damaged blob is moved aside.
+        """'ok', 'lost' or 'damaged': state of the files of an artifact.
+
+        Bytes are read again only where a file's size or change time differs. A damaged blob is moved aside.
         """
         worst = "ok"
         for _, found in self.closure(digest):
@@ -324,60 +342,60 @@ class Store:
             return "ok" if self.present(entry) else "lost"
         path = f"{self.root}/blobs/{entry.blob[:2]}/{entry.blob[2:]}"
         try:
-            if self._seen.same(entry.blob, path):
+            if self._verified_blobs.same(entry.blob, path):
                 return "ok"
             if file_digest(Path(path)) == entry.blob:
-                self._seen.note(entry.blob, path)
+                self._verified_blobs.note(entry.blob, path)
                 return "ok"
         except FileNotFoundError:
             return "damaged" if self.was_damaged(entry.blob) else "lost"
-        self.set_aside(entry.blob)
+        self.quarantine(entry.blob)
         return "damaged"
 
     def note(self, digest: str) -> None:
-        """The artifact has just been written and hashed by a worker."""
+        """Record that a worker has just written and hashed the artifact."""
         self.forget(digest)
         for _, found in self.closure(digest):
             for entry in found.files if found else ():
-                self._seen.note(entry.blob, f"{self.root}/blobs/{entry.blob[:2]}/{entry.blob[2:]}")
+                self._verified_blobs.note(entry.blob, f"{self.root}/blobs/{entry.blob[:2]}/{entry.blob[2:]}")
 
     def forget(self, digest: str) -> None:
-        """Read its manifests from disk the next time: another process may have written them anew."""
+        """Read the artifact's manifests from disk next time: another process may have replaced them."""
         for inside, _ in list(self.closure(digest)):
             self._manifests.pop(inside, None)
             self._trees.pop(inside, None)
 
     def renew(self) -> None:
-        """Look at the file of every manifest again: another process may have changed it."""
+        """Check the file of every manifest again: another process may have changed it."""
         self._manifests.clear()
 
     def distrust(self) -> None:
-        """Read every manifest from its file, and mend none: what is damaged shows."""
+        """Read every manifest from its file without repair, so that damage shows."""
         self._manifests.clear()
         self._trees.clear()
 
     def forget_all(self) -> None:
-        """Read every manifest from disk the next time."""
+        """Read every manifest from disk next time."""
         self._manifests.clear()
         self._trees.clear()
         self._fresh = True
 
     def save(self) -> None:
-        """Write what was learned about files and manifests, at once."""
+        """Write new entries about files and manifests."""
         self.memo.save()
-        self._seen.save()
+        self._verified_blobs.save()
         if self._fresh:
             write_cache(self._cache, self._trees)
             self._fresh = False
         self.clean()
 
     def clean(self) -> None:
-        """Remove the folder that this process has saved values in."""
+        """Remove the folder in which this process has saved values."""
         shutil.rmtree(self._folder, ignore_errors=True)
         self._folder_is_clean = False
 
     def present(self, entry: Entry) -> bool:
-        """Whether a file is where it should be and has the right size; its bytes are not read."""
+        """Return True when a file exists with the right size; its bytes are not read."""
         try:
             if entry.path:
                 return stamp(Path(entry.path)) == entry.stamp
@@ -385,27 +403,27 @@ class Store:
         except FileNotFoundError:
             return False
 
-    def set_aside(self, blob: str) -> None:
-        """Move a damaged blob out of the way, for somebody to look at."""
+    def quarantine(self, blob: str) -> None:
+        """Move a damaged blob to damaged/, for inspection."""
         (self.root / "damaged").mkdir(exist_ok=True)
         os.replace(self.path("blobs", blob), self.root / "damaged" / blob)
 
     def was_damaged(self, blob: str) -> bool:
-        """Whether a blob of this name was once moved aside."""
+        """Return True when a blob of this name was moved to damaged/ before."""
         return (self.root / "damaged" / blob).exists()
 
     def path(self, room: str, digest: str, suffix: str = "") -> Path:
-        """Where something of this digest lies."""
+        """Path of a blob, manifest or trace of this digest."""
         return Path(f"{self.root}/{room}/{digest[:2]}/{digest[2:]}{suffix}")
 
 
 def is_store(root: Path) -> bool:
-    """Whether a folder was once prepared as a store. Nothing is written."""
+    """Return True for a folder that was prepared as a store; nothing is written."""
     return all(os.path.isdir(root / name) for name in ("blobs", "manifests", "traces"))
 
 
 def prepare_store(root: Path) -> None:
-    """Make the folders; StoreError in one sentence when the place cannot be written to."""
+    """Create the folders; StoreError when they cannot be written to."""
     try:
         for name in FOLDERS:
             (root / name).mkdir(parents=True, exist_ok=True)
@@ -418,7 +436,7 @@ def prepare_store(root: Path) -> None:
 
 
 def explain_os(error: OSError) -> str:
-    """An operating-system error in words."""
+    """Describe an operating-system error."""
     words = {errno.ENOSPC: "no space left on the disk", errno.EDQUOT: "the disk quota is used up",
              errno.EROFS: "the file system is read-only", errno.EACCES: "permission denied"}
     return words.get(error.errno or 0, str(error))

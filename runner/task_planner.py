@@ -1,4 +1,7 @@
-"""Why a task runs: the new key's parts against those of the last trace of the same shard, in a fixed order."""
+"""Decide for each task: its key, whether its output is stored, and if not, the reason to run.
+
+The reason is the first part of the new key, in a fixed order, that differs from the last trace of the same shard.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,9 @@ from runner.execute import Job
 from runner.files import DamagedError, seal, unseal, write_atomic
 from runner.fingerprint import changed
 from runner.graph import Node
-from runner.keys import Codes, StageSpec, stage_spec, task_key
+from runner.keys import CodeFingerprints, StageSpec, stage_spec, task_key
 from runner.report import Reason
-from runner.selection import selected
+from runner.selection import hide_unselected
 from runner.store import Store
 from runner.traces import Trace, Traces
 
@@ -22,7 +25,7 @@ SHOWN = 3
 
 
 def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str], store: Path) -> Reason:
-    """The first thing that differs from `last`: parameters, code, libraries, threads, machine, schemas, inputs."""
+    """Name the first difference from `last`: parameters, code, libraries, threads, machine, schemas, inputs."""
     if last is None:
         return Reason("first run")
     if last.params != spec.params:
@@ -43,13 +46,13 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
 
 
 def keep_definitions(store: Path, spec: StageSpec) -> None:
-    """Remember the definitions behind a fingerprint, so that the next change can be named."""
+    """Store the definitions behind a fingerprint, so that `explain` can name the next change."""
     if kept_definitions(store, spec.code.digest) is None:
         write_atomic(store / "code" / f"{spec.code.digest}.json", seal(spec.code.definitions, f"code {spec.code.digest}"))
 
 
 def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
-    """The definitions behind a fingerprint; None where they were not kept, or are damaged."""
+    """Definitions behind a fingerprint; None where they were not kept, or are damaged."""
     try:
         return dict(unseal((store / "code" / f"{code}.json").read_bytes(), f"code {code}"))
     except (FileNotFoundError, DamagedError):
@@ -59,10 +62,10 @@ def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
 def _code(last: Trace, spec: StageSpec, store: Path) -> str:
     old = kept_definitions(store, last.code)
     if old is None:
-        return "its former definitions were not kept"
+        return "the previous definitions were not kept"
     names = changed(old, spec.code.definitions)
     if not names:
-        return "the same definitions, reached by other names"
+        return "same definitions, reached through other names"
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return ", ".join(names[:SHOWN]) + more
 
@@ -72,7 +75,7 @@ def _params(old: Any, new: Any) -> str:
 
 
 def _flat(tree: Any) -> dict[str, Any]:
-    """Parameters by name, those of a block as 'block.name'."""
+    """Parameters by name; those of a block as 'block.name'."""
     found: dict[str, Any] = {}
     for name, value in tree["fields"].items() if tree else ():
         is_block = isinstance(value, dict) and "fields" in value
@@ -92,15 +95,15 @@ def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     return [name for name in sorted({*old, *new}) if (name in old) != (name in new) or old.get(name) != new.get(name)]
 
 
-Path_ = tuple[str, ...]
+ShardPath = tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Task:
-    """One shard of a stage with its inputs known."""
+    """One shard of a stage whose inputs are known."""
 
     node: Node
-    path: Path_
+    path: ShardPath
     spec: StageSpec
     inputs: dict[str, str]
     schemas: dict[str, str]
@@ -112,10 +115,10 @@ class Task:
         return "/".join(self.path)
 
 
-class Desk:
-    """Judges tasks against a store; executes nothing."""
+class TaskPlanner:
+    """Computes tasks and decides whether they must run; executes nothing."""
 
-    def __init__(self, store: Store, traces: Traces, codes: Codes, force: Iterable[str] = ()) -> None:
+    def __init__(self, store: Store, traces: Traces, codes: CodeFingerprints, force: Iterable[str] = ()) -> None:
         self.store, self.traces = store, traces
         self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
@@ -124,18 +127,18 @@ class Desk:
         self._versions: dict[str, str] = {}
 
     def spec(self, node: Node) -> StageSpec:
-        """The stage's code, parameters and declarations."""
+        """Code, parameters and declarations of a stage."""
         if node.id not in self._specs:
             self._specs[node.id] = stage_spec(node, self._codes)
         return self._specs[node.id]
 
-    def task(self, node: Node, path: Path_, inputs: dict[str, str]) -> Task:
-        """The task and its key."""
+    def task(self, node: Node, path: ShardPath, inputs: dict[str, str]) -> Task:
+        """Build the task, with its key."""
         spec, schemas = self.spec(node), self._schemas(inputs)
         return Task(node, path, spec, inputs, schemas, task_key(spec, inputs, schemas))
 
-    def judge(self, task: Task) -> tuple[str, Reason | None]:
-        """(output, None) when it is there, ('', reason) when the task must run."""
+    def decide(self, task: Task) -> tuple[str, Reason | None]:
+        """Return (output, None) if the output is stored, ('', reason) if the task must run."""
         if task.node.name in self._force:
             return "", Reason("forced")
         output = self.traces.output(task.key)
@@ -143,20 +146,20 @@ class Desk:
             last = self.traces.last(task.node.name, task.shard)
             return "", compare(last, task.spec, task.inputs, task.schemas, self.store.root)
         state = self.store.state(output)
-        if state != "ok":  # another process may have made it anew since the index was written
+        if state != "ok":  # another process may have stored the output again since the index was written
             output = self.traces.reread(task.key) or output
             state = self.store.state(output)
         return (output, None) if state == "ok" else ("", Reason("output damaged" if state == "damaged" else "output lost"))
 
     def job(self, task: Task, reason: Reason) -> Job:
-        """What a worker needs to know."""
+        """Build the job that a worker executes."""
         spec = task.spec
         if spec.code.digest not in self._kept:
             keep_definitions(self.store.root, spec)
             self._kept.add(spec.code.digest)
         return Job(
             key=task.key, stage=task.node.name, shard=task.shard, function=spec.function,
-            params=selected(task.node.params, spec.blocks), params_tree=spec.params, inputs=task.inputs,
+            params=hide_unselected(task.node.params, spec.blocks), params_tree=spec.params, inputs=task.inputs,
             wants_ctx=task.node.wants_ctx, code=spec.code.digest,
             schemas=task.schemas, libraries=spec.libraries, threads=spec.threads, memory_gib=spec.memory_gib,
             sources=spec.sources, reason=str(reason), force=reason.why == "forced")

@@ -1,12 +1,12 @@
-"""Constructive traces: key -> output, with everything that explains it. One sealed file per key, renamed into place at once.
+"""Constructive traces: map each key to its output, with provenance; one sealed file per key, replaced atomically.
 
-    traces/ab/cdef.json     what was made under a key: provenance, cost, reason
-    failures/ab/cdef.json   why a key failed; gone as soon as it succeeds
-    code/<digest>.json      the definitions behind a code fingerprint, so that a change can be named
-    .cache/index.json       all traces in one file and the last key of every (stage, shard); rebuilt from traces/ when gone
+    traces/ab/cdef.json     output of a key, with provenance, cost and reason
+    failures/ab/cdef.json   error of a key; removed on success
+    code/<digest>.json      definitions behind a code fingerprint, by which `explain` names a change
+    .cache/index.json       all traces in one file, and the last key of every (stage, shard); rebuilt from traces/
 
-A trace of the index counts while its file has the size and the change time that it had when it was read. A file that was damaged
-since is written anew from the index; one that is damaged and in no index is no trace, and its task runs again.
+A trace in the index is valid while its file keeps its size and change time. A file that was damaged since is rewritten from the
+index. A damaged file without entry in the index is ignored, and its task runs again.
 """
 
 from __future__ import annotations
@@ -25,13 +25,16 @@ from runner.lease import Lease
 
 @dataclass(frozen=True)
 class Trace:
-    """How an artifact came to be. Times are for people and for cost tables; nothing here is part of any content."""
+    """Provenance of an artifact.
+
+    Times serve people and cost tables; no field is part of any content.
+    """
 
     key: str
     stage: str
     shard: str
     function: str
-    """'module:function', where it was when it ran"""
+    """'module:function' at the time of the run"""
     output: str
     inputs: dict[str, str]
     params: Any
@@ -50,57 +53,60 @@ class Trace:
 
 
 class Traces:
-    """All traces of a store in memory, kept in step with traces/ on disk."""
+    """Traces of a store in memory, in step with traces/ on disk."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self._index = root / ".cache" / "index.json"
         self._rows: dict[str, dict[str, Any]] = {}
         self._stamps: dict[str, list[int]] = {}
-        """key -> size and change time of its file when it was read"""
+        """key -> size and change time of the trace's file when it was read"""
         self._checked: set[str] = set()
         self._latest: dict[str, dict[str, tuple[str, float]]] = {}
-        """stage -> shard -> the key used last, and when"""
+        """stage -> shard -> (key used last, time of use)"""
         self._forgotten: set[str] = set()
         self._fresh = False
         self._load()
 
     def get(self, key: str) -> Trace | None:
-        """The trace of a key, also when another process has just written it."""
+        """Trace of a key, also when another process has just written it."""
         row = self._row(key)
         return Trace(**row) if row else None
 
     def output(self, key: str) -> str | None:
-        """The artifact made under a key."""
+        """Artifact stored under a key."""
         row = self._row(key)
         return row["output"] if row else None
 
     def cost(self, key: str) -> tuple[float, float]:
-        """(CPU seconds, wall seconds) of what was made under a key."""
+        """(CPU seconds, wall seconds) of the task with this key."""
         row = self._row(key) or {"cpu_s": 0.0, "wall_s": 0.0}
         return row["cpu_s"], row["wall_s"]
 
     def peak(self, key: str) -> float:
-        """Peak memory, MiB, of the process that made what is under a key, while it made it."""
+        """Peak memory, MiB, of the process during the task with this key."""
         row = self._row(key) or {"peak_rss_mib": 0.0}
         return float(row["peak_rss_mib"])
 
     def reread(self, key: str) -> str | None:
-        """The artifact made under a key, according to the disk alone."""
+        """Artifact stored under a key, from the disk alone."""
         self._drop(key)
         return self.output(key)
 
     def last(self, stage: str, shard: str) -> Trace | None:
-        """The newest trace of a shard of a stage that a run used."""
+        """Newest trace of a shard of a stage that a run used."""
         key, _ = self._latest.get(stage, {}).get(shard, ("", 0.0))
         return self.get(key) if key else None
 
     def shards(self, stage: str) -> dict[str, str]:
-        """shard -> key of the last use of every shard of a stage."""
+        """Map each shard of a stage to the key of its last use."""
         return {shard: key for shard, (key, _) in self._latest.get(stage, {}).items()}
 
     def use(self, stage: str, shard: str, key: str) -> None:
-        """Note that a run has used this key for the shard. The modification time of the trace tells it where the index is lost."""
+        """Record that a run has used this key for the shard.
+
+        The modification time of the trace file stores the use as well, in case the index is lost.
+        """
         shards = self._latest.setdefault(stage, {})
         if shard not in shards or shards[shard][0] != key:
             if shard in shards:
@@ -115,20 +121,21 @@ class Traces:
             self._stamps[key] = _stamp(path)
 
     def renew(self) -> None:
-        """Look at every file again: another process may have changed it."""
+        """Check every file again: another process may have changed it."""
         self._checked.clear()
 
     def all(self) -> Iterator[Trace]:
-        """Every trace."""
+        """Yield every trace."""
         return (trace for trace in map(self.get, list(self._rows)) if trace is not None)
 
     def latest_keys(self) -> set[str]:
-        """The keys in use."""
+        """Keys of the last use of every shard."""
         return {key for shards in self._latest.values() for key, _ in shards.values()}
 
     def mend(self) -> list[str]:
-        """Read every file of traces/ again: keys of those that were damaged. One that the index has is written anew; any other is
-        no trace, and goes.
+        """Read every file of traces/ again, and return the keys of damaged ones.
+
+        A damaged trace is rewritten from the index, or deleted if the index lacks it.
         """
         damaged = [key for key in sorted(_names(self.root / "traces")) if _read_row(self.root, key) is None]
         for key in damaged:
@@ -137,7 +144,7 @@ class Traces:
         return damaged
 
     def save(self) -> None:
-        """Write the index, at once; what another run has written to it in the meantime stays."""
+        """Write the index; entries that another run has added in the meantime stay."""
         if not self._fresh:
             return
         while not (lease := Lease(self.root / "leases" / "index.lock")).held:
@@ -160,7 +167,7 @@ class Traces:
         write_cache(self._index, {"rows": rows, "stamps": stamps, "latest": self._latest})
 
     def _merge(self, saved: dict[str, Any]) -> None:
-        """Of two uses of a shard the later one counts, whichever run has seen it."""
+        """Merge saved uses: of two uses of a shard the later one counts."""
         for stage, shards in saved.get("latest", {}).items():
             ours = self._latest.setdefault(stage, {})
             for shard, (key, when) in shards.items():
@@ -178,7 +185,7 @@ class Traces:
         self._fresh = True
 
     def _row(self, key: str) -> dict[str, Any] | None:
-        """The trace as it is on disk; what was read before is taken while its file is as it was then."""
+        """Trace as stored on disk; the copy in memory is used while the file is unchanged."""
         if key in self._checked:
             return self._rows[key]
         row = self._rows.get(key)
@@ -196,7 +203,7 @@ class Traces:
         return row
 
     def _mended(self, row: dict[str, Any] | None) -> dict[str, Any] | None:
-        """The file is damaged: write it again out of the index, or take it for no trace at all."""
+        """Rewrite a damaged file from the index; None when the index lacks it."""
         if row is not None:
             _write_row(self.root, row)
         return row
@@ -207,7 +214,7 @@ class Traces:
         self._checked.discard(key)
 
     def _load(self) -> None:
-        """The index, less what is gone from disk, plus what is new there (the runs that were killed before they wrote it)."""
+        """Load the index, drop traces that are gone from disk, and add those of runs that were killed before saving."""
         saved = read_cache(self._index)
         self._rows, self._stamps = saved.get("rows", {}), saved.get("stamps", {})
         self._merge(saved)
@@ -217,7 +224,10 @@ class Traces:
         self._take(there - self._rows.keys())
 
     def _take(self, keys: Iterable[str]) -> None:
-        """Traces that the index does not have. They were used last when they were finished, or touched."""
+        """Add traces that the index lacks.
+
+        Their time of use is when they were finished, or touched.
+        """
         for row in [row for row in map(self._row, sorted(keys)) if row]:
             used, shards = _used(self.root, row), self._latest.setdefault(row["stage"], {})
             if used > shards.get(row["shard"], ("", 0.0))[1]:
@@ -225,7 +235,7 @@ class Traces:
 
 
 def write_trace(root: Path, trace: Trace) -> None:
-    """The moment a task is finished."""
+    """Write a trace, which marks the task as finished, and remove its failure."""
     _write_row(root, asdict(trace))
     failure_path(root, trace.key).unlink(missing_ok=True)
 
@@ -235,13 +245,13 @@ def _write_row(root: Path, row: dict[str, Any]) -> None:
 
 
 def store_format(root: Path) -> str | None:
-    """The format of a store, told by its first trace that is whole; None when it has none."""
+    """Format of a store, read from its first undamaged trace; None when it has none."""
     formats = (format_of(trace_path(root, key).read_bytes(), f"trace {key}") for key in _names(root / "traces"))
     return next(filter(None, formats), None)
 
 
 def _read_row(root: Path, key: str) -> dict[str, Any] | None:
-    """A trace from the disk; None when there is none, or a damaged one."""
+    """Read a trace from disk; None when it is missing or damaged."""
     try:
         return dict(unseal(trace_path(root, key).read_bytes(), f"trace {key}"))
     except (FileNotFoundError, DamagedError):
@@ -254,25 +264,28 @@ def _stamp(path: Path) -> list[int]:
 
 
 def _used(root: Path, row: dict[str, Any]) -> float:
-    """When a trace was used last, seconds since 1970; a modification time that cannot be true does not count."""
+    """Time of the last use of a trace, seconds since 1970.
+
+    An impossible modification time does not count.
+    """
     touched = os.stat(trace_path(root, row["key"])).st_mtime
     return float(touched if row["finished"] < touched <= time.time() else row["finished"])
 
 
 def read_output(root: Path, key: str) -> str | None:
-    """The artifact made under a key, from the disk."""
+    """Artifact stored under a key, from the disk."""
     row = _read_row(root, key)
     return row["output"] if row else None
 
 
 def write_failure(root: Path, key: str, stage: str, shard: str, message: str, details: str) -> None:
-    """Beside the key, for `status` and for people; the next run tries again all the same."""
+    """Record a failure for `status` and for people; the next run retries the task all the same."""
     row = {"key": key, "stage": stage, "shard": shard, "message": message, "traceback": details}
     write_atomic(failure_path(root, key), seal(row, f"failure {key}"))
 
 
 def failures(root: Path) -> list[dict[str, str]]:
-    """Everything that failed and has not succeeded since. (A damaged note of a failure is no news: it is left out.)"""
+    """List failures without a later success; damaged records are skipped."""
     found = []
     for key in sorted(_names(root / "failures")):
         with suppress(DamagedError, FileNotFoundError):
@@ -281,17 +294,17 @@ def failures(root: Path) -> list[dict[str, str]]:
 
 
 def trace_path(root: Path, key: str) -> Path:
-    """traces/ab/cdef.json"""
+    """Path of a trace: traces/ab/cdef.json."""
     return Path(f"{root}/traces/{key[:2]}/{key[2:]}.json")
 
 
 def failure_path(root: Path, key: str) -> Path:
-    """failures/ab/cdef.json"""
+    """Path of a failure: failures/ab/cdef.json."""
     return Path(f"{root}/failures/{key[:2]}/{key[2:]}.json")
 
 
 def _names(folder: Path) -> Iterator[str]:
-    """The digests that a sharded folder holds."""
+    """Digests in a folder that is split by their first two letters."""
     for prefix in os.listdir(folder):
         for name in os.listdir(folder / prefix) if len(prefix) == 2 else ():
             if name.endswith(".json") and not name.startswith("."):

@@ -1,4 +1,4 @@
-"""Looking after a store: where an artifact comes from, whether everything is still whole, and what may go."""
+"""Store maintenance: lineage of artifacts, verification, and garbage collection."""
 
 from __future__ import annotations
 
@@ -21,68 +21,74 @@ DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
-class Origin:
-    """An artifact and what it was made from. `trace` is None for a leaf, a value that came from outside."""
+class Provenance:
+    """Artifact and its inputs.
+
+    `trace` is None for a leaf, a value from outside.
+    """
 
     digest: str
     kind: str
     trace: Trace | None
-    inputs: tuple[tuple[str, Origin], ...] = ()
-    """(argument, its origin); for a composite that no single stage made, (element, its origin)"""
+    inputs: tuple[tuple[str, Provenance], ...] = ()
+    """(argument, its provenance); for a composite without a producing stage, (element, its provenance)"""
     files: tuple[str, ...] = ()
     """a leaf's files outside the store"""
 
 
 @dataclass
-class Verdict:
-    """What verify found."""
+class VerifyResult:
+    """Result of `verify`."""
 
     blobs: int = 0
     bytes: int = 0
     damaged: list[str] = field(default_factory=list)
     """blobs moved aside"""
     missing: list[str] = field(default_factory=list)
-    """files that some artifact in use should have, with the reason; manifests and traces that are damaged"""
+    """missing files of artifacts in use; damaged manifests and traces"""
     changed: list[str] = field(default_factory=list)
-    """leaf files outside the store that are not what they were"""
+    """leaf files outside the store that have changed"""
 
     @property
     def ok(self) -> bool:
-        """True when everything is whole."""
+        """True when nothing is damaged, missing or changed."""
         return not (self.damaged or self.missing or self.changed)
 
 
 @dataclass
-class Swept:
-    """What gc deleted, or would delete."""
+class GcResult:
+    """Number and size of files that gc deleted, or would delete."""
 
     files: int = 0
     bytes: int = 0
     dry_run: bool = False
 
 
-def lineage(store: Store, traces: Traces, artifact: str) -> Origin:
-    """ValueError when no artifact has this digest, or more than one begins so."""
+def lineage(store: Store, traces: Traces, artifact: str) -> Provenance:
+    """Provenance of an artifact.
+
+    ValueError when no artifact, or more than one, has a digest with this prefix.
+    """
     makers: dict[str, Trace] = {}
     for trace in sorted(traces.all(), key=lambda trace: trace.finished):
         for inside, _ in store.closure(trace.output):
-            makers.setdefault(inside, trace)  # the first that made it: a later stage may pass it on unchanged
+            makers.setdefault(inside, trace)  # the first producer: a later stage may return it unchanged
     return _origin(store, makers, _named(store, artifact), {})
 
 
-def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str, Origin]) -> Origin:
+def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str, Provenance]) -> Provenance:
     if digest not in done:
-        done[digest] = Origin(digest, "(itself)", None)  # an output equal to one of its own inputs ends here
+        done[digest] = Provenance(digest, "(itself)", None)  # ends the recursion for an output equal to one of its inputs
         found, trace = store.find(digest), makers.get(digest)
         sources = trace.inputs.items() if trace else (found.children or ()) if found else ()
         inputs = tuple((name, _origin(store, makers, source, done)) for name, source in sources)
         files = tuple(entry.path for entry in found.files if entry.path) if found else ()
-        done[digest] = Origin(digest, found.kind if found else "(gone)", trace, inputs, files)
+        done[digest] = Provenance(digest, found.kind if found else "(gone)", trace, inputs, files)
     return done[digest]
 
 
 def _named(store: Store, artifact: str) -> str:
-    """The digest that a digest's beginning, or a path of a manifest or blob, stands for."""
+    """Digest of the artifact at a digest prefix, or at the path of a manifest or blob."""
     path = Path(artifact)
     if path.exists() and path.resolve().is_relative_to(store.root.resolve()):
         room, *parts = path.resolve().relative_to(store.root.resolve()).parts
@@ -90,7 +96,7 @@ def _named(store: Store, artifact: str) -> str:
         return name if room == "manifests" else _holder(store, name)
     matches = [digest for digest in _stored(store.root / "manifests") if digest.startswith(artifact)]
     if len(matches) != 1:
-        raise ValueError(f"expected the digest of one artifact, its beginning, or a path in the store; {artifact!r} fits "
+        raise ValueError(f"expected the digest of one artifact, a prefix of it, or a path in the store; {artifact!r} matches "
                          f"{len(matches)} artifacts")
     return matches[0]
 
@@ -103,13 +109,15 @@ def _holder(store: Store, blob: str) -> str:
     raise ValueError(f"no artifact holds the blob {blob[:12]}")
 
 
-def verify(store: Store, traces: Traces) -> Verdict:
-    """Read every blob and every trace, and check every artifact that is in use. A damaged trace is written anew from the index, or
-    goes and its task runs again; definitions kept for `explain` that are damaged go: nothing depends on them.
+def verify(store: Store, traces: Traces) -> VerifyResult:
+    """Read every blob and trace, and check every artifact in use.
+
+    A damaged trace is rewritten from the index; without entry there it is deleted, and its task runs again. Damaged definitions
+    for `explain` are deleted, since nothing depends on them.
     """
-    verdict = Verdict()
+    verdict = VerifyResult()
     store.distrust()
-    verdict.missing += [f"trace {key[:12]}, which was damaged" for key in traces.mend()]
+    verdict.missing += [f"trace {key[:12]} (damaged)" for key in traces.mend()]
     for path in (store.root / "code").glob("[!.]*.json"):
         if kept_definitions(store.root, path.stem) is None:
             path.unlink()
@@ -118,7 +126,7 @@ def verify(store: Store, traces: Traces) -> Verdict:
         verdict.blobs += 1
         verdict.bytes += path.stat().st_size
         if file_digest(path) != blob:
-            store.set_aside(blob)
+            store.quarantine(blob)
             verdict.damaged.append(blob)
     for digest in _reached(store, traces):
         found = store.find(digest)
@@ -130,7 +138,7 @@ def verify(store: Store, traces: Traces) -> Verdict:
     return verdict
 
 
-def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
+def _check(store: Store, entry: Entry, digest: str, verdict: VerifyResult) -> None:
     if not entry.path:
         if not store.path("blobs", entry.blob).exists() and entry.blob not in verdict.damaged:
             verdict.missing.append(f"{entry.name} of {digest[:12]}")
@@ -140,11 +148,12 @@ def _check(store: Store, entry: Entry, digest: str, verdict: Verdict) -> None:
         verdict.changed.append(entry.path)
 
 
-def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
-    """Keep what the last use of every shard reaches: its trace, its output, its inputs. Everything else goes, or with `dry_run` is
-    counted.
+def gc(store: Store, traces: Traces, dry_run: bool = False) -> GcResult:
+    """Keep what the last use of every shard reaches: traces, outputs, inputs. Delete the rest.
+
+    With `dry_run` the rest is only counted.
     """
-    swept = Swept(dry_run=dry_run)
+    swept = GcResult(dry_run=dry_run)
     if not dry_run:
         traces.mend()
     keep = set(_reached(store, traces))
@@ -176,7 +185,7 @@ def gc(store: Store, traces: Traces, dry_run: bool = False) -> Swept:
     return swept
 
 
-def _drop(path: Path, swept: Swept) -> None:
+def _drop(path: Path, swept: GcResult) -> None:
     with suppress(FileNotFoundError):
         swept.bytes += path.stat().st_size
         swept.files += 1
@@ -185,7 +194,10 @@ def _drop(path: Path, swept: Swept) -> None:
 
 
 def sweep(root: Path) -> None:
-    """Remove what killed runs left: folders that values were saved in, and lock files without an owner. No run may be open."""
+    """Remove leftovers of killed runs: save folders and lock files without owner.
+
+    No run may be open.
+    """
     for folder in (root / "scratch").glob("save*"):
         if not _has_owner(folder):
             shutil.rmtree(folder, ignore_errors=True)
@@ -196,7 +208,7 @@ def sweep(root: Path) -> None:
 
 
 def _has_owner(folder: Path) -> bool:
-    """Whether the process that the name states may still be there: it lives, or is on another host and was at work today."""
+    """Return True when the process in the folder's name may still exist: it lives, or is on another host with work today."""
     where, _, rest = folder.name.partition(".")[2].rpartition("-")[0].rpartition("-")
     if where == host() and rest.isdigit() and os.path.isdir("/proc/self"):
         return _lives(rest)
@@ -206,7 +218,7 @@ def _has_owner(folder: Path) -> bool:
 
 
 def _lives(process: str) -> bool:
-    """Whether a process is there and has not ended (one that nobody waits for stays in the table as a zombie)."""
+    """Return True for an existing process that has not ended (a zombie has)."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:
@@ -214,7 +226,7 @@ def _lives(process: str) -> bool:
 
 
 def _reached(store: Store, traces: Traces) -> Iterator[str]:
-    """Artifacts that the last use of every shard made or used."""
+    """Yield artifacts that the last use of every shard produced or used."""
     seen: set[str] = set()
     for key in traces.latest_keys():
         trace = traces.get(key)
@@ -226,7 +238,7 @@ def _reached(store: Store, traces: Traces) -> Iterator[str]:
 
 
 def _stored(folder: Path) -> Iterator[str]:
-    """Digests in a folder that is split by their first two letters."""
+    """Yield digests in a folder that is split by their first two letters."""
     for path in folder.glob("??/*"):
         if not path.name.startswith("."):
             yield path.parent.name + path.name.removesuffix(".json")

@@ -1,4 +1,4 @@
-"""The main loop of a worker process: a job in, messages out, until the scheduler closes its end or dies."""
+"""Main loop of a worker process: receives jobs and sends messages until the scheduler closes its end or dies."""
 
 from __future__ import annotations
 
@@ -13,34 +13,37 @@ from pathlib import Path
 from types import CodeType
 
 from runner.codec import resolve
-from runner.execute import LOADED, Place, execute
+from runner.execute import LOADED, WorkerSpec, execute
 from runner.files import stamp
 from runner.store import Store
 
 
 def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str, root: str, *schemas: str) -> None:
-    """`lifeline_fd` is a pipe whose other end only the scheduler holds: it closes when the scheduler is gone. What stages and their
-    libraries print goes to stderr: stdout is the scheduler's.
+    """Run jobs until the scheduler closes the connection.
+
+    `lifeline_fd` is a pipe whose other end only the scheduler holds, so that it closes when the scheduler dies. Output of
+    stages and libraries goes to stderr; stdout belongs to the scheduler.
     """
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
     load_from_source(Path(root))
-    jobs, place = Connection(int(jobs_fd)), Place(Path(store), codec, worker or None, Path(root), schemas)
-    shelf = Store(place.store, resolve(place.codec))
+    jobs, spec = Connection(int(jobs_fd)), WorkerSpec(Path(store), codec, worker or None, Path(root), schemas)
+    opened = Store(spec.store, resolve(spec.codec))
     while True:
         try:
             job = jobs.recv()
         except EOFError:
-            shelf.clean()
+            opened.clean()
             return
-        jobs.send(("done", execute(job, place, shelf, lambda done, total: jobs.send(("progress", done, total)))))
+        jobs.send(("done", execute(job, spec, opened, lambda done, total: jobs.send(("progress", done, total)))))
 
 
 def load_from_source(root: Path) -> None:
-    """Load modules of the project from what their files say now, and note which that was. (Python takes compiled code for current
-    while a source's size and modification time, in seconds, are as they were.)
+    """Load project modules from their current source, and record the stamp of each source file.
+
+    Python otherwise accepts compiled code while the size and the modification time (in seconds) of the source are unchanged.
     """
     finder = FileFinder.path_hook((_Loader, SOURCE_SUFFIXES))
 
@@ -55,21 +58,21 @@ def load_from_source(root: Path) -> None:
 
 class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType | None:
-        """Take compiled code only when it was written after the source changed last."""
+        """Use compiled code only if it was written after the last change of the source."""
         path = self.get_filename(fullname)
         LOADED[path] = stamp(path)
         try:
             if os.stat(compiled := cache_from_source(path)).st_ctime_ns <= LOADED[path][3]:
                 os.unlink(compiled)
         except FileNotFoundError:
-            pass  # not compiled yet
+            pass  # no compiled file yet
         except OSError:  # a folder that cannot be written to
             return self.source_to_code(self.get_data(path), path)
         return super().get_code(fullname)
 
 
 def _die_with_parent(fd: int) -> None:
-    """Nobody waits for the task any more: this process ends, with all that its stage has started."""
+    """Kill this process and everything that its stage has started when the scheduler is gone."""
     while os.read(fd, 1):
         pass
     os.killpg(0, signal.SIGKILL)

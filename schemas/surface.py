@@ -73,7 +73,7 @@ class PartLessons(Schema):
     category: str = value("what it is")
     split: str = value("train or val")
     parts: tuple[str, ...] = value("p names of its parts")
-    crops: np.ndarray = array("m 2 c s s", "uint8", "each candidate close by and in the whole view (afford/surface/parts/crops.py)",
+    crops: np.ndarray = array("m 2 c s s", "uint8", "each candidate close by and in the whole view (score/samples.py)",
                               encoding="zstd")  # fmt: skip
     traits: np.ndarray = array("m r", "float32", "numbers that come with it")
     share: np.ndarray = array("m p", "float32", "which share of its pixels shows each part")

@@ -1,4 +1,4 @@
-"""What is made once and used by several files of tests."""
+"""Fixtures of several test files: stores that are filled once in a test run."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from commands.targets import use
 from pipeline import TARGETS, build
 from runner import RunReport
 from tests.helpers.command import Made
+from tests.helpers.shared import shared
 from tests.helpers.tiny_source import write_source
 
 cv2.ipp.setUseIPP(False)  # as in workers, so that a stage called here gives their bytes (tests/runner/test_worker.py)
@@ -27,20 +28,27 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """The targets of a tiny source, made as a user makes them. Tests that change anything take `made.copy(tmp_path)`."""
-    folder = tmp_path_factory.mktemp("made")
-    source, store = write_source(folder / "tiny", truth=True), folder / "store"
-    printed = [_pipeline(target, source, store) for target in ("dataset", "extraction-report")]
-    return Made(source, store, json.loads(printed[0].splitlines()[-1]))
+    """Targets of a tiny source, built as by a user. Tests that change anything use `made.copy(tmp_path)`."""
+
+    def fill(folder: Path) -> None:
+        source = write_source(folder / "tiny", truth=True)
+        printed = [_pipeline(target, source, folder / "store") for target in ("dataset", "extraction-report")]
+        (folder / "first.json").write_text(printed[0].splitlines()[-1])
+
+    folder = shared(tmp_path_factory, "made", fill)
+    return Made(folder / "tiny", folder / "store", json.loads((folder / "first.json").read_text()))
 
 
 @pytest.fixture(scope="session")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunReport]:
-    """A store in which a tiny model, the baselines and another method were compared, and what the run said."""
+    """A store with a comparison of a tiny model, the baselines and another method, and the report of its run."""
     from tests.helpers import made_comparison
 
-    folder = tmp_path_factory.mktemp("compared")
-    return folder / "store", made_comparison.run(folder / "inputs", folder / "store")
+    def fill(folder: Path) -> None:
+        assert made_comparison.run(folder / "inputs", folder / "store").ok
+
+    store = shared(tmp_path_factory, "compared", fill) / "store"
+    return store, made_comparison.run(tmp_path_factory.mktemp("compared"), store)
 
 
 def _pipeline(target: str, source: Path, store: Path) -> str:

@@ -1,4 +1,4 @@
-"""The data set, read back: shards -> samples as arrays; with `collate`, batches of a `torch.utils.data.DataLoader`."""
+"""Reader of a packed data set: samples as arrays, and batches of a `torch.utils.data.DataLoader` with `collate`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import pyarrow as pa
 
 from afford.common.bounded import check_image
 from afford.dataset import masks
-from afford.dataset.columns import MASKS, PATHS
-from afford.dataset.parquet import opened, read_group, refused
+from afford.dataset.parquet_shards import damage_as_error, open_shard, read_group
+from afford.dataset.table_schema import MASKS, PATHS
 
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -27,7 +27,7 @@ NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *MASKS)
 
 @dataclass(frozen=True)
 class Item:
-    """One sample, decoded."""
+    """Decoded sample."""
 
     sample_id: str
     video: str
@@ -44,17 +44,19 @@ class Item:
     object_left: str
     object_right: str
     taxonomy: int
-    """0 left, 1 right, 2 both on the same object, 3 both on different ones"""
+    """0 left, 1 right, 2 both on one object, 3 both on different objects"""
     quality: float
     motion: np.ndarray
     """(4, s, 2) float32 px: left hand, right hand, left object, right object; NaN out of sight"""
     motion_time_ns: np.ndarray
-    """(s,) int64, after the sample"""
+    """(s,) int64, time after the sample in ns"""
 
 
 def collate(items: Sequence[Item]) -> dict[str, Any]:
-    """A batch, for `DataLoader(Dataset(folder), collate_fn=collate)`: field of Item -> tensor (b, ...) of its arrays or numbers, or
-    list of its words. ValueError where arrays differ in shape.
+    """Collate samples for `DataLoader(Dataset(folder), collate_fn=collate)`.
+
+    Returns a tensor (b, ...) for each array or number of Item, and a list for each string. Raises ValueError where arrays
+    differ in shape.
     """
     import torch
 
@@ -69,7 +71,7 @@ def collate(items: Sequence[Item]) -> dict[str, Any]:
 
 
 def splits(root: Path | str) -> list[str]:
-    """Names of the splits, `train` before `val` before `test`, then others. ValueError when there is none."""
+    """Return the names of the splits: train, val, test, then others. Raises ValueError when there is none."""
     root = Path(root)
     names = {path.name.rsplit("-", 3)[0] for path in (root / "data").glob("*-of-*.parquet")}
     if not names:
@@ -79,7 +81,7 @@ def splits(root: Path | str) -> list[str]:
 
 
 def shards(root: Path | str, split: str) -> list[Path]:
-    """The Parquet files of one split. ValueError when there is none."""
+    """Return the Parquet files of one split. Raises ValueError when there is none."""
     root = Path(root)
     if split not in splits(root):
         raise ValueError(f"{root.name}/data: expected {split}-*.parquet, found the splits {', '.join(splits(root))}")
@@ -87,28 +89,34 @@ def shards(root: Path | str, split: str) -> list[Path]:
 
 
 def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
+    """Yield the stored rows of a split in order (images as bytes), one row group in memory at a time.
+
+    Raises SourceError for a damaged row group.
+    """
     for path in shards(root, split):
         for group in range(_groups(path)):
-            with refused(path):
+            with damage_as_error(path):
                 found = read_group(path, group, columns).to_pylist()
             yield from found
 
 
 def _groups(path: Path) -> int:
-    with opened(path) as file:
+    with open_shard(path) as file:
         return int(file.num_row_groups)
 
 
 class Dataset(Sequence[Item]):
-    """One split. Indexing decodes one sample; iterating reads the shards in order. SourceError when a shard is damaged."""
+    """One split of a data set as a sequence of samples.
+
+    Indexing decodes one sample; iterating reads the shards in order. Raises SourceError when a shard is damaged.
+    """
 
     def __init__(self, root: Path | str, split: str = "train") -> None:
         self.files = shards(root, split)
         lengths = [_lengths(path) for path in self.files]
         self.groups = [(n, group) for n, rows in enumerate(lengths) for group in range(len(rows))]
         self.ends = list(accumulate(length for rows in lengths for length in rows))
-        with opened(self.files[0]) as file, refused(self.files[0]):
+        with open_shard(self.files[0]) as file, damage_as_error(self.files[0]):
             self.features = json.loads(file.schema_arrow.metadata[b"huggingface"])["info"]["features"]
         self._group = lru_cache(maxsize=4)(self._read)
 
@@ -116,7 +124,7 @@ class Dataset(Sequence[Item]):
         return self.ends[-1] if self.ends else 0
 
     def __getitem__(self, index: Any) -> Any:
-        """Sample `index`; negative ones count from the end."""
+        """Return sample `index`; negative indices count from the end."""
         at = index + len(self) if index < 0 else index
         if not 0 <= at < len(self):
             raise IndexError(f"sample {index}: the split has {len(self)}")
@@ -136,24 +144,24 @@ class Dataset(Sequence[Item]):
         self._group = lru_cache(maxsize=4)(self._read)
 
     def class_names(self, column: str) -> list[str]:
-        """Names behind the labels of `verb_class`, `noun_class`, `taxonomy` or `taxonomy3`."""
+        """Return the names of the labels of `verb_class`, `noun_class`, `taxonomy` or `taxonomy3`."""
         return self.features[column]["names"]
 
     def _read(self, group: int) -> _Group:
         number, inside = self.groups[group]
         path = self.files[number]
-        with refused(path):
+        with damage_as_error(path):
             return _Group(path, read_group(path, inside, NEEDED).combine_chunks())
 
 
 def _lengths(path: Path) -> list[int]:
-    """Rows of each row group of a shard."""
-    with opened(path) as file:
+    """Return the number of rows of each row group of a shard."""
+    with open_shard(path) as file:
         return [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
 
 
 class _Group:
-    """A row group, its columns unpacked, its pictures not yet decoded."""
+    """Row group with its columns unpacked; images are decoded on access."""
 
     def __init__(self, path: Path, table: pa.Table) -> None:
         self.path = path
@@ -166,8 +174,8 @@ class _Group:
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
 
     def item(self, n: int) -> Item:
-        """Sample `n`, decoded; SourceError when a picture of it is damaged."""
-        with refused(self.path):
+        """Decode sample `n`. Raises SourceError when one of its images is damaged."""
+        with damage_as_error(self.path):
             return self._item(n)
 
     def _item(self, n: int) -> Item:
@@ -176,13 +184,13 @@ class _Group:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
         planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
         if image is None or planes.shape[1:] != image.shape[:2]:
-            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG, or none of the size of its masks")
+            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is not a JPEG of the size of its masks")
         return Item(image=image, masks=planes, motion=self.motion[n], motion_time_ns=self.times[n],
                     **{name: found[n] for name, found in self.plain.items()})
 
 
 def _block(lists: Any, size: int, *last: int) -> np.ndarray:
-    """Nested lists of equal length -> (size, s, *last)."""
+    """Convert nested lists of equal length to an array (size, s, *last)."""
     while pa.types.is_list(lists.type):
         lists = lists.flatten()
     return lists.to_numpy(zero_copy_only=False).reshape(size, -1, *last)

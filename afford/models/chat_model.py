@@ -1,7 +1,7 @@
-"""A vision-language model of `transformers` that is shown one picture and asked one question; the likeliest word is always taken.
+"""Vision-language models of `transformers`, run on this machine with greedy decoding.
 
-Whatever `AutoModelForImageTextToText` and `AutoProcessor` know, with a chat template. Those whose processor needs torchvision (as
-the ones that also read video do) cannot be used beside the pinned torch; a server can run them (chat_endpoint.py).
+Any model that `AutoModelForImageTextToText` and `AutoProcessor` load, with a chat template. A model whose processor needs
+torchvision, such as one that also reads video, cannot be loaded beside the pinned torch; serve it with a server (chat_endpoint.py).
 """
 
 from __future__ import annotations
@@ -16,31 +16,38 @@ from PIL import Image
 from transformers import AutoModelForImageTextToText, AutoProcessor
 from transformers.utils import logging
 
+from afford.models.chat import Chat
 from afford.models.loading import ERRORS, check_loading, device_of, dtype_of, first_line, local_path
 from afford.models.weights import file_stamps
 
-UNUSED = dict.fromkeys(("temperature", "top_p", "top_k"))
-"""settings of sampling that a model may come with: nothing is sampled"""
+NO_SAMPLING = dict.fromkeys(("temperature", "top_p", "top_k"))
+"""sampling settings of a model that greedy decoding does not use"""
 
 
 class ChatModel(NamedTuple):
-    """A model and what turns words and pictures into its inputs."""
+    """A model, and the processor that turns text and pictures into its inputs."""
 
     model: Any
     processor: Any
 
 
+def answer(prompt: str, rgb: np.ndarray, params: Chat) -> str:
+    """Answer of the model to a prompt about a picture (h, w, 3) uint8 RGB. ValueError, one sentence, when it cannot be loaded."""
+    return generate(load_model(params.model, params.device, params.dtype), prompt, rgb, params.new_tokens)
+
+
 def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> ChatModel:
-    """From a local folder, weights in safetensors only, for inference; ValueError says what was tried. The last one is kept, since
-    a process asks about many objects.
+    """Load a model for inference from a local folder with safetensors weights.
+
+    The last model stays in memory, because one process asks about many pictures. ValueError says what cannot be used.
     """
     where = local_path(name, "vlm", "vision-language model with its processor")
-    return _kept(where, file_stamps(where), device_of(device), dtype_of(dtype))
+    return _load_cached(where, file_stamps(where), device_of(device), dtype_of(dtype))
 
 
 @lru_cache(maxsize=1)
-def _kept(where: Path, stamped: Any, device: torch.device, dtype: torch.dtype) -> ChatModel:
-    logging.disable_progress_bar()  # a stage prints nothing; the runner shows what goes on
+def _load_cached(where: Path, stamps: Any, device: torch.device, dtype: torch.dtype) -> ChatModel:
+    logging.disable_progress_bar()  # a stage prints nothing; the runner shows the progress
     try:
         processor = AutoProcessor.from_pretrained(where, local_files_only=True)
         model, report = AutoModelForImageTextToText.from_pretrained(
@@ -57,17 +64,17 @@ def _kept(where: Path, stamped: Any, device: torch.device, dtype: torch.dtype) -
 
 
 @torch.inference_mode()
-def reply(chat: ChatModel, text: str, rgb: np.ndarray, new_tokens: int) -> str:
-    """What the model says about a picture (h, w, 3) uint8 when it is asked `text`, `new_tokens` at most."""
-    asked = inputs(chat, text, rgb).to(chat.model.device, chat.model.dtype)
-    said = chat.model.generate(**asked, max_new_tokens=new_tokens, do_sample=False, num_beams=1, **UNUSED)
-    words: str = chat.processor.decode(said[0, asked["input_ids"].shape[1] :], skip_special_tokens=True)
-    return words
+def generate(chat: ChatModel, prompt: str, rgb: np.ndarray, new_tokens: int) -> str:
+    """Text that a model generates for a prompt about a picture (h, w, 3) uint8, at most `new_tokens` tokens."""
+    given = inputs(chat, prompt, rgb).to(chat.model.device, chat.model.dtype)
+    ids = chat.model.generate(**given, max_new_tokens=new_tokens, do_sample=False, num_beams=1, **NO_SAMPLING)
+    text: str = chat.processor.decode(ids[0, given["input_ids"].shape[1] :], skip_special_tokens=True)
+    return text
 
 
-def inputs(chat: ChatModel, text: str, rgb: np.ndarray) -> Any:
-    """The picture and the question as one turn of a conversation, in the model's own template."""
-    content = [{"type": "image", "image": Image.fromarray(rgb)}, {"type": "text", "text": text}]
-    talk = [{"role": "user", "content": content}]
-    wanted = {"add_generation_prompt": True, "tokenize": True, "return_dict": True, "return_tensors": "pt"}
-    return chat.processor.apply_chat_template(talk, **wanted)
+def inputs(chat: ChatModel, prompt: str, rgb: np.ndarray) -> Any:
+    """Model inputs for the picture and the prompt as one user turn, in the model's own chat template."""
+    content = [{"type": "image", "image": Image.fromarray(rgb)}, {"type": "text", "text": prompt}]
+    conversation = [{"role": "user", "content": content}]
+    options = {"add_generation_prompt": True, "tokenize": True, "return_dict": True, "return_tensors": "pt"}
+    return chat.processor.apply_chat_template(conversation, **options)

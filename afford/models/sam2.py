@@ -17,7 +17,7 @@ from torch.nn.functional import interpolate
 from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sam2VisionConfig
 from transformers.models.sam2_video.modeling_sam2_video import Sam2VideoInferenceSession
 
-from afford.models import archive
+from afford.models import tensor_files
 from afford.models.loading import fill_weights, kept, read_pretrained
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -143,7 +143,7 @@ def fill_published(model: Sam2VideoModel, published: Mapping[str, Tensor], where
 
 def published_tensors(path: Path) -> dict[str, Tensor]:
     """Name -> tensor of a published file, {"model": {name: tensor}}; nothing but tensors is read. ValueError when it is none."""
-    found = archive.read_tensors(path)
+    found = tensor_files.read_tensors(path)
     if foreign := [name for name in found if not name.startswith(TOP)]:
         raise ValueError(f'{path}: expected {{"model": {{name: tensor}}}} as SAM 2 is published, got {", ".join(foreign[:4])}')
     return {name.removeprefix(TOP): tensor for name, tensor in found.items()}

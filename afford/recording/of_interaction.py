@@ -14,7 +14,7 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
@@ -29,7 +29,7 @@ ACTION, WORDS = "/sor3d/action", "/sor3d/log"
 PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 
-def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
+def record(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
     """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
     fit.
     """
@@ -45,7 +45,7 @@ def record(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: flo
     return Recording(tuple(channels), _messages(shown, found, rate_hz, threshold))
 
 
-def _messages(shown: Sequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
+def _messages(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
     height, width = shown.label.shape
     still = np.broadcast_to(shown.still, (1, height, width, 3))
     span = _span(shown.depth_m)

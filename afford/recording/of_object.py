@@ -21,7 +21,7 @@ from afford.recording.content import EPOCH_NS, Channel, Message, Recording
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud, entity, scene, triangles
 from afford.recording.topics import channel, image, image_channel, log, stamped
-from afford.surface.negative.files import colours, slug
+from afford.surface.negative.export import probability_colours, task_slug
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
 
@@ -39,7 +39,7 @@ FRAME = "object"
 def record(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
            found: NegativeAffordances, mesh: ObjectMesh | None = None, made_by: str = "mesh_read") -> Recording:  # fmt: skip
     """Everything about one object; its mesh, where it is given, below the stage that made it."""
-    rooms = [f"{ROOM}/{number}_{slug(one.task)}" for number, one in enumerate(found.tasks)]
+    rooms = [f"{ROOM}/{number}_{task_slug(one.task)}" for number, one in enumerate(found.tasks)]
     channels: list[Channel] = [image_channel(VIEW, views=list(views.views)), image_channel(CANDIDATES), channel(SCORES, Document),
                                channel(NOTES, Document), channel(NOTES_LOG, Log)]  # fmt: skip
     for room, one in zip(rooms, found.tasks, strict=True):
@@ -73,7 +73,7 @@ def _shape(topic: str, mesh: ObjectMesh) -> Message:
 
 def _cloud(topic: str, points: np.ndarray, negative: np.ndarray) -> Message:
     """Points (n, 3) with their labels (n,) as colours: red where a hand must not go."""
-    return cloud(topic, EPOCH_NS, FRAME, points, colours(negative.astype(np.float32)))
+    return cloud(topic, EPOCH_NS, FRAME, points, probability_colours(negative.astype(np.float32)))
 
 
 def _words(told: PartDescriptions) -> Iterator[Message]:
@@ -97,6 +97,6 @@ def _document(topic: str, time_ns: int, name: str, value: object) -> Message:
 
 def _overlay(face: np.ndarray, one: NegativeAffordance) -> bytes:
     """Transparent beside the object; on it from green to red."""
-    paint = colours(np.append(one.probability, np.float32(0)))
+    paint = probability_colours(np.append(one.probability, np.float32(0)))
     paint[:, 3], paint[-1] = OPACITY, 0
     return encode_png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()

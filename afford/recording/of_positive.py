@@ -19,7 +19,7 @@ from afford.recording.of_object import FRAME, OPACITY, STEP_NS, VIEW
 from afford.recording.own_types import Document
 from afford.recording.spatial import cloud
 from afford.recording.topics import channel, image, image_channel, stamped
-from afford.surface.negative.files import slug
+from afford.surface.negative.export import task_slug
 from schemas.affordance import TAXONOMY
 from schemas.mesh import ObjectViews
 from schemas.surface import PositiveAffordance, PositiveAffordances
@@ -29,7 +29,7 @@ ROOM = "/positive_affordance"
 
 def record(views: ObjectViews, found: PositiveAffordances) -> Recording:
     """Everything about one object."""
-    rooms = [f"{ROOM}/{number}_{slug(one.task)}" for number, one in enumerate(found.tasks)]
+    rooms = [f"{ROOM}/{number}_{task_slug(one.task)}" for number, one in enumerate(found.tasks)]
     channels: list[Channel] = [image_channel(VIEW, views=list(views.views))]
     for room, one in zip(rooms, found.tasks, strict=True):
         channels += [image_channel(f"{room}/overlay", task=one.task, palette={"left": list(LEFT), "right": list(RIGHT)}),

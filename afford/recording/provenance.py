@@ -6,8 +6,7 @@ import json
 from dataclasses import replace
 from typing import Any
 
-from afford.codecs.identity import digest
-from afford.codecs.kinds import kind_of, schema_version
+from afford.codecs.kinds import digest, kind_of, schema_version
 from afford.recording.content import Recording
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from torch import nn
 
-from afford.codecs.identity import digest
+from afford.codecs.kinds import digest
 from afford.common.files import empty_folder
 from afford.training.job import Batch, Job
 from schemas.files import FileTree

@@ -152,7 +152,7 @@ def _published_over(tiny: Tiny, digest: str, folder: Path, name: str) -> list[st
 
 
 def _retired(plan: Plan) -> Row:
-    """See commands.publish.retire."""
+    """See commands.publish.retire_recordings."""
     row, folder = Row("a tampered list of clips deletes nothing outside its folder"), plan.place("retired") / "set"
     folder.mkdir()
     (folder.parent / "mine.txt").write_text("mine")
@@ -163,7 +163,7 @@ def _retired(plan: Plan) -> Row:
 
 
 def _retire(folder: Path) -> list[str]:
-    from commands.publish import retire
+    from commands.publish import retire_recordings
 
-    retire(folder, {"a.mcap"}, True)
+    retire_recordings(folder, {"a.mcap"}, True)
     return []

@@ -50,12 +50,12 @@ class Params:
 def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
     """Write the data set into the scratch folder and return it as files."""
     from afford.common import files
-    from afford.dataset import pack
-    from afford.dataset.split import Rule
+    from afford.dataset import packing
+    from afford.dataset.packing import SplitRule
 
     root = files.empty_folder(ctx.scratch / "dataset")
-    rule = Rule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
-    plan = pack.plan(samples, rule)
-    writing = pack.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
-    pack.describe(root, writing, params.name, params.license, params.version, params.made)
+    rule = SplitRule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
+    plan = packing.plan_pack(samples, rule)
+    writing = packing.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
+    packing.write_metadata(root, writing, params.name, params.license, params.version, params.made)
     return files.tree(params.name, root)

@@ -48,13 +48,13 @@ def run(
     params: Params,
 ) -> Samples:
     """The samples of one clip, by frame."""
-    from afford.dataset import assemble
-    from afford.dataset.motion import Paths
+    from afford.dataset import extraction_samples
+    from afford.dataset.extraction_samples import MotionPaths
 
-    extraction = assemble.Extraction(clip, frames, inpainted, tracks, complete, affordances, labels)
+    extraction = extraction_samples.Extraction(clip, frames, inpainted, tracks, complete, affordances, labels)
     extraction.check()
-    choice = assemble.Choice(params.stride_frames, params.max_key_distance, params.min_quality)
-    rows, reasons = assemble.choose(extraction, choice)
-    paths = Paths(tracks, complete, frames.time_ns, params.motion_s, params.motion_steps)
-    made = list(assemble.samples(extraction, rows, paths, params.jpeg_quality))
-    return assemble.bundle(extraction, made, reasons)
+    choice = extraction_samples.SamplingRule(params.stride_frames, params.max_key_distance, params.min_quality)
+    rows, reasons = extraction_samples.select_frames(extraction, choice)
+    paths = MotionPaths(tracks, complete, frames.time_ns, params.motion_s, params.motion_steps)
+    made = list(extraction_samples.samples(extraction, rows, paths, params.jpeg_quality))
+    return extraction_samples.as_samples(extraction, made, reasons)

@@ -59,9 +59,9 @@ def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, 
     from afford.grasping.candidates.compare import Subject, Trials, compare_masks
     from afford.grasping.candidates.find import SearchParams
     from afford.grasping.candidates.render_view import ViewCamera
-    from afford.surface.positive.asked import asker
+    from afford.surface.positive.predict import load_region_predictor
 
-    ask = asker(model, mesh.category, ctx.scratch / "model") if model.files else None
+    ask = load_region_predictor(model, mesh.category, ctx.scratch / "model") if model.files else None
     camera = ViewCamera(down_deg=params.down_deg, noise_m=params.noise_m)
     search = SearchParams(places=params.places, span_m=params.span_m, count=1)
     trials = Trials(params.engines, params.looks, params.xy_m, camera, search, params.seed)

@@ -40,7 +40,7 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Fil
     """Ask the model about every frame of each sequence, and write both files."""
     from afford.common.drawing import write_page
     from afford.common.files import copy_folder, empty_folder, tree
-    from afford.dataset.sor3d import sequences
+    from afford.dataset import packed_sequences
     from afford.recording.files import write
     from afford.recording.interaction_strips import strips_of
     from afford.recording.of_interaction import record
@@ -52,11 +52,11 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Fil
     if params.rate_hz <= 0 or params.shown < 0:
         raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
-    part = sequences.part({file.name: file.path for file in dataset.files}, params.split)
+    part = packed_sequences.split_files({file.name: file.path for file in dataset.files}, params.split)
     chosen, root = spread(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
     for n, path in enumerate(chosen, 1):
-        shown = fitted(sequences.read(path, "3d"), predictor.config.size_px)
-        found = predictor.every_frame(predictor.sees(sequences.read(path, predictor.config.flow)))
+        shown = fitted(packed_sequences.read_sequence(path, "3d"), predictor.config.size_px)
+        found = predictor.every_frame(predictor.sees(packed_sequences.read_sequence(path, predictor.config.flow)))
         out = root / f"{shown.name}.mcap"
         recording = record(shown, found, params.rate_hz, params.threshold)
         write(out, of_files(of_files(recording, "interaction_pack", dataset), "model_train", model))

@@ -37,12 +37,12 @@ def run(lessons: tuple[PartLessons, ...], log: TrainingLog, files: FileTree, par
     from afford.recording.files import as_tree, write
     from afford.recording.of_scorer import scorer
     from afford.recording.provenance import of_files, with_parameters
-    from afford.surface.parts.files import read
+    from afford.surface.score.part_scorer import load_scorer
 
     if not log.curves:
         raise ValueError(f"{log.name}: expected curves to record, got none")
     judged = [one for one in lessons if one.split == "val"]
     path = ctx.scratch / f"{log.name}.mcap"
-    recording = scorer(log, params.stage, read(files).eval(), judged, params.objects)
+    recording = scorer(log, params.stage, load_scorer(files).eval(), judged, params.objects)
     write(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
     return as_tree(log.name, path)

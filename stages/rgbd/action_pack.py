@@ -37,7 +37,7 @@ def run(clips: tuple[ActionClip, ...], params: Params, ctx: Context) -> FileTree
     from blake3 import blake3
 
     from afford.common import files
-    from afford.dataset.sor3d import sequences
+    from afford.dataset import packed_sequences
 
     names = [clip.name for clip in clips]
     if not names or len(set(names)) < len(names):
@@ -45,7 +45,7 @@ def run(clips: tuple[ActionClip, ...], params: Params, ctx: Context) -> FileTree
     root = files.empty_folder(ctx.scratch / "packed")
     for clip in clips:
         chance = int.from_bytes(blake3(f"{params.seed}:{clip.name}".encode()).digest(7), "big") / 2.0**56
-        sequences.write_action(root, clip, "val" if chance < params.val_share else "train")
+        packed_sequences.pack_action(root, clip, "val" if chance < params.val_share else "train")
     (root / "README.md").write_text(f"---\nlicense: {params.licence}\n---\n\n# {params.name}\n\n{len(clips)} clips of actions.\n",
                                     encoding="utf-8", newline="\n")  # fmt: skip
     return files.tree(params.name, root)

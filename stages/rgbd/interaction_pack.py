@@ -31,7 +31,7 @@ class Params:
 def run(clips: tuple[InteractionClip, ...], flows: tuple[SceneFlow, ...], params: Params, ctx: Context) -> FileTree:
     """Write every clip with its flow."""
     from afford.common import files
-    from afford.dataset.sor3d import sequences
+    from afford.dataset import packed_sequences
 
     by_name = {flow.name: flow for flow in flows}
     names = [clip.name for clip in clips]
@@ -41,7 +41,7 @@ def run(clips: tuple[InteractionClip, ...], flows: tuple[SceneFlow, ...], params
                          f"{', '.join(wrong[:4])}")
     root = files.empty_folder(ctx.scratch / "packed")
     for done, clip in enumerate(clips, 1):
-        sequences.write(root, clip, by_name[clip.name])
+        packed_sequences.pack_sequence(root, clip, by_name[clip.name])
         ctx.progress(done, len(clips))
     (root / "README.md").write_text(f"---\nlicense: {params.licence}\n---\n\n# {params.name}\n\n{len(clips)} RGB-D interactions.\n",
                                     encoding="utf-8", newline="\n")  # fmt: skip

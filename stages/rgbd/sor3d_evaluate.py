@@ -36,13 +36,13 @@ class Params:
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> InteractionScores:
     """Ask about every sequence of the part."""
     from afford.common.files import copy_folder, empty_folder
-    from afford.dataset.sor3d import sequences
+    from afford.dataset import packed_sequences
     from afford.rgbd.evaluate.examine import examine
     from afford.rgbd.model import files
     from afford.training.loop import deterministic
 
     folder = copy_folder(model, files.CONFIG, empty_folder(ctx.scratch / "model"))
-    paths = sequences.part({file.name: file.path for file in dataset.files}, params.split)
+    paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, params.split)
     with deterministic(THREADS, params.device):
         trained = files.load(folder).to(params.device)
         return examine(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.surface.candidates import Regions, Sam, Windows
+from afford.surface.proposals import Regions, Sam, Windows
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
@@ -24,8 +24,8 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"sam": 6.0}
 
-BACKENDS = {"regions": "afford.surface.candidates.regions:propose", "sam": "afford.surface.candidates.sam:propose",
-            "grid": "afford.surface.candidates.grid:propose"}  # fmt: skip
+BACKENDS = {"regions": "afford.surface.proposals.regions:propose", "sam": "afford.surface.proposals.sam:propose",
+            "grid": "afford.surface.proposals.grid:propose"}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"clip": 3.0}
 
-BACKENDS = {"parts": "afford.surface.score.parts:score", "clip": "afford.surface.score.clip:score"}
+BACKENDS = {"parts": "afford.surface.score.part_scorer:score", "clip": "afford.surface.score.clip:score"}
 
 
 @dataclass(frozen=True)

@@ -40,12 +40,12 @@ class Params:
 
 def run(files: FileTree, params: Params) -> ReadMesh:
     """Read one object; ValueError when a parameter is out of range."""
-    from afford.surface.meshes.mend import Wishes, read_mended
-    from afford.surface.meshes.repair import Limits
+    from afford.surface.meshes.mend import MeshSettings, read_repaired
+    from afford.surface.meshes.repair import RepairLimits
 
     side = params.max_texture_px
     if params.max_faces < 100 or side < 64 or side & (side - 1):
         raise ValueError("mesh_read: expected max_faces of 100 or more and max_texture_px a power of two of 64 or more, got "
                          f"{params.max_faces} and {side}")
-    limits = Limits(params.hole_edges, params.hole_share, params.dust_share)
-    return read_mended(files, Wishes(params.unit, params.categories, side, params.max_faces, limits))
+    limits = RepairLimits(params.hole_edges, params.hole_share, params.dust_share)
+    return read_repaired(files, MeshSettings(params.unit, params.categories, side, params.max_faces, limits))

@@ -29,6 +29,6 @@ class Params:
 
 def run(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, params: Params, ctx: Context) -> FileTree:
     """Write the files of one object."""
-    from afford.surface.negative import files
+    from afford.surface.negative import export
 
-    return files.write(mesh, descriptions, found, ctx.scratch)
+    return export.write_files(mesh, descriptions, found, ctx.scratch)

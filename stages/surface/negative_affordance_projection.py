@@ -10,7 +10,7 @@ Paper   AffordDex, negative affordance: one mask in each of six views, points sp
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartScores
@@ -39,11 +39,10 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
         params: Params) -> NegativeAffordances:  # fmt: skip
     """Put what the views say back on the surface."""
-    from afford.surface.negative.project import Wish, project
+    from afford.surface.negative.project import ProjectionSettings, project
 
     expected, faces = (len(candidates.view), len(descriptions.notes)), len(mesh.faces)
     if scores.share.shape != expected or len(views.visible_area) != faces:
         raise ValueError(f"{mesh.name}: expected scores {expected} and views of {faces} faces, got {scores.share.shape} and "
                          f"{len(views.visible_area)}; all inputs must be of one object")
-    wish = Wish(params.threshold, params.points, params.negative_points, params.spacing_m, params.margin_m, params.seed)
-    return project(mesh, views, candidates, descriptions, scores, wish)
+    return project(mesh, views, candidates, descriptions, scores, ProjectionSettings(**asdict(params)))

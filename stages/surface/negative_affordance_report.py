@@ -28,6 +28,6 @@ class Params:
 
 def run(scores: tuple[NegativeScores, ...], params: Params, ctx: Context) -> FileTree:
     """One report of all objects."""
-    from afford.surface.negative import report
+    from afford.surface.negative import score_report
 
-    return report.write(scores, params.per_category, ctx.scratch)
+    return score_report.write_report(scores, params.per_category, ctx.scratch)

@@ -37,17 +37,16 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` is that of a procedural one."""
     from afford.common.image_files import encode_jpeg
-    from afford.surface.describe.lexicon import truth
-    from afford.surface.describe.rules import known
-    from afford.surface.negative.score import Known, Scored, score
-    from afford.surface.negative.sheet import QUALITY, row
+    from afford.surface.describe.lexicon import known_category, negative_parts
+    from afford.surface.negative.score import PartTruth, ScoredMasks, score
+    from afford.surface.negative.score_report import QUALITY, sheet_row
 
-    kind, split, look = known(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
-    true = {one.task: truth(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
-    rows = score(mesh, views, descriptions, Scored(candidates, scores), Scored(windows, window_scores), found, Known(parts, true),
-                 params.threshold, params.seed)  # fmt: skip
+    kind, split, look = known_category(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
+    true = {one.task: negative_parts(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
+    rows = score(mesh, views, descriptions, ScoredMasks(candidates, scores), ScoredMasks(windows, window_scores), found,
+                 PartTruth(parts, true), params.threshold, params.seed)  # fmt: skip
     six, every = float(views.seen_area[5]), float(views.seen_area[-1])
     said = f"{(kind or 'unknown').replace('_', ' ')}, {found.tasks[0].task or 'any use'}"
     measured = f"IoU {rows[0].iou:.2f}" if rows[0].iou == rows[0].iou else "no truth"
-    picture = encode_jpeg(row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
+    picture = encode_jpeg(sheet_row(views, found, (said, mesh.name if spec is None else f"{split}, {look}", measured)), QUALITY)
     return NegativeScores(mesh.name, kind or "unknown", split, look, six, every, rows, picture)

@@ -26,7 +26,7 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
-BACKENDS = {"rules": "afford.surface.describe.rules:describe", "vlm": "afford.surface.describe.vlm:describe",
+BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.surface.describe.vlm:describe",
             "endpoint": "afford.surface.describe.endpoint:describe"}  # fmt: skip
 
 
@@ -46,9 +46,8 @@ def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree 
     """Describe an object for its tasks."""
     from afford.common.registry import block, load
     from afford.models.weights import with_weights
-    from afford.surface.describe.lexicon import TASKS
-    from afford.surface.describe.rules import known
+    from afford.surface.describe.lexicon import TASKS, known_category
 
     describe, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
-    tasks = params.tasks or TASKS.get(known(mesh.category), ("",))
+    tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))

@@ -30,6 +30,6 @@ class Params:
 def run(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates,
         params: Params) -> PartLessons:  # fmt: skip
     """Take the lessons of one object."""
-    from afford.surface.parts.lessons import lessons
+    from afford.surface.score.samples import part_samples
 
-    return lessons(spec, mesh, parts, views, candidates, params.most, params.seed)
+    return part_samples(spec, mesh, parts, views, candidates, params.most, params.seed)

@@ -53,18 +53,18 @@ def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, mo
         ctx: Context) -> PositiveAffordances:  # fmt: skip
     """Ask about every view, and put the answers on the surface."""
     from afford.common.files import copy_folder, empty_folder
-    from afford.surface.positive.project import Wish, project
-    from afford.surface.positive.words import in_words
+    from afford.surface.positive.project import ProjectionSettings, as_narration, project
     from afford.twohands.model.predictor import Predictor
 
     if len(views.visible_area) != len(mesh.faces):
         raise ValueError(f"{mesh.name}: expected views of {len(mesh.faces)} faces, got {len(views.visible_area)}; all inputs must "
                          "be of one object")
     kept = copy_folder(model, "config.json", empty_folder(ctx.scratch / "model"))
-    predictor, wish = Predictor(kept, params.device, params.mirror), Wish(params.threshold, params.points, params.seed)
+    predictor = Predictor(kept, params.device, params.mirror)
+    wish = ProjectionSettings(params.threshold, params.points, params.seed)
     out = []
     for n, one in enumerate(descriptions.descriptions):
-        said = [predictor.predict(rgb, in_words(one.task, mesh.category), params.hands, params.looks) for rgb in views.rgb]
+        said = [predictor.predict(rgb, as_narration(one.task, mesh.category), params.hands, params.looks) for rgb in views.rgb]
         out.append(project(mesh, views, one.task, said, wish))
         ctx.progress(n + 1, len(descriptions.descriptions))
     return PositiveAffordances(mesh.name, tuple(out))

@@ -49,18 +49,18 @@ class Params:
 def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Trained:
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.surface.parts import card as parts_card
-    from afford.surface.parts import files
-    from afford.surface.parts import train as parts
-    from afford.surface.parts.model import PartsConfig
+    from afford.surface.score import part_scorer
+    from afford.surface.score import train_scorer as parts
+    from afford.surface.score import train_scorer as parts_card
+    from afford.surface.score.part_scorer import PartScorerConfig
     from afford.training import curves
     from afford.training.loop import derive_seed, deterministic, train
 
     with deterministic(THREADS, "cpu"):
-        model = parts.seeded(PartsConfig(), derive_seed(params.seed))
-        state = train(parts.task(model, lessons, params.seed, params.objects, params.candidates), _plan(params), ctx.scratch,
+        model = parts.init_scorer(PartScorerConfig(), derive_seed(params.seed))
+        state = train(parts.scorer_task(model, lessons, params.seed, params.objects, params.candidates), _plan(params), ctx.scratch,
                       ctx.progress)
-    root = files.write(ctx.scratch, model, parts_card.text(lessons, state))
+    root = part_scorer.save_scorer(ctx.scratch, model, parts_card.model_card(lessons, state))
     return Trained(tree("part-scorer", root), curves.training_log("part-scorer", state.points, state.best_step, state.step))
 
 

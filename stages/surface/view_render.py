@@ -40,8 +40,8 @@ class Params:
 
 def run(mesh: ObjectMesh, params: Params) -> ObjectViews:
     """Look at an object from all sides."""
-    from afford.render.views.draw import shoot
-    from afford.render.views.plan import Wish
+    from afford.render.views.draw import render_views
+    from afford.render.views.plan import ViewSettings
 
-    wish = Wish(params.distance, params.good_deg, params.share, params.most)
-    return shoot(mesh, wish, params.directions, params.size_px, params.supersample)
+    wish = ViewSettings(params.distance, params.good_deg, params.share, params.most)
+    return render_views(mesh, wish, params.directions, params.size_px, params.supersample)

@@ -35,6 +35,6 @@ class Params:
 
 def run(params: Params) -> tuple[StillSpec, ...]:
     """The rooms of the benchmark."""
-    from afford.synthetic.stills.still_sets import Extent, benchmark_specs
+    from afford.synthetic.splits import RoomExtent, benchmark_specs
 
-    return benchmark_specs(params.seed, params.rooms, Extent(params.layouts, params.views, params.tasks))
+    return benchmark_specs(params.seed, params.rooms, RoomExtent(params.layouts, params.views, params.tasks))

@@ -35,6 +35,6 @@ class Params:
 
 def run(room: HandRoom, params: Params, ctx: Context) -> HandLessons:
     """Render the lessons of one room."""
-    from afford.synthetic.stills.hand_lessons import lessons
+    from afford.synthetic.stills.hand_images import render_hand_images
 
-    return lessons(room, params.pictures, (params.width_px, params.height_px), params.supersample, ctx.progress)
+    return render_hand_images(room, params.pictures, (params.width_px, params.height_px), params.supersample, ctx.progress)

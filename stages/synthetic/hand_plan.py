@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from schemas.scene import HandRoom
 
-LIBRARIES = ("numpy", "gymnasium")
+LIBRARIES = ("numpy",)
 THREADS = 1
 MEMORY_GIB = 0.2
 
@@ -30,8 +30,8 @@ class Params:
 
 def run(params: Params) -> tuple[HandRoom, ...]:
     """The rooms of both splits."""
-    from afford.synthetic.stills.hand_lessons import rooms
+    from afford.synthetic.splits import hand_rooms
 
     if min(params.rooms, params.val_rooms) < 1:
         raise ValueError(f"hand_plan: expected rooms to learn from and rooms that judge, got {params.rooms} and {params.val_rooms}")
-    return (*rooms("train", params.rooms, params.seed), *rooms("val", params.val_rooms, params.seed))
+    return (*hand_rooms("train", params.rooms, params.seed), *hand_rooms("val", params.val_rooms, params.seed))

@@ -2,8 +2,8 @@
 
 Reads   nothing but its parameters
 Writes  InteractionSpec of every sequence: thing, affordance, instance, person, seeds
-Method  affordances by the weights of the paper, types of things by turns (afford/dataset/sor3d/rules.py says what affords what);
-        no instance (shape, size, colours) and no person is in both splits
+Method  affordances by the weights of the paper, types of things by turns (afford/dataset/affordance_rules.py says what affords
+        what); no instance (shape, size, colours) and no person is in both splits
 Fails   when there is nothing to plan, or a split has no instance or no person
 Paper   SOR3D-AFF, section 6 (962 + 239 sequences, nine affordances, ten types of things)
 """
@@ -39,12 +39,12 @@ class Params:
 
 def run(params: Params) -> tuple[InteractionSpec, ...]:
     """All sequences, those for training first."""
-    from afford.synthetic.tabletop.plan import specs
+    from afford.synthetic.splits import interaction_specs
 
     counts = (params.train_instances, params.val_instances, params.train_subjects, params.val_subjects)
     if min(params.train, params.val) < 0 or params.train + params.val == 0 or min(counts) < 1:
         raise ValueError("interaction_plan: expected numbers of sequences of 0 or more, one at least, and one instance and one "
                          f"subject of each split at least, got {params}")
     first = params.train_subjects + 1
-    return (*specs("train", params.train, params.train_instances, range(1, first), params.seed),
-            *specs("val", params.val, params.val_instances, range(first, first + params.val_subjects), params.seed))
+    return (*interaction_specs("train", params.train, params.train_instances, range(1, first), params.seed),
+            *interaction_specs("val", params.val, params.val_instances, range(first, first + params.val_subjects), params.seed))

@@ -6,7 +6,7 @@ Writes  RenderedInteraction: files (rgb, mask and hot spot as in SOR3D-AFF; dept
 Method  a hand of the person comes, uses the thing as synthetic/tabletop/acts.py says, leaves it at rest and goes; a camera that
         stands still at the other side of the table sees it; a software renderer draws colours, points of surfaces are followed
         for the flow; depth gets a sensor's noise, steps and holes. The label is the part of the thing that the table
-        in afford/dataset/sor3d/rules.py names, where it is seen in the last frame. Deterministic.
+        in afford/dataset/affordance_rules.py names, where it is seen in the last frame. Deterministic.
 Fails   when the thing is not used so, or no try shows enough of the label.
 Paper   takes the place of SOR3D-AFF (section 6: RGB registered to depth, 300 x 300, 10 frames/s), which is not to be had.
 """
@@ -41,10 +41,10 @@ class Params:
 
 def run(spec: InteractionSpec, params: Params, ctx: Context) -> RenderedInteraction:
     """Render one sequence into the scratch folder."""
-    from afford.synthetic.tabletop.made import made
+    from afford.synthetic.tabletop.render_interaction import render_interaction
 
     if params.height_px < 32 or params.frames < 2 or params.rate_hz <= 0 or params.clutter < 0 or params.noise < 0:
         raise ValueError("interaction_render: expected height_px of 32 or more, 2 frames or more, a positive rate_hz, clutter and "
                          f"noise of 0 or more, got {params}")
-    return made(spec, params.height_px, params.frames, params.rate_hz, params.clutter, params.noise, params.supersample,
-                ctx.scratch / "root")
+    return render_interaction(spec, params.height_px, params.frames, params.rate_hz, params.clutter, params.noise,
+                              params.supersample, ctx.scratch / "root")

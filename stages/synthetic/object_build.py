@@ -31,6 +31,6 @@ class Params:
 
 def run(spec: ObjectSpec, params: Params) -> PartedMesh:
     """Build the object."""
-    from afford.synthetic.objects.build import build
+    from afford.synthetic.objects.library import build_object
 
-    return build(spec, params.edge_m, params.max_faces, params.atlas_px)
+    return build_object(spec, params.edge_m, params.max_faces, params.atlas_px)

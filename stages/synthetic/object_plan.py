@@ -2,7 +2,7 @@
 
 Reads   nothing
 Writes  ObjectSpec of every object; splits train and val (trained categories), seen (trained categories in new shapes) and
-        unseen (categories that training never shows, afford/synthetic/objects/split.py)
+        unseen (categories that training never shows, afford/synthetic/splits.py)
 Method  every split and category has a stream of seeds of its own; looks alternate, so that half of the evaluation objects
         are of one material
 Fails   when there is nothing to build
@@ -42,18 +42,22 @@ class Params:
 
 def run(params: Params) -> tuple[ObjectSpec, ...]:
     """The objects of all splits."""
-    from afford.synthetic.objects.split import TRAINED, UNSEEN, specs
+    from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES, object_specs
 
     plain = params.train_plain_every
-    rows = (("train", TRAINED, params.train_per_category, plain), ("val", TRAINED, params.val_per_category, plain),
-            ("seen", TRAINED, params.seen_per_category, 2), ("unseen", UNSEEN, params.unseen_per_category, 2))  # fmt: skip
+    rows = (
+        ("train", TRAINED_CATEGORIES, params.train_per_category, plain),
+        ("val", TRAINED_CATEGORIES, params.val_per_category, plain),
+        ("seen", TRAINED_CATEGORIES, params.seen_per_category, 2),
+        ("unseen", UNSEEN_CATEGORIES, params.unseen_per_category, 2),
+    )
     if min(count for _, _, count, _ in rows) < 0 or plain < 0 or not any(count for _, _, count, _ in rows):
         raise ValueError(f"object_plan: expected numbers of 0 or more, and one object at least, got {params}")
     if unknown := set(params.splits) - {split for split, *_ in rows}:
         raise ValueError(f"object_plan.splits: expected train, val, seen or unseen, got {', '.join(sorted(unknown))}")
-    if unknown := set(params.categories) - {*TRAINED, *UNSEEN}:
-        known = ", ".join((*TRAINED, *UNSEEN))
+    if unknown := set(params.categories) - {*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES}:
+        known = ", ".join((*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES))
         raise ValueError(f"object_plan.categories: expected some of {known}, got {', '.join(sorted(unknown))}")
     return tuple(spec for split, categories, count, every in rows if split in params.splits
-                 for spec in specs(split, categories, count, params.seed, every)
+                 for spec in object_specs(split, categories, count, params.seed, every)
                  if spec.category in (params.categories or categories))  # fmt: skip

@@ -35,10 +35,9 @@ class Params:
 
 def run(spec: SceneSpec, params: Params, ctx: Context) -> RenderedClip:
     """Render the clip into the scratch folder."""
-    from afford.synthetic.kitchens.clip_files import write_clip
-    from afford.synthetic.kitchens.record import record
+    from afford.synthetic.kitchens.render_clip import render_frames, write_clip
     from afford.synthetic.kitchens.world import build_world
 
     world = build_world(spec)
-    recording = record(spec, world, params.supersample, ctx.progress)
-    return write_clip(ctx.scratch / "root", spec, world.play, recording, params.crf)
+    recording = render_frames(spec, world, params.supersample, ctx.progress)
+    return write_clip(ctx.scratch / "root", spec, world.animation, recording, params.crf)

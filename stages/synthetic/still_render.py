@@ -37,9 +37,8 @@ class Params:
 
 def run(spec: StillSpec, params: Params, ctx: Context) -> Stills:
     """Render all stills of one room."""
-    from afford.synthetic.stills.still_draw import Sizes
-    from afford.synthetic.stills.stills import Quality, stills
+    from afford.synthetic.stills.render_stills import ImageSizes, RenderQuality, render_stills
 
     image = (params.width_px, params.height_px)
     mask = (round(params.width_px * params.mask_scale), round(params.height_px * params.mask_scale))
-    return stills(spec, Quality(Sizes(image, mask), params.supersample, params.jpeg_quality), ctx.progress)
+    return render_stills(spec, RenderQuality(ImageSizes(image, mask), params.supersample, params.jpeg_quality), ctx.progress)

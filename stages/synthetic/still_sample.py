@@ -29,6 +29,6 @@ class Params:
 
 def run(stills: Stills, params: Params) -> Samples:
     """Draw the samples of one room."""
-    from afford.dataset.still_samples import samples
+    from afford.dataset.still_samples import sample_stills
 
-    return samples(stills, params.draws, params.seed)
+    return sample_stills(stills, params.draws, params.seed)

@@ -36,8 +36,8 @@ class Params:
 
 def run(params: Params) -> tuple[StillSpec, ...]:
     """The rooms of the training set."""
-    from afford.synthetic.stills.still_sets import Extent, train_specs
+    from afford.synthetic.splits import RoomExtent, train_specs
 
     if params.rooms < 1:
         raise ValueError(f"train_plan.rooms: expected 1 or more, got {params.rooms}")
-    return train_specs(params.seed, params.rooms, params.val_rooms, Extent(params.layouts, params.views, params.tasks))
+    return train_specs(params.seed, params.rooms, params.val_rooms, RoomExtent(params.layouts, params.views, params.tasks))

@@ -44,13 +44,13 @@ def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> Fil
     """Ask the baseline about every case; a case it has nothing to say of gets no row."""
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import load
-    from afford.dataset import layout
+    from afford.dataset import act_affordance
     from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import read
 
     root = copy_folder(dataset, "manifest.json", empty_folder(ctx.scratch / "dataset")) if dataset.files else None
     answer = load(BACKENDS, params.backend)(root)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         for n, files in enumerate(listed):

@@ -33,8 +33,8 @@ class Params:
 def run(stills: tuple[Stills, ...], params: Params, ctx: Context) -> FileTree:
     """Write the benchmark into the scratch folder and return it as files."""
     from afford.common import files
-    from afford.dataset.act_layout import write
+    from afford.dataset.act_affordance import write_benchmark
 
     root = files.empty_folder(ctx.scratch / "benchmark")
-    write(root, stills, params.name, params.crop_px855, ctx.progress)
+    write_benchmark(root, stills, params.name, params.crop_px855, ctx.progress)
     return files.tree(params.name, root)

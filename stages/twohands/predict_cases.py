@@ -47,7 +47,7 @@ class Params:
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the model about every case."""
     from afford.common.files import copy_folder, empty_folder, tree
-    from afford.dataset import layout
+    from afford.dataset import act_affordance
     from afford.twohands.benchmark import cases as cases_module
     from afford.twohands.benchmark import predictions_file
     from afford.twohands.benchmark.cases import picture, task
@@ -55,7 +55,7 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
 
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
                           params.mirror)
-    listed = layout.cases(cases)
+    listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         told = cases_module.prompts([task(files) for files in listed], params.text, params.seed)

@@ -45,14 +45,14 @@ class Params:
 
 def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
     """Score one method; its name is that of its tree."""
-    from afford.dataset import layout
+    from afford.dataset import act_affordance
     from afford.twohands.benchmark import answers, case_sheets, score
     from afford.twohands.benchmark.cases import read
     from afford.twohands.benchmark.toras import of_tree
 
     outlines = of_tree(cases) if params.truth == "toras" else None
     method = answers.open_method(predictions, params.levels, params.level, params.protocol, params.proposals)
-    listed = {files.where: files for files in layout.cases(cases)}
+    listed = {files.where: files for files in act_affordance.cases(cases)}
 
     def answer(case: Case) -> Answer:
         said = method.answer(case)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from commands.origin import origin
-from commands.target_graphs import watched
+from commands.target_graphs import track_reads
 from maps.settings import SYSTEM_OF, Settings
 from pipeline import TARGETS, build
 from tests.helpers.command import Made, call
@@ -43,7 +43,7 @@ def test_a_file_of_parameters_may_have_those_of_other_targets(made: Made, tmp_pa
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_is_read_of_the_settings_is_found(target: str) -> None:
     """Of every target: not all of them, and of each stage whose parameters are in the graph under its own name."""
-    chosen, read = watched(Settings())
+    chosen, read = track_reads(Settings())
     graph = build(target, origin(target, None, chosen, lambda path: "")[0], chosen)
     fields = {stage: Settings().params(stage) for stage in SYSTEM_OF}
     own = {node.name for node in graph.stages() if node.name in fields and node.params is fields[node.name]}

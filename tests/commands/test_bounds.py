@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from afford.dataset.card import MADE
+from afford.dataset.metadata import METHODS
 from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import interface
 from commands.errors import UsageError
-from commands.settings import EVERYWHERE, SEQUENCES, WORDS, blocks, check, registry, settings, types
+from commands.settings import CHOICES, SEQUENCES, SHARED_CHOICES, blocks, check_value, field_types, registry, settings
 from maps.settings import PRESETS, SYSTEM_OF, Settings
 
 
@@ -18,8 +18,8 @@ def test_what_the_project_chooses_is_never_refused() -> None:
     chosen = [(stage, Settings().params(stage)) for stage in SYSTEM_OF]
     for stage, params in [*chosen, *((stage, params) for (stage, _, _), params in PRESETS.items())]:
         for one in (params, *blocks(params).values()):
-            for name in types(one).keys() - blocks(one).keys():
-                check(stage, name, getattr(one, name), one)
+            for name in field_types(one).keys() - blocks(one).keys():
+                check_value(stage, name, getattr(one, name), one)
 
 
 @pytest.mark.parametrize(
@@ -64,10 +64,10 @@ def test_what_can_be_is_taken(word: str) -> None:
 
 def test_the_words_are_those_of_the_code() -> None:
     """A word that is added there is missed here."""
-    assert set(WORDS["model_train", "variant"]) == set(interface.VARIANTS)
+    assert set(CHOICES["model_train", "variant"]) == set(interface.VARIANTS)
     for stage in SEQUENCES:
-        assert set(WORDS[stage, "variant"]) == set(VARIANTS) and WORDS[stage, "row"] == tuple(ROWS)
-    assert set(WORDS["dataset_pack", "made"]) == set(MADE) and set(EVERYWHERE["engines"]) == set(engine.BACKENDS)
+        assert set(CHOICES[stage, "variant"]) == set(VARIANTS) and CHOICES[stage, "row"] == tuple(ROWS)
+    assert set(CHOICES["dataset_pack", "made"]) == set(METHODS) and set(SHARED_CHOICES["engines"]) == set(engine.BACKENDS)
 
 
 def test_registries_are_named_after_what_chooses_from_them() -> None:

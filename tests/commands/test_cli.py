@@ -21,7 +21,7 @@ from commands.backends import rows
 from commands.backends import show as show_backends
 from commands.params import show as show_params
 from commands.publish import LISTED
-from commands.settings import described
+from commands.settings import parameters_of
 from maps.settings import SYSTEM_OF, SYSTEMS, Origin, Settings
 from pipeline import TARGETS, build
 from schemas.scene import SceneSpec
@@ -70,7 +70,7 @@ def test_a_python_without_the_libraries_is_told_where_they_are() -> None:
         (("run", "dataset", "--clip", "P96_1"), "P96_01"),
         (("run", "dataset", "--jobs", "-1"), "expected 0"),
         (("run", "dataset", "--jobs", "many"), "not a valid int"),
-        (("run", "dataset", "--minutes", "5"), "dataset is made whole or not at all"),
+        (("run", "dataset", "--minutes", "5"), "dataset has no optional parts"),
         (("run", "dataset", "--minutes", "-5"), "not in the range"),
         (("run", "dataset", "--dri-run"), "--dry-run"),
         (("status", "datset"), "did you mean 'dataset'"),
@@ -94,7 +94,7 @@ def test_what_does_not_exist_is_refused_with_the_nearest_name(words: tuple[str, 
         (("params", "mask_densfy"), "did you mean 'mask_densify'"),
         (("export", "coko", "out"), "did you mean 'coco'"),
         (("rum",), "run"),
-        (("lineage", "0000"), "fits 0 artifacts"),
+        (("lineage", "0000"), "matches 0 artifacts"),
     ],
 )
 def test_other_verbs_refuse_what_does_not_exist(words: tuple[str, ...], hint: str, made: Made) -> None:
@@ -301,7 +301,7 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
     for stage in SYSTEM_OF:
         for field in dataclasses.fields(Settings().params(stage)):
             assert re.search(rf"^{stage}\.{field.name} ", text, re.MULTILINE), f"{stage}.{field.name}"
-    docs = [one.doc for one in described(mask_densify.Params())]
+    docs = [one.doc for one in parameters_of(mask_densify.Params())]
     assert all(doc in " ".join(text.split()) for doc in docs) and not all(doc in text for doc in docs) and "…" not in text
     assert max(map(len, text.splitlines())) <= (80 if terminal else 100)
 

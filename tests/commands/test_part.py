@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from commands.outputs import Publisher, parts
+from commands.outputs import Publisher, partial_outputs
 from commands.session import open_runner
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -33,7 +33,7 @@ def runner(tmp_path: Path) -> Runner:
 @pytest.fixture
 def whole(runner: Runner, tmp_path: Path) -> Path:
     """A published data set of five videos and two splits."""
-    folder = runner.place.store / "datasets" / "set"
+    folder = runner.store.root / "datasets" / "set"
     digest = artifact(runner, tmp_path / "whole", **{"statistics.json": WHOLE})
     assert Publisher(runner).folder("dataset_pack", digest, folder) == str(folder)
     return folder
@@ -105,7 +105,7 @@ def test_what_cannot_be_read_is_replaced(there: str, runner: Runner, whole: Path
 
 def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tmp_path: Path) -> None:
     """Of a run that ends after some time."""
-    reports = runner.place.store / "reports" / "table"
+    reports = runner.store.root / "reports" / "table"
     few, more = (artifact(runner, tmp_path / str(n), **{"metrics.json": json.dumps(dict.fromkeys(map(str, range(n)), 0.5))})
                  for n in (1, 2))  # fmt: skip
     for digest, name in ((few, "table"), (more, "table"), (few, "table-part"), (more, "table")):
@@ -126,5 +126,6 @@ def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
     g = build("dataset", Origin("some"), Settings())
     for stage, is_part in (("frame_decode", True), ("dataset_pack", True), ("record_frame_decode", False)):
         report = RunReport("some", failures=[Failure(stage, "", "no")], outputs={"dataset_pack": []})
-        assert bool(parts(g, report, (), 0)) is is_part
-    assert parts(g, RunReport("some", outputs={"dataset_pack": []}), ("P96_01",), 0) == {"dataset_pack": "made of P96_01 alone"}
+        assert bool(partial_outputs(g, report, (), 0)) is is_part
+    report = RunReport("some", outputs={"dataset_pack": []})
+    assert partial_outputs(g, report, ("P96_01",), 0) == {"dataset_pack": "made of P96_01 alone"}

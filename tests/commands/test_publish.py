@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from commands import publish as publishing
-from commands.publish import LISTED, publish, publish_file, retire
+from commands.publish import LISTED, publish, publish_file, retire_recordings
 from commands.session import open_runner
 from runner import Runner, StoreError
 from tests.helpers.command import Made
@@ -50,7 +50,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.usefixtures("way")
 def test_a_folder_is_replaced_as_a_whole(runner: Runner, tmp_path: Path) -> None:
     """Files of the version before are gone, and nothing hidden stays beside it."""
-    out = runner.place.store / "datasets" / "set"
+    out = runner.store.root / "datasets" / "set"
     publish(runner, artifact(runner, tmp_path / "a", one="1", two="2"), out)
     publish(runner, artifact(runner, tmp_path / "b", two="22"), out)
     assert content(out) == {"two": b"22"} and there(out.parent) == {"set"}
@@ -61,7 +61,7 @@ def test_a_folder_is_replaced_as_a_whole(runner: Runner, tmp_path: Path) -> None
                                   ".set.partial.elsewhere-{pid}-0123abcd"])
 def test_what_a_killed_run_left_is_deleted_and_never_published(left: str, runner: Runner, tmp_path: Path) -> None:
     """Also when it has our own process id, as in a container."""
-    out = runner.place.store / "datasets" / "set"
+    out = runner.store.root / "datasets" / "set"
     (out.parent / left.format(pid=os.getpid()) / "data").mkdir(parents=True)
     (out.parent / left.format(pid=os.getpid()) / "data" / "stale").write_text("of a killed run")
     publish(runner, artifact(runner, tmp_path / "a", one="1"), out)
@@ -70,7 +70,7 @@ def test_what_a_killed_run_left_is_deleted_and_never_published(left: str, runner
 
 def test_what_is_published_already_is_left_alone(runner: Runner, tmp_path: Path) -> None:
     """Neither the folder nor the blobs behind it are touched: a blob whose time of change moves is hashed again by the next run."""
-    out = runner.place.store
+    out = runner.store.root
     digest = artifact(runner, tmp_path / "a", one="1")
     publish(runner, digest, out / "datasets" / "set")
     publish_file(runner, digest, out / "recordings" / "set" / "a.mcap")
@@ -84,7 +84,7 @@ def test_what_is_published_already_is_left_alone(runner: Runner, tmp_path: Path)
 
 def test_a_file_leaves_no_link_behind(runner: Runner, tmp_path: Path) -> None:
     """Nor does what earlier versions left there stay."""
-    out = runner.place.store / "recordings" / "set" / "a.mcap"
+    out = runner.store.root / "recordings" / "set" / "a.mcap"
     digest = artifact(runner, tmp_path / "a", one="1")
     for _ in range(2):
         publish_file(runner, digest, out)
@@ -95,7 +95,7 @@ def test_a_file_leaves_no_link_behind(runner: Runner, tmp_path: Path) -> None:
 
 
 def test_a_published_file_that_was_exchanged_is_put_right(runner: Runner, tmp_path: Path) -> None:
-    out = runner.place.store / "datasets" / "set"
+    out = runner.store.root / "datasets" / "set"
     digest = artifact(runner, tmp_path / "a", one="1")
     publish(runner, digest, out)
     (out / "one").unlink()
@@ -107,7 +107,7 @@ def test_a_published_file_that_was_exchanged_is_put_right(runner: Runner, tmp_pa
 
 def test_a_long_name_can_be_published(runner: Runner, tmp_path: Path) -> None:
     """Of all the letters that a file system allows."""
-    out = runner.place.store / "datasets" / ("κ" * 120)
+    out = runner.store.root / "datasets" / ("κ" * 120)
     for text in "12":
         publish(runner, artifact(runner, tmp_path / text, one=text), out)
     assert content(out) == {"one": b"2"}
@@ -115,7 +115,7 @@ def test_a_long_name_can_be_published(runner: Runner, tmp_path: Path) -> None:
 
 def test_a_place_that_cannot_be_written_is_named(runner: Runner, tmp_path: Path) -> None:
     """A sentence, and nothing hidden beside it."""
-    out = runner.place.store / "recordings" / "set" / "a.mcap"
+    out = runner.store.root / "recordings" / "set" / "a.mcap"
     (out / "mine").mkdir(parents=True)
     with pytest.raises(StoreError, match=r"recordings/set could not be published to .*a.mcap.* kept in the store"):
         publish_file(runner, artifact(runner, tmp_path / "a", one="1"), out)
@@ -137,14 +137,14 @@ def _publisher(store: Path, digests: tuple[str, str], out: Path, begin: Barrier,
 
 def test_five_processes_publish_one_folder(runner: Runner, tmp_path: Path) -> None:
     """1,000 times: no error, never a reader without the folder, at the end one version of it, and nothing else."""
-    out = runner.place.store / "datasets" / "set"
+    out = runner.store.root / "datasets" / "set"
     versions = {"one": "1", "data/two": "1"}, {"one": "2", "data/three": "2"}
     digests = artifact(runner, tmp_path / "a", **versions[0]), artifact(runner, tmp_path / "b", **versions[1])
     runner.store.save()
     publish(runner, digests[0], out)
     spawn = multiprocessing.get_context("spawn")
     begin, errors = spawn.Barrier(PUBLISHERS), spawn.Queue()
-    how = runner.place.store, digests, out, begin, errors
+    how = runner.store.root, digests, out, begin, errors
     processes = [spawn.Process(target=_publisher, args=how) for _ in range(PUBLISHERS)]
     for process in processes:
         process.start()
@@ -157,7 +157,7 @@ def test_five_processes_publish_one_folder(runner: Runner, tmp_path: Path) -> No
     assert [process.exitcode for process in processes] == [0] * PUBLISHERS and errors.empty(), errors.get()
     assert absent == 0 or publishing_has_no_exchange(tmp_path), f"{absent} of {looks} looks"
     assert content(out) in [{name: text.encode() for name, text in version.items()} for version in versions]
-    assert there(out.parent) == {"set"} and not list((runner.place.store / "leases").glob("publish-*"))
+    assert there(out.parent) == {"set"} and not list((runner.store.root / "leases").glob("publish-*"))
 
 
 def publishing_has_no_exchange(folder: Path) -> bool:
@@ -180,24 +180,24 @@ def test_nothing_hidden_is_left_in_what_a_run_publishes(made: Made) -> None:
 def test_a_whole_run_leaves_only_its_clips(tmp_path: Path) -> None:
     """And what is no clip of an earlier run: recordings of other stages, files of the user."""
     put(tmp_path, "dataset_pack.mcap", "mine.mcap")
-    retire(tmp_path, put(tmp_path, "a_s01.mcap", "a_s02.mcap"), whole=True)
-    retire(tmp_path, put(tmp_path, "a.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "a_s01.mcap", "a_s02.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
     assert there(tmp_path) == {"a.mcap", "dataset_pack.mcap", "mine.mcap"}
 
 
 def test_a_run_of_some_clips_deletes_nothing(tmp_path: Path) -> None:
     """What it made is on the list for the next whole run."""
-    retire(tmp_path, put(tmp_path, "a.mcap"), whole=True)
-    retire(tmp_path, put(tmp_path, "b.mcap"), whole=False)
+    retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "b.mcap"), whole=False)
     assert there(tmp_path) == {"a.mcap", "b.mcap"}
-    retire(tmp_path, put(tmp_path, "a.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
     assert there(tmp_path) == {"a.mcap"}
 
 
 def test_what_somebody_deleted_is_no_trouble(tmp_path: Path) -> None:
-    retire(tmp_path, put(tmp_path, "a.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
     (tmp_path / "a.mcap").unlink()
-    retire(tmp_path, put(tmp_path, "b.mcap"), whole=True)
+    retire_recordings(tmp_path, put(tmp_path, "b.mcap"), whole=True)
     assert there(tmp_path) == {"b.mcap"}
 
 
@@ -210,5 +210,5 @@ def test_a_list_that_was_tampered_with_deletes_nothing_else(name: str, tmp_path:
     for path in kept:
         path.touch()
     (folder / LISTED).write_text(name.format(outside=tmp_path) + "\n")
-    retire(folder, put(folder, "a.mcap"), whole=True)
+    retire_recordings(folder, put(folder, "a.mcap"), whole=True)
     assert all(path.exists() for path in kept) and (folder / LISTED).read_text() == "a.mcap\n"

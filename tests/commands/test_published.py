@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from commands.origin import origin
-from commands.outputs import Publisher, costs, measured, published
+from commands.outputs import Publisher, collect_metrics, publish_outputs, stage_costs
 from commands.session import open_runner
 from maps.everything import CHAIN
 from maps.settings import Origin, Settings
@@ -135,17 +135,17 @@ def test_every_kind_of_place(tmp_path: Path) -> None:
     report = RunReport("t", outputs={"report": [("", whole)], "negative": [("a/b", whole), ("a/c", whole)], "film": [("", film)],
                                      "films": [("a/b", film), ("a/c", film)]})  # fmt: skip
     to, store = Publisher(runner), tmp_path / "store"
-    assert published(to, g, report, Origin("mine"), True) == {
+    assert publish_outputs(to, g, report, Origin("mine"), True) == {
         "report": str(store / "reports" / "mine"), "negative": str(store / "negative" / "mine"),
         "film": str(store / "films" / "mine"), "films": str(store / "films" / "mine")}  # fmt: skip
     assert {path.name for path in (store / "films" / "mine").glob("*.mcap")} == {"all.mcap", "b.mcap", "c.mcap"}
     assert {path.name for path in (store / "negative" / "mine").iterdir()} == {"b", "c"}
     assert json.loads((store / "reports" / "mine" / "metrics.json").read_text()) == {"iou": 0.5}
-    assert measured(to, g, report) == {"x.iou": 0.5}
+    assert collect_metrics(to, g, report) == {"x.iou": 0.5}
     report.outputs["films"] = [("a/b", film)]
-    published(to, g, report, Origin("mine"), False)
+    publish_outputs(to, g, report, Origin("mine"), False)
     assert (store / "films" / "mine" / "c.mcap").exists()
-    published(to, g, report, Origin("mine"), True)
+    publish_outputs(to, g, report, Origin("mine"), True)
     assert not (store / "films" / "mine" / "c.mcap").exists() and (store / "films" / "mine" / "all.mcap").exists()
 
 
@@ -153,6 +153,6 @@ def test_costs_are_counted_in_what_was_measured() -> None:
     """Of the shards that were scored; each stage alone and all together; nothing where nothing was spent or measured."""
     report = RunReport("t", cpu_s={("read", "a"): 1.0, ("read", "b"): 2.0, ("look", "a"): 3.0, ("score", "a"): 9.0})
     cost = Cost("cpu_s", ("read", "look"), 0, "objects", "score", 1.0, each=True, rate=False)
-    assert costs(cost, report, {"objects": 2.0}) == {"cpu_s.read": 0.5, "cpu_s.look": 1.5, "cpu_s": 2.0}
-    assert costs(Cost("ms", ("read",), 0, "objects", None, 1000.0, False, False), report, {"objects": 2.0}) == {"ms": 1500.0}
-    assert costs(cost, RunReport("t"), {"objects": 2.0}) == costs(cost, report, {}) == {}
+    assert stage_costs(cost, report, {"objects": 2.0}) == {"cpu_s.read": 0.5, "cpu_s.look": 1.5, "cpu_s": 2.0}
+    assert stage_costs(Cost("ms", ("read",), 0, "objects", None, 1000.0, False, False), report, {"objects": 2.0}) == {"ms": 1500.0}
+    assert stage_costs(cost, RunReport("t"), {"objects": 2.0}) == stage_costs(cost, report, {}) == {}

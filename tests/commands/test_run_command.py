@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from commands.outputs import costs
-from commands.run import USUAL_MINUTES, Request, limited, made
+from commands.outputs import stage_costs
+from commands.run import DEFAULT_MINUTES, Request, run_and_publish, time_limit_s
 from maps.settings import Origin, Settings
 from pipeline import TARGETS, build
 from runner import LostError, RunReport
@@ -25,7 +25,7 @@ def _twice(limit_s: float | None, losses: int) -> tuple[list[dict], object]:  # 
             raise LostError("0" * 64, True, "a blob of it")
         return f"of run {report.number}"
 
-    return asked, made(ask, publish, ["frame_decode"], limit_s)  # type: ignore[arg-type]  # a report of two fields
+    return asked, run_and_publish(ask, publish, ["frame_decode"], limit_s)  # type: ignore[arg-type]  # a report of two fields
 
 
 def test_what_is_whole_is_made_once() -> None:
@@ -44,8 +44,8 @@ def test_what_is_damaged_is_made_again_within_what_is_left_of_the_time(limit_s: 
                                                 ({"only": "sor3d_report"}, None), ({"minutes": 0.0}, 0)])  # fmt: skip
 def test_tables_that_take_hours_end_by_themselves(asked: dict, limit_s: float | None) -> None:  # type: ignore[type-arg]  # keywords
     """Unless something else is asked for; all other targets are made whole."""
-    assert limited(Request("sor3d-ablation", **asked), "sor3d-ablation") == limit_s
-    assert limited(Request("dataset"), "dataset") is None and set(TARGETS) >= USUAL_MINUTES.keys()
+    assert time_limit_s(Request("sor3d-ablation", **asked), "sor3d-ablation") == limit_s
+    assert time_limit_s(Request("dataset"), "dataset") is None and set(TARGETS) >= DEFAULT_MINUTES.keys()
 
 
 def test_what_is_damaged_twice_is_an_error() -> None:
@@ -62,7 +62,7 @@ def test_only_examinations_count_as_what_their_steps_cost() -> None:
     graph = build("grasp-full", Origin("grasp-full"), Settings())
 
     def rates(figures: dict[str, float]) -> dict[str, float]:
-        return {name: value for cost in graph.costs for name, value in costs(cost, report, figures).items()}
+        return {name: value for cost in graph.costs for name, value in stage_costs(cost, report, figures).items()}
 
     both = rates({"control_steps.bullet": 1000.0, "control_steps.mujoco": 1000.0})
     assert both == {"control_steps_per_s": 200.0, "mujoco.control_steps_per_s": 250.0}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from commands.errors import UsageError
-from commands.settings import described, settings
+from commands.settings import parameters_of, settings
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 from stages.extraction import extraction_report
 from stages.rgbd import sor3d_train
@@ -114,7 +114,7 @@ def test_old_names_end_with_exit_code_2() -> None:
 
 def test_blocks_are_described_and_the_selected_one_is_marked() -> None:
     """Name by name, after what every backend reads, with the defaults of the stage: fewer words of a judge than of a describer."""
-    rows = {one.name: one for one in described(Settings().params("grasp_judge"))}
+    rows = {one.name: one for one in parameters_of(Settings().params("grasp_judge"))}
     assert list(rows)[:2] == ["backend", "frames"] and rows["vlm.new_tokens"].value == rows["endpoint.new_tokens"].value == 256
     assert {name for name, one in rows.items() if not one.selected} == {name for name in rows if name.startswith("endpoint.")}
     told = {row["name"]: row for row in call("params", "mask_densify", "--json").json}
@@ -141,7 +141,7 @@ def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -
 def test_every_parameter_has_a_doc_line() -> None:
     """`python pipeline.py params` has something to say about each parameter of each stage."""
     for stage in SYSTEM_OF:
-        for one in described(Settings().params(stage)):
+        for one in parameters_of(Settings().params(stage)):
             assert one.doc, f"{stage}.{one.name} ({one.type}) has no doc line"
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from commands.only import recorders
-from commands.target_graphs import home, named, target_named
+from commands.target_graphs import first_target_with, names_in_graph, resolve_target
 from tests.commands.test_published import usual
 from tests.helpers.command import RECORDED, Made, call
 from tests.helpers.tiny_source import VIDEOS
@@ -58,11 +58,11 @@ def test_a_stage_that_there_is_not_is_refused_with_the_nearest_name(words: tuple
 
 def test_names_on_a_map_come_before_those_of_files() -> None:
     """A stage of the name; else all of the file; the first target that has it."""
-    assert [home(word) for word in ("hand_retarget", "motion_retarget", "grasp_evaluate", "train_pack")] == [
+    assert [first_target_with(word) for word in ("hand_retarget", "motion_retarget", "grasp_evaluate", "train_pack")] == [
         "grasp", "motions", "grasp", "train"]
-    assert named("mask_densify", usual("extraction-report")) == ["mask_densify"]
-    assert named("rl-grasp-refinement", usual("grasp")) == ["teacher_0", "no_negative_0"]
-    assert target_named(None) == "dataset" and target_named("negative_affordance") == "negative-affordance"
+    assert names_in_graph("mask_densify", usual("extraction-report")) == ["mask_densify"]
+    assert names_in_graph("rl-grasp-refinement", usual("grasp")) == ["teacher_0", "no_negative_0"]
+    assert resolve_target(None) == "dataset" and resolve_target("negative_affordance") == "negative-affordance"
 
 
 def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:

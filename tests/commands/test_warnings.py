@@ -9,7 +9,7 @@ import pytest
 
 from commands import run as command
 from commands.session import open_runner
-from commands.warnings import Warned, gather, show_warnings
+from commands.warnings import StageWarning, gather, show_warnings
 from runner import RunReport
 from tests.helpers.command import Made
 from tests.helpers.tiny_source import VIDEOS
@@ -69,7 +69,7 @@ def test_a_clean_source_has_none(made: Made, tmp_path: Path, monkeypatch: pytest
 
 def test_many_warnings_of_one_video_are_summed_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The first three stand there, the others are counted."""
-    found = [Warned("source_read", "v", f"no {n}") for n in range(90)]
+    found = [StageWarning("source_read", "v", f"no {n}") for n in range(90)]
     monkeypatch.setattr("commands.warnings.gather", lambda runner, report: found)
     show_warnings(None, None)  # type: ignore[arg-type]  # not looked at
     assert capsys.readouterr().err.splitlines() == [

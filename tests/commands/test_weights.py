@@ -15,7 +15,7 @@ from afford.models.weights import file_stamps, find_model, weight_files, weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
-from commands.weights import reads_weights, weighed
+from commands.weights import reads_weights, resolve_weights
 from maps.common import weights
 from maps.settings import Origin, Settings
 from pipeline import build
@@ -75,18 +75,18 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
     chosen = settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={model}", f"object_completion.sam2.model={model}",
                        "part_describe.backend=endpoint", "part_describe.endpoint.model=gpt"], None)  # fmt: skip
-    found = weighed(chosen, digest)
+    found = resolve_weights(chosen, digest)
     assert [stage for stage, _ in found.weights] == ["mask_densify"]
     assert (found.extraction.mask_densify.sam2.model, found.surface.part_describe.endpoint.model) == ("model", "gpt")
     assert weights(Graph(), found, "mask_densify").keys() == {"weights"} and not weights(Graph(), found, "object_completion")
-    assert weighed(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
+    assert resolve_weights(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
 
 
 def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
     """A changed checkpoint is another training; where it lies is none. A backend without pretrained parts refuses it."""
     plain = build("train", Origin("x"), Settings())
     chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
-    found = weighed(chosen, digest)
+    found = resolve_weights(chosen, digest)
     assert found.twohands.model_train.backbones == found.rgbd.sor3d_train.backbones == "model"
     for target in ("train", "ablation", "sor3d", "sor3d-ablation"):
         every = build(target, Origin("x"), found).stages()
@@ -94,7 +94,7 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
         assert trainings and all("weights" in dict(node.inputs) for node in trainings if not node.name.startswith("record")), target
     assert not any("weights" in dict(node.inputs) for node in plain.stages())
     with pytest.raises(UsageError, match=r"sor3d_train\.backbones: .*got nothing there"):
-        weighed(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
+        resolve_weights(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
 @pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
@@ -102,14 +102,14 @@ def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: P
     """The parameter is named."""
     name = str(tmp_path) if name == "EMPTY" else name
     with pytest.raises(UsageError, match=f"mask_densify.sam2.model: .*{said}"):
-        weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
+        resolve_weights(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
 
 
 def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
     """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
     with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.sam2.model=MODEL, a Sam2VideoModel"):
-        weighed(settings(["mask_densify.backend=sam2"], None), digest)
-    assert reads_weights(Settings.grasping.grasp_judge) and weighed(Settings(), digest) == Settings()
+        resolve_weights(settings(["mask_densify.backend=sam2"], None), digest)
+    assert reads_weights(Settings.grasping.grasp_judge) and resolve_weights(Settings(), digest) == Settings()
 
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
         return str(model)
 
     monkeypatch.setattr("huggingface_hub.snapshot_download", download)
-    chosen = weighed(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
+    chosen = resolve_weights(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
     assert called == [(repository, revision)] and chosen.extraction.mask_densify.sam2.model == name
 
 

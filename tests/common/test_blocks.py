@@ -18,13 +18,13 @@ from commands.settings import blocks
 from runner.canonical import canonical
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
-from runner.selection import declarations, registries_of, select_of, unselected, without
+from runner.selection import declarations, registries_of, select_of, unselected, without_blocks
 from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
 BY_STAGE = {"hand_model"}
 """stages that read the block themselves: what a backend made is completed with it"""
-READERS = {"endpoint": ("afford.models.chat_endpoint",), "umd": ("afford.rgbd.readers.umd",)}
+READERS = {"endpoint": ("afford.models.chat_endpoint",), "vlm": ("afford.models.chat_model",), "umd": ("afford.rgbd.readers.umd",)}
 """backend -> modules that it hands its parameters to"""
 QUESTIONS = 11
 """Protocols of backends that have parameters of their own"""
@@ -107,7 +107,7 @@ def test_a_value_counts_only_where_its_backend_is_selected(stage: str) -> None:
             for selected in entries(stage):
                 before, after = (dataclasses.replace(one, backend=selected) for one in (defaults(stage), other))
                 there = unselected(modules, MODULES[stage], select_of(before))
-                differ = without(canonical(before), before, there) != without(canonical(after), after, there)
+                differ = without_blocks(canonical(before), before, there) != without_blocks(canonical(after), after, there)
                 assert differ == (selected == backend), (stage, name, selected)
 
 

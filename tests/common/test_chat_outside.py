@@ -17,8 +17,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from afford.models import chat_endpoint
-from afford.models.chat import check_url
-from afford.models.chat_endpoint import Endpoint, ask
+from afford.models.chat import Endpoint, check_url
+from afford.models.chat_endpoint import complete
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, says, serving
 
 PROXIES = ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY")
@@ -90,7 +90,7 @@ def test_no_proxy_sees_a_request_to_this_machine(monkeypatch: pytest.MonkeyPatch
         for name in PROXIES:
             monkeypatch.setenv(name, f"http://127.0.0.1:{between.port}")
         for host in ("127.0.0.1", "localhost"):
-            assert ask(endpoint(server.url.replace("127.0.0.1", host)), "what?", b"jpeg") == GOOD
+            assert complete(endpoint(server.url.replace("127.0.0.1", host)), "what?", b"jpeg") == GOOD
     assert between.seen == [] and [asked.key for asked in server.asked] == [KEY, KEY]
 
 
@@ -100,10 +100,10 @@ def test_a_key_does_not_leave_this_machine_without_tls(monkeypatch: pytest.Monke
         for name in PROXIES:
             monkeypatch.setenv(name, f"http://127.0.0.1:{between.port}")
         with pytest.raises(ValueError, match="would travel in the open"):
-            ask(endpoint("http://model.example/v1"), "what?", b"jpeg")
+            complete(endpoint("http://model.example/v1"), "what?", b"jpeg")
         assert between.seen == []
         with pytest.raises(ValueError, match="answered 502"):
-            ask(endpoint("http://model.example/v1", key_variable=""), "what?", b"jpeg")
+            complete(endpoint("http://model.example/v1", key_variable=""), "what?", b"jpeg")
     assert between.everything.startswith(b"POST http://model.example/v1/chat/completions")
     assert KEY.encode() not in between.everything
 
@@ -115,7 +115,7 @@ def test_a_proxy_passes_on_tls_without_seeing_the_key(tmp_path: Path, monkeypatc
     with (serving(lambda _: says(GOOD)) as server, listening(tls(tmp_path, urlsplit(server.url).port or 0)) as secure,
           listening(tunnel(secure.port)) as between):  # fmt: skip
         monkeypatch.setenv("https_proxy", f"http://127.0.0.1:{between.port}")
-        assert ask(endpoint("https://model.example/v1"), "what?", b"jpeg") == GOOD
+        assert complete(endpoint("https://model.example/v1"), "what?", b"jpeg") == GOOD
     assert between.everything.startswith(b"CONNECT model.example:443") and len(between.everything) > 1000
     assert KEY.encode() not in between.everything and b"Bearer" not in between.everything
     assert [asked.key for asked in server.asked] == [KEY]
@@ -178,7 +178,7 @@ def test_a_redirect_carries_nothing_to_another_host(status: int) -> None:
     with listening(proxy) as other:
         answer = Answer(status, None, (("Location", f"http://127.0.0.1:{other.port}/v1/chat/completions"),))
         with serving(lambda _: answer) as server, pytest.raises(ValueError, match="sends us elsewhere"):
-            ask(endpoint(server.url), "what?", b"jpeg")
+            complete(endpoint(server.url), "what?", b"jpeg")
     assert other.seen == [] and len(server.asked) == 1
 
 
@@ -206,7 +206,7 @@ def test_a_server_that_dribbles_is_left_at_the_deadline(at_once: bytes, piece: b
             return
 
     with listening(dribble) as server, pytest.raises(ValueError, match=r"no answer within 0\.5 s"):
-        ask(endpoint(f"http://127.0.0.1:{server.port}/v1", timeout_s=0.5), "what?", b"jpeg")
+        complete(endpoint(f"http://127.0.0.1:{server.port}/v1", timeout_s=0.5), "what?", b"jpeg")
     left.set()
     assert 0 < sent[0] < MANY / 2
 
@@ -219,7 +219,7 @@ def test_a_server_that_does_not_read_is_left_at_the_deadline() -> None:
         done.wait(20)
 
     with listening(deaf) as server, pytest.raises(ValueError, match=r"no answer within 0\.5 s"):
-        ask(endpoint(f"http://127.0.0.1:{server.port}/v1", timeout_s=0.5), "what?", bytes(32 << 20))
+        complete(endpoint(f"http://127.0.0.1:{server.port}/v1", timeout_s=0.5), "what?", bytes(32 << 20))
     done.set()
 
 
@@ -238,7 +238,7 @@ def test_a_reply_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
             return
 
     with listening(flood) as server, pytest.raises(ValueError, match="expected a reply of at most 1 MiB, got more"):
-        ask(endpoint(f"http://127.0.0.1:{server.port}/v1"), "what?", b"jpeg")
+        complete(endpoint(f"http://127.0.0.1:{server.port}/v1"), "what?", b"jpeg")
     assert len(server.seen) < 1 << 11
 
 

@@ -18,8 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afford.codecs import CODEC, digest, load, load_folder, save
-from afford.codecs.kinds import BUNDLES, kinds, schema_version
-from afford.codecs.shelf import Shelf
+from afford.codecs.kinds import BUNDLES, LazyTuple, kinds, schema_version
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.store import Store, prepare_store
@@ -40,7 +39,7 @@ def test_the_catalogue_lists_every_schema() -> None:
     written = {node.name for path in (ROOT / "schemas").rglob("*.py") for node in ast.parse(path.read_text()).body
                if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Schema" for base in node.bases)}
     assert kinds().keys() == written
-    found = fingerprint(Modules(ROOT), "afford.codecs:CODEC", {}, apart=("schemas",))
+    found = fingerprint(Modules(ROOT), "afford.codecs:CODEC", {}, excluded=("schemas",))
     assert not any(name.startswith("schemas.") for name in found.definitions)
 
 
@@ -158,7 +157,7 @@ def test_a_long_list_stays_on_disk_until_it_is_walked(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     save(value, tmp_path / "a")
     again = load_folder(tmp_path / "a")
-    assert isinstance(again.samples, Shelf) and len(again.samples) == len(value.samples) == 2
+    assert isinstance(again.samples, LazyTuple) and len(again.samples) == len(value.samples) == 2
     for _ in range(2):
         assert [digest(sample) for sample in again.samples] == [digest(sample) for sample in value.samples]
     assert digest(again.samples[-1]) == digest(again.samples[::-1][0]) == digest(value.samples[1])

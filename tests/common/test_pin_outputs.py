@@ -10,7 +10,7 @@ import pytest
 from benchmarks.pin_outputs import NAMES_CODE, PINNED, RUNS, compare, request
 from benchmarks.pin_sources import SOURCES, written
 from commands.settings import settings
-from commands.target_graphs import laid_out
+from commands.target_graphs import graph_of_request
 from commands.targets import ALL
 from pipeline import TARGETS
 from runner.canonical import file_digest
@@ -50,7 +50,7 @@ def test_every_target_is_pinned() -> None:
 def test_settings_of_a_run_fit_its_target(name: str, tmp_path: Path) -> None:
     """As the command line takes them."""
     asked = request(RUNS[name], tmp_path)
-    graph, *_ = laid_out(asked.target, asked.source, (), asked.sets, {"": settings(asked.sets, None)}, file_digest)
+    graph, *_ = graph_of_request(asked.target, asked.source, (), asked.sets, {"": settings(asked.sets, None)}, file_digest)
     assert graph.targets
 
 

@@ -8,10 +8,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from tests.helpers.command import Made
 from tests.helpers.impure_stages import CHEATS
 from tests.helpers.purity_probe import blobs
 from tests.helpers.purity_stores import ELSEWHERE, Maker, with_fonts
+from tests.helpers.shared import shared
 from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,11 +37,6 @@ OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
     "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
-EARLY = {"arrow": ["pandas", "pyarrow.parquet"], "torch": ["torch.utils.data", "torch._dynamo"], "h5py": ["h5py"],
-         "mujoco": ["mujoco"]}
-"""what loads before the watch begins: built on datetime and its layout in C; asks for a temporary folder (dill, a cache for
-compiled code that every optimiser of torch loads); asks `uname` for the kind of processor (h5py);
-starts a process to look for a library of windows (mujoco)"""
 MACHINE_KIND = ("OPENBLAS_CORETYPE",)
 """which vector units linear algebra is told to use: that is the kind of machine, for which alone bytes are promised"""
 COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
@@ -49,31 +44,72 @@ COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
 
 
+class Probe:
+    """The server of `tests/helpers/purity_probe.py`, in another environment than that of the tests."""
+
+    def __init__(self) -> None:
+        kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
+        command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py")]
+        environment = OTHER_ENVIRONMENT | kind
+        self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def replay(self, tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
+        """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
+        work, elsewhere = folder / "work", folder / "elsewhere"
+        work.mkdir()
+        elsewhere.mkdir()
+        (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
+        kernels = use_kernel_cache(ROOT, store)
+        kernels.mkdir(parents=True, exist_ok=True)
+        job = {"root": str(ROOT), "store": str(store), "work": str(work), "elsewhere": str(elsewhere),
+               "sources": allowed, "tasks": tasks, "models": [model for task in tasks for model in models(task["params"])],
+               "environment": {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}}
+        (folder / "job.json").write_text(json.dumps(job))
+        assert self._process.stdin and self._process.stdout
+        print(folder / "job.json", file=self._process.stdin, flush=True)
+        code = int(self._process.stdout.readline())
+        assert code == 0, (folder / "error.txt").read_text()
+        answers: list[dict[str, Any]] = json.loads((folder / "answer.json").read_text())
+        return answers
+
+    def close(self) -> None:
+        """End the server."""
+        self._process.communicate()
+
+
+@pytest.fixture(scope="module")
+def probe() -> Iterator[Probe]:
+    """One server for all stages."""
+    server = Probe()
+    yield server
+    server.close()
+
+
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Maker], Path]:
-    """The store that a maker fills when it is first asked for."""
+    """The store that a maker fills when it is first needed."""
 
-    @cache
     def store(maker: Maker) -> Path:
-        place, folder = (tmp_path_factory.mktemp(f"{maker.__name__}_{what}") for what in ("store", "files"))
-        use_kernel_cache(ROOT, place)
-        maker(place, folder)
-        return place
+        def fill(folder: Path) -> None:
+            (folder / "store").mkdir()
+            (folder / "files").mkdir()
+            use_kernel_cache(ROOT, folder / "store")
+            maker(folder / "store", folder / "files")
+
+        return shared(tmp_path_factory, maker.__name__, fill) / "store"
 
     return store
 
 
 @pytest.fixture(scope="module")
 def benchmarked(compared: tuple[Path, RunReport]) -> Path:
-    """A store in which methods were compared."""
-    store, report = compared
-    assert report.ok, report.failures
-    return with_fonts(store)
+    """A store with a comparison of methods."""
+    return with_fonts(compared[0])
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], request: pytest.FixtureRequest,
-                         tmp_path: Path) -> None:  # fmt: skip
+def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Probe, request: pytest.FixtureRequest,
+                       tmp_path: Path) -> None:  # fmt: skip
     """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
     bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing.
     """
@@ -82,7 +118,7 @@ def test_a_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path]
         store = request.getfixturevalue("benchmarked")
     traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
-    answers = replay(list(map(task, traces)), sources(traces), store, tmp_path)
+    answers = probe.replay(list(map(task, traces)), sources(traces), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):
         assert not answer["problems"], "\n".join([trace.stage, *answer["problems"]])
         before = blobs(Store(store, CODEC), trace.output)
@@ -97,7 +133,7 @@ def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
     return list({trace.stage: trace for trace in mine}.values())
 
 
-def test_what_is_impure_is_caught(made: Made, tmp_path: Path) -> None:
+def test_impure_stages_are_detected(made: Made, probe: Probe, tmp_path: Path) -> None:
     """Every way of cheating gives another output or is seen. (What libraries open by themselves is seen with Landlock only.)"""
     store = Store(tmp_path / "store", CODEC)
     prepare_store(store.root)
@@ -107,32 +143,10 @@ def test_what_is_impure_is_caught(made: Made, tmp_path: Path) -> None:
     functions = [f"tests.helpers.impure_stages:{cheat.__name__}" for cheat in CHEATS]
     tasks = [task(replace(trace, function=function, inputs=given)) | {"params": {}} for function in functions]
     before = [store.put_leaf(cheat(deepcopy(clip), impure_stages.Params())) for cheat in CHEATS]
-    answers = replay(tasks, [impure_stages.__file__], store.root, tmp_path)
+    answers = probe.replay(tasks, [impure_stages.__file__], store.root, tmp_path)
     unseen = [cheat.__name__ for cheat, answer, output in zip(CHEATS, answers, before, strict=True)
               if not answer["problems"] and answer["output"] == output]
     assert unseen == ([] if landlock.available() else ["file_behind_python"])
-
-
-def replay(tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
-    """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
-    work, elsewhere = folder / "work", folder / "elsewhere"
-    work.mkdir()
-    elsewhere.mkdir()
-    (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
-    job = {"root": str(ROOT), "store": str(store), "work": str(work), "sources": allowed, "tasks": tasks,
-           "models": [model for task in tasks for model in models(task["params"])],
-           "first": [name for word, names in EARLY.items() if any(task[word] for task in tasks) for name in names]}
-    (folder / "job.json").write_text(json.dumps(job))
-    command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py"), str(folder / "job.json")]
-    kernels = use_kernel_cache(ROOT, store)
-    kernels.mkdir(parents=True, exist_ok=True)
-    fonts = store / ".cache" / FONT_FOLDER
-    kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
-    environment = OTHER_ENVIRONMENT | kind | {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(fonts)}
-    done = subprocess.run(command, cwd=elsewhere, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    answers: list[dict[str, Any]] = json.loads(done.stdout.splitlines()[-1])
-    return answers
 
 
 def models(params: dict[str, Any]) -> list[str]:
@@ -146,8 +160,7 @@ def task(trace: Trace) -> dict[str, Any]:
     module, _, name = trace.function.partition(":")
     wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
     return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,
-            "wants_ctx": wants_ctx, "arrow": "pyarrow" in trace.libraries, "torch": "torch" in trace.libraries,
-            "h5py": "h5py" in trace.libraries, "mujoco": "mujoco" in trace.libraries}
+            "wants_ctx": wants_ctx}
 
 
 def sources(traces: list[Trace]) -> list[str]:
@@ -155,5 +168,5 @@ def sources(traces: list[Trace]) -> list[str]:
     modules = Modules(ROOT)
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
     found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
-              fingerprint(modules, "afford.codecs:CODEC", {}, apart=modules.schemas).files]  # fmt: skip
+              fingerprint(modules, "afford.codecs:CODEC", {}, excluded=modules.schemas).files]  # fmt: skip
     return sorted({path for paths in found for path in paths})

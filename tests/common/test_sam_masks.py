@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from afford.models.sam import Grid, everything, grid_points, load_model, stability
-from afford.surface.candidates import Sam
+from afford.surface.proposals import Sam
 from stages.surface import mask_propose
 from tests.helpers.blocks import changed
 from tests.helpers.made_objects import looked

@@ -16,13 +16,13 @@ from PIL import Image
 from pycocotools.coco import COCO
 from scipy.ndimage import binary_fill_holes
 
-from afford.dataset import export_2hands, export_coco, export_webdataset, load
-from afford.dataset.columns import MASKS
+from afford.dataset import export_2hands, exports, load
+from afford.dataset.table_schema import MASKS
 from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
 
 CLIPS = (clip("P01_01", 6, split="train"), clip("P01_02", 5, split="train"), clip("P02_01", 4, split="val"))
-EXPORTS = (export_2hands.export, export_coco.export, export_webdataset.export)
+EXPORTS = (export_2hands.export, exports.export_coco, exports.export_webdataset)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_contours_are_exact_but_for_holes(mask):
 
 def test_coco_gives_every_mask_back(root, tmp_path):
     """Read by pycocotools: each mask that is not empty, to the bit, with its area."""
-    export_coco.export(root, tmp_path)
+    exports.export_coco(root, tmp_path)
     for split in ("train", "val"):
         read = COCO(str(tmp_path / "annotations" / f"{split}.json"))
         for number, sample in enumerate(samples(split), 1):
@@ -97,7 +97,7 @@ def test_coco_gives_every_mask_back(root, tmp_path):
 
 def test_webdataset_gives_every_mask_back(root, tmp_path):
     """Files of one sample lie side by side under one key; masks to the bit, JPEG bytes as they were."""
-    export_webdataset.export(root, tmp_path)
+    exports.export_webdataset(root, tmp_path)
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
         files = {member.name: tar.extractfile(member).read() for member in tar}
     assert [name.split(".")[0] for name in files] == [f"{n:09d}" for n in range(11) for _ in range(6)]

@@ -15,11 +15,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from afford.codecs.identity import digest
-from afford.dataset import card, columns, load, masks
-from afford.dataset.classes import emerge
-from afford.dataset.licence import licence_of
-from afford.dataset.split import Rule, assign
+from afford.codecs.kinds import digest
+from afford.dataset import load, masks, metadata, table_schema
+from afford.dataset.metadata import licence_of
+from afford.dataset.packing import SplitRule, assign_splits
+from afford.dataset.table_schema import collect_classes
 from maps.extraction import licensed
 from maps.settings import Origin
 from schemas.scene import SceneSpec
@@ -61,7 +61,7 @@ def test_datasets_reads_it_without_our_code(packed, tmp_path):
     read = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path))
     for split in ("train", "val"):
         for row, (made, sample) in zip(read[split], samples_of(split), strict=True):
-            for name, mask in zip(columns.MASKS, sample.masks, strict=True):
+            for name, mask in zip(table_schema.MASKS, sample.masks, strict=True):
                 assert np.array_equal(np.asarray(row[name]), mask)
             assert row["image"].size == (made.width_px, made.height_px)
             assert row["narration"] == sample.narration.text
@@ -80,9 +80,9 @@ def test_the_folder_itself_loads(packed, tmp_path):
 
 def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
     """The same mask is in every form."""
-    for row, (_, sample) in zip(load.rows(packed, "train", [column.name for column in columns.FIXED]), samples_of("train"),
+    for row, (_, sample) in zip(load.rows(packed, "train", [column.name for column in table_schema.FIXED]), samples_of("train"),
                                 strict=True):
-        for name, mask in zip(columns.MASKS, sample.masks, strict=True):
+        for name, mask in zip(table_schema.MASKS, sample.masks, strict=True):
             assert np.array_equal(masks.decode_rle([row[f"{name}_rle"]], *mask.shape)[0], mask)
             assert row[f"{name}_area"] == mask.sum()
             ys, xs = np.nonzero(mask)
@@ -207,8 +207,8 @@ def test_a_video_is_in_one_split_whatever_the_seed():
     """Splits by hash keep the clips of a video together, and by participant those of a participant."""
     clips = [clip(f"P{n % 5:02d}_{n:02d}", 1) for n in range(20)]
     for seed in range(10):
-        rule = Rule("participant", 0.3, 0.3, seed)
-        split = assign(clips, rule)
+        rule = SplitRule("participant", 0.3, 0.3, seed)
+        split = assign_splits(clips, rule)
         assert len({(made.participant_id, split[made.video_id]) for made in clips}) == 5
         assert "train" in split.values()
 
@@ -216,43 +216,43 @@ def test_a_video_is_in_one_split_whatever_the_seed():
 def test_a_video_keeps_its_split_when_others_come():
     """The hash decides for each video alone."""
     clips = [clip(f"P01_{n:02d}", 1) for n in range(40)]
-    rule = Rule("video", 0.2, 0.2, 7)
-    few, many = assign(clips[:20], rule), assign(clips, rule)
+    rule = SplitRule("video", 0.2, 0.2, 7)
+    few, many = assign_splits(clips[:20], rule), assign_splits(clips, rule)
     assert few == {video: many[video] for video in few}
     assert set(many.values()) == {"train", "val", "test"}
 
 
 def test_the_sources_split_wins_when_it_is_complete():
     """Given for every video it is taken; given for some only, the hash decides for all."""
-    rule = Rule("video", 0.0, 0.0, 0)
-    assert assign(CLIPS, rule) == {"P00_01": "train", "P01_01": "train", "P02_01": "val"}
-    assert set(assign([replace(CLIPS[0], split=""), *CLIPS[1:]], rule).values()) == {"train"}
+    rule = SplitRule("video", 0.0, 0.0, 0)
+    assert assign_splits(CLIPS, rule) == {"P00_01": "train", "P01_01": "train", "P02_01": "val"}
+    assert set(assign_splits([replace(CLIPS[0], split=""), *CLIPS[1:]], rule).values()) == {"train"}
 
 
 def test_contradictory_splits_are_refused():
     """One video, two splits: an error of the source."""
     with pytest.raises(ValueError, match="P00_01: its clips are in the splits"):
-        assign([CLIPS[0], replace(CLIPS[0], clip_id="b", split="val")], Rule("video", 0.1, 0.1, 0))
+        assign_splits([CLIPS[0], replace(CLIPS[0], clip_id="b", split="val")], SplitRule("video", 0.1, 0.1, 0))
 
 
 @pytest.mark.parametrize("wrong", [("clip", 0.1, 0.1), ("video", 0.6, 0.6), ("video", -0.1, 0.1)])
 def test_wrong_split_rules_are_refused(wrong):
     """By what, and how much."""
     with pytest.raises(ValueError, match="expected"):
-        Rule(*wrong, seed=0)
+        SplitRule(*wrong, seed=0)
 
 
 def test_classes_emerge_in_epics_order_then_new_ones():
     """The order of the samples does not matter."""
     seen = [("wire", -1), ("jar", 34), ("mug", 13), ("anvil", -1), ("jar", 34)]
-    assert emerge(seen) == emerge(seen[::-1])
-    assert emerge(seen).keys == ("mug", "jar", "anvil", "wire")
+    assert collect_classes(seen) == collect_classes(seen[::-1])
+    assert collect_classes(seen).keys == ("mug", "jar", "anvil", "wire")
 
 
 def test_the_guide_lists_the_columns_as_they_are():
     """The table in docs/extraction/dataset.md is the one the card prints."""
     guide = (ROOT / "docs" / "extraction" / "dataset.md").read_text(encoding="utf-8")
-    assert card.table(columns.FIXED) in guide
+    assert metadata.column_table(table_schema.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)
 
 

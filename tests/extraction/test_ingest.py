@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from runner.files import GLANCE_BYTES, RACY_NS, FileMemo
+from runner.files import PLAN_HASH_BYTES, RACY_NS, FileMemo
 from tests.helpers.command import call
 from tests.helpers.made_epic import write_folder, write_tables
 
@@ -102,12 +102,12 @@ def test_a_glance_reads_small_files_alone(tmp_path: Path) -> None:
     """A large file that was never hashed gets a stand-in; once hashed, its digest."""
     large = tmp_path / "large"
     with large.open("wb") as stream:
-        stream.truncate(GLANCE_BYTES + 1)
+        stream.truncate(PLAN_HASH_BYTES + 1)
     time.sleep(2e-9 * RACY_NS)
     with watching(tmp_path) as seen:
-        stand_in = FileMemo(tmp_path / "store", glance=True).digest(large)[0]
+        stand_in = FileMemo(tmp_path / "store", plan_only=True).digest(large)[0]
     assert large not in seen.get("open", [])
     memo = FileMemo(tmp_path / "store")
     found = memo.digest(large)[0]
     memo.save()
-    assert stand_in != found == FileMemo(tmp_path / "store", glance=True).digest(large)[0]
+    assert stand_in != found == FileMemo(tmp_path / "store", plan_only=True).digest(large)[0]

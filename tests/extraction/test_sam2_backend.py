@@ -153,7 +153,7 @@ def test_device_and_dtype_are_checked(model: Path) -> None:
 
 def test_no_torchvision(model: Path) -> None:
     """Nothing that a learned backend loads brings it."""
-    code = ("import sys\nfrom afford.surface.candidates import sam\nfrom afford.extraction.complete import sam2\n"
+    code = ("import sys\nfrom afford.surface.proposals import sam\nfrom afford.extraction.complete import sam2\n"
             "from afford.surface.describe import vlm\nfrom afford.surface.score import clip\n"
             "from afford.models.sam2 import load_model\n"
             f"load_model({str(model)!r})\nprint('torchvision' in sys.modules)")  # fmt: skip

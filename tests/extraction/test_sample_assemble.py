@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.dataset.motion import Paths, centroid
+from afford.dataset.extraction_samples import MotionPaths, mask_centroid
 from schemas.affordance import Affordances, FrameLabels, Rejection
 from schemas.masks import CompleteObjects, Entity, Tracks
 from schemas.video import Clip, Frames, Inpainted
@@ -127,14 +127,14 @@ def test_sparse_frames_have_no_motion_but_the_start():
 
 def test_centroid_of_nothing_is_nan():
     """An empty mask has no centroid."""
-    assert np.isnan(centroid(np.zeros((4, 5), bool))).all()
+    assert np.isnan(mask_centroid(np.zeros((4, 5), bool))).all()
 
 
 def test_one_step_is_refused():
     """A path of one point is no path."""
     x = extraction()
     with pytest.raises(ValueError, match="at least 2 steps"):
-        Paths(x["tracks"], x["complete"], x["frames"].time_ns, 1.0, 1)
+        MotionPaths(x["tracks"], x["complete"], x["frames"].time_ns, 1.0, 1)
 
 
 def test_inputs_on_other_frames_are_refused():

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Still, play
-from afford.grasping.env.task import of
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import BaseOnly, rollout
+from afford.grasping.env.task import from_grasp_task
 from afford.grasping.evaluate import result_cells
 from afford.grasping.evaluate.evaluate_policy import FIGURES
 from afford.grasping.evaluate.report import logs_by_row, markdown, metrics
@@ -80,8 +80,8 @@ def test_traces_agree_with_figures(script: GraspEpisodes) -> None:
 
 def test_an_episode_that_ended_keeps_its_figures() -> None:
     one = tasks()[0]
-    grasping = Grasping(shadow(), [of(one)], Config(base="script", steps=40))
-    played = play(grasping, Still(), [np.random.default_rng(0)])
+    grasping = GraspWorlds(shadow(), [from_grasp_task(one)], GraspEnvConfig(base="script", steps=40))
+    played = rollout(grasping, BaseOnly(), [np.random.default_rng(0)])
     assert played.ended.tolist() == [40] and played.q.shape[1] == 41
     assert played.report["held"][0] == grasping.report()["held"][0]
     grasping.close()

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.grasping.judge.question import COLUMNS, LINE_PX, question, read, sheet
+from afford.grasping.judge import COLUMNS, LINE_PX, contact_sheet, parse_score, prompt
 from afford.models import chat_model
 from afford.models.chat import Chat
 from maps.settings import Origin, Settings
@@ -48,7 +48,7 @@ def test_a_server_is_shown_each_episode_once(monkeypatch: pytest.MonkeyPatch) ->
     assert found.score.tolist() == [7.0, 3.5] and (found.backend, found.model) == ("endpoint", "some-vlm")
     for asked in server.asked:
         words, picture = asked.body["messages"][0]["content"]
-        assert words["text"] == question(5) and asked.key == KEY
+        assert words["text"] == prompt(5) and asked.key == KEY
         data = base64.b64decode(picture["image_url"]["url"].partition(",")[2])
         assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).shape == (2 * (48 + LINE_PX), COLUMNS * 64, 3)
 
@@ -58,14 +58,14 @@ def test_a_server_is_shown_each_episode_once(monkeypatch: pytest.MonkeyPatch) ->
                                   '{"score": NaN}', "8"])  # fmt: skip
 def test_what_is_no_mark_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ValueError, match=r"a/00: answer of backend 'vlm': expected one JSON object with a score from 1 to 10"):
-        read(text, "a/00", "vlm")
+        parse_score("a/00", text, "vlm")
 
 
 def test_a_local_model_is_shown_each_episode(tmp_path: Path) -> None:
     """One that says the same of every sheet."""
-    folder = save_parrot(tmp_path / "parrot", question(5), '{"score": 7}')
+    folder = save_parrot(tmp_path / "parrot", prompt(5), '{"score": 7}')
     assert judged(model=str(folder), new_tokens=16, **SMALL).score.tolist() == [7.0, 7.0]
-    chat_model._kept.cache_clear()
+    chat_model._load_cached.cache_clear()
 
 
 def test_a_local_model_must_answer(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_local_model_must_answer(tmp_path: Path) -> None:
 def test_frames_stand_in_rows_under_their_times() -> None:
     """As they are; what is left of the last row is blank."""
     frames = np.random.default_rng(0).integers(0, 255, (6, 10, 30, 3), dtype=np.uint8)
-    found = sheet(frames, np.arange(6) / 10)
+    found = contact_sheet(frames, np.arange(6) / 10)
     assert found.shape == (2 * (10 + LINE_PX), 30 * COLUMNS, 3)
     assert np.array_equal(found[LINE_PX : LINE_PX + 10, 30:60], frames[1]) and np.array_equal(found[-10:, 30:60], frames[5])
 

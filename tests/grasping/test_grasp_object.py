@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from afford.grasping.sim.grasp_object import convex_decomposition, simplified_corners
-from afford.surface.meshes.nearest import Nearest
+from afford.surface.meshes.nearest import NearestSurface
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec
 from stages.grasping import object_solids
@@ -69,7 +69,7 @@ def test_decomposition_of_a_ring() -> None:
 def test_surface_points() -> None:
     """Points lie on their faces, and every part has points."""
     mesh, parts, body = solids("hammer")
-    face, _, away = Nearest(mesh.vertices, mesh.faces)(body.points.astype(float))
+    face, _, away = NearestSurface(mesh.vertices, mesh.faces)(body.points.astype(float))
     assert away.max() < 1e-6
     assert np.linalg.norm(body.normals, axis=1) == pytest.approx(np.ones(300), abs=1e-5)
     assert (body.point_part == parts.part[face]).mean() > 0.98  # points on edges between parts belong to either

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from afford.common.files import tree
-from commands.outputs import Publisher, published
+from commands.outputs import Publisher, publish_outputs
 from commands.session import open_runner
 from maps.settings import Origin
 from runner import Graph
@@ -66,8 +66,8 @@ def test_what_is_finished_is_published_by_its_row(tmp_path: Path) -> None:
     g.target("none", g.finished("policies", []))
     place = Origin("grasp-full")
     models = tmp_path / "store" / "models"
-    assert published(Publisher(runner), g, runner.run(g, "some"), place, True) == {
+    assert publish_outputs(Publisher(runner), g, runner.run(g, "some"), place, True) == {
         row: str(models / f"grasp-full-{row}") for row in ("teacher", "student_no_negative")}  # fmt: skip
     assert [(file.name, file.digest) for file in tree("again", models / "grasp-full-teacher").files] == [
         (file.name, file.digest) for file in files.files]
-    assert published(Publisher(runner), g, runner.run(g, "none"), place, True) == {}
+    assert publish_outputs(Publisher(runner), g, runner.run(g, "none"), place, True) == {}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from afford.grasping.env.reward import negative_times, weights
+from afford.grasping.env.reward import reward_weights, scaled_negative_weights
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from commands.settings import settings
 from maps.settings import Origin, Settings
@@ -30,7 +30,7 @@ def test_rows_change_existing_parameters() -> None:
 def test_reward_of_the_paper() -> None:
     """Four terms with the paper's weights; all other rows except the transfers use our reward."""
     row = ROWS["paper_reward"]
-    assert weights(row["reward"], negative_times(row["reward"], row["lambda_n"])) == {
+    assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {
         "hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0}
     assert {name for name, changes in ROWS.items() if "reward" in changes} == {
         "paper_reward", *(name for name in ROWS if name.startswith("transfer_"))}

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Actor
-from afford.grasping.env.studio import NEGATIVE, Studio
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rendering import NEGATIVE, GraspRenderer
+from afford.grasping.env.rollout import Actor
 from afford.grasping.evaluate.comparisons import pair_figures, pair_lines, pair_metrics, shifts_m
 from afford.grasping.evaluate.two_tasks import APART_M, evaluate_task_pairs, long_axis, opposite_end_tasks
-from afford.grasping.policies.acting import Policy
+from afford.grasping.policies.load_policy import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import TwoTasks
 from schemas.files import FileTree
@@ -29,7 +29,7 @@ FAST = Physics(iterations=50)
 class Shy:
     """Policy that moves away from N_t, given the pose of the object."""
 
-    def act(self, now: Grasping) -> np.ndarray:
+    def act(self, now: GraspWorlds) -> np.ndarray:
         points = now.scenery.negative_points(now.state()).mean(axis=1) - now.scenery.centre(now.state())
         x = np.stack([np.cos(now.episode.yaw), np.sin(now.episode.yaw)], axis=1)
         out = np.zeros((len(now.tasks), now.motors))
@@ -40,7 +40,7 @@ class Shy:
 class FunctionPolicy(Policy):
     """Policy with a given actor."""
 
-    def actor(self, grasping: Grasping) -> Actor:
+    def actor(self, grasping: GraspWorlds) -> Actor:
         return Shy()
 
 
@@ -94,7 +94,7 @@ def test_stage_draws_both_tasks(tmp_path: Path) -> None:
     assert [file.name for file in shown.sheet.files] == ["two_tasks.png"] and shown.pairs.along_m.shape == (1, 2)
     args = (Policy({}, None, None), "x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
     (_, trace), _ = evaluate_task_pairs(shadow(), (task.body,), *args)[1]
-    picture = Studio(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
+    picture = GraspRenderer(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
     red = (picture[..., 0] > 2 * picture[..., 1]) & (picture[..., 0] > 2 * picture[..., 2])
     assert red.sum() > 10 and NEGATIVE[0] > 2 * NEGATIVE[1]
     with pytest.raises(ValueError, match="no objects to grasp"):

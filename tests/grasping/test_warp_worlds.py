@@ -10,7 +10,7 @@ import pytest
 
 from afford.common.registry import extra
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.task import task
+from afford.grasping.env.task import make_task
 from afford.grasping.sim.engine import State
 from afford.grasping.sim.scene import Scene, randomize_physics
 from afford.grasping.sim.worlds import ThreadWorlds, world_batch
@@ -111,7 +111,7 @@ def test_a_scripted_grasp_is_held_in_both() -> None:
     """Episodes in the environment without actions agree, and the tool ends at its goal."""
     ends = {}
     for engine in ("mujoco", "warp"):
-        made = AffordanceGraspVector(2, shadow(), [task(tool(), ["shaft"])], engine=engine, base="script")
+        made = AffordanceGraspVector(2, shadow(), [make_task(tool(), ["shaft"])], engine=engine, base="script")
         made.reset(seed=0)
         rows = [made._core.state().body]
         for _ in range(39):

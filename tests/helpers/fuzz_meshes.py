@@ -14,8 +14,8 @@ import trimesh
 
 from afford.common.errors import SourceError
 from afford.surface.meshes.discover import discover
-from afford.surface.meshes.mend import read_mended
-from afford.surface.meshes.read import read
+from afford.surface.meshes.mend import read_repaired
+from afford.surface.meshes.read import read_surface
 from afford.surface.meshes.surface import Surface
 from schemas.hand import HandModel
 from schemas.mesh import ReadMesh
@@ -41,12 +41,12 @@ def read_object(path: Path) -> ReadMesh:
     found = discover(path.parent, lambda _: "0" * 64)
     if found.refused:
         raise RefusedError(found.refused[0].reason)
-    return read_mended(found.objects[0], wishes(unit="m"))
+    return read_repaired(found.objects[0], wishes(unit="m"))
 
 
-def read_surface(path: Path) -> Surface:
-    """The mesh as it lies in its files."""
-    return read(tree(path.parent))
+def read_unrepaired(path: Path) -> Surface:
+    """The mesh as its files describe it."""
+    return read_surface(tree(path.parent))
 
 
 def read_hand(path: Path) -> HandModel:

@@ -20,7 +20,7 @@ from afford.common.image_files import read_depth, read_image
 from afford.extraction.hands import network as hands_files
 from afford.extraction.hands.network import Hands, HandsConfig
 from afford.grasping.candidates.read_scene import read_mask
-from afford.models.archive import read_tensors
+from afford.models.tensor_files import read_tensors
 from afford.rgbd.model import vgg
 from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder
 from afford.rgbd.readers import Umd, iit_aff, umd

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from afford.common.worker import use_kernel_cache
 from commands.settings import settings
-from commands.weights import weighed
+from commands.weights import resolve_weights
 from maps.common import weights
 from maps.surface import Looked, judge
 from runner import Graph, Runner, RunReport
@@ -22,7 +22,7 @@ def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     """Mesh -> views -> masks -> descriptions -> scores -> surface -> files, on `--set` of these words."""
     use_kernel_cache(ROOT, store)
     runner, graph = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0), Graph()
-    p = weighed(settings(["mask_propose.regions.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
+    p = resolve_weights(settings(["mask_propose.regions.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
     x = looked()
     mesh, parts = graph.leaf("mesh", x.mesh), graph.leaf("parts", x.parts)
     views = graph.add(view_render.run, mesh=mesh, params=VIEWS)

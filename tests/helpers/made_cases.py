@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from afford.common.files import tree
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from schemas.files import FileTree
 
 SIZE = 60, 80
@@ -81,4 +81,4 @@ def read_all(root: Path) -> dict[str, Any]:
     """Case id -> case."""
     from afford.twohands.benchmark.cases import read
 
-    return {files.where: read(files) for files in layout.cases(as_tree(root))}
+    return {files.where: read(files) for files in act_affordance.cases(as_tree(root))}

@@ -10,7 +10,7 @@ import scipy.io
 from blake3 import blake3
 
 from afford.common.folders import entries
-from afford.dataset.sor3d.folder import tree
+from afford.dataset.sor3d_layout import entry_tree
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip
 
@@ -22,7 +22,7 @@ def digest(path: Path) -> str:
 
 def folder(root: Path, name: str = "root") -> FileTree:
     """Everything below a folder."""
-    return tree(name, entries(root), digest)
+    return entry_tree(name, entries(root), digest)
 
 
 def clip(affordance: str = "cut", seed: int = 0, *, height: int = 12, width: int = 16, split: str = "train") -> InteractionClip:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from afford.surface.parts.lessons import truth
+from afford.surface.score.samples import part_targets
 from maps.settings import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
@@ -57,7 +57,7 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
 def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:
     """What a scorer would say that is never wrong, of the object's candidates or of other masks in its views."""
     columns = [x.parts.names.index(note.part) for note in x.told.notes]
-    share, overlap = (np.ascontiguousarray(found[:, columns]) for found in truth(x.parts, x.views, masks or x.candidates))
+    share, overlap = (np.ascontiguousarray(found[:, columns]) for found in part_targets(x.parts, x.views, masks or x.candidates))
     return PartScores(x.mesh.name, share, overlap)
 
 

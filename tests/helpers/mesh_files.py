@@ -10,19 +10,19 @@ import numpy as np
 import trimesh
 
 from afford.surface.meshes.discover import discover
-from afford.surface.meshes.mend import Wishes, read_mended
-from afford.surface.meshes.repair import Limits
+from afford.surface.meshes.mend import MeshSettings, read_repaired
+from afford.surface.meshes.repair import RepairLimits
 from runner.canonical import file_digest
 from schemas.files import FileTree
 from schemas.mesh import ReadMesh
 
 SIZE_M = (0.1, 0.2, 0.04)
-LIMITS = Limits(hole_edges=64, hole_share=0.05, dust_share=0.0001)
+LIMITS = RepairLimits(hole_edges=64, hole_share=0.05, dust_share=0.0001)
 
 
-def wishes(unit: str = "auto", categories: tuple[str, ...] = (), texture_px: int = 512, faces: int = 60_000) -> Wishes:
+def wishes(unit: str = "auto", categories: tuple[str, ...] = (), texture_px: int = 512, faces: int = 60_000) -> MeshSettings:
     """What a test wants of a mesh."""
-    return Wishes(unit, categories, texture_px, faces, LIMITS)
+    return MeshSettings(unit, categories, texture_px, faces, LIMITS)
 
 
 def tree(folder: Path, name: str = "") -> FileTree:
@@ -34,7 +34,7 @@ def tree(folder: Path, name: str = "") -> FileTree:
 
 def mended(folder: Path, name: str = "", **wanted: object) -> ReadMesh:
     """An object of a folder, read and repaired."""
-    return read_mended(tree(folder, name), wishes(**wanted))  # type: ignore[arg-type]  # the fields of `wishes`
+    return read_repaired(tree(folder, name), wishes(**wanted))  # type: ignore[arg-type]  # the fields of `wishes`
 
 
 def box(cuts: int = 2) -> trimesh.Trimesh:

@@ -1,8 +1,7 @@
-"""Runs recorded tasks again, in a process of its own and under watch, and says what came out and what was wrong.
+"""Server that replays recorded tasks, each in a forked process and under watch, and reports outputs and problems.
 
-Everything that may not matter is another than it was: working directory, environment, hash seed, clock, global random state.
-Inputs are read-only. An audit hook notes what Python opens; where the kernel has Landlock, no library can open more either.
-Called as `python purity_probe.py JOB.json`; the answer is one JSON object on stdout.
+Everything that must not matter differs from the first run: working directory, environment, hash seed, clock, global random state.
+Inputs are read-only. An audit hook records what Python opens; where the kernel has Landlock, no library can open more either.
 """
 
 from __future__ import annotations
@@ -27,6 +26,11 @@ FORBIDDEN = ("socket.", "subprocess.", "os.exec", "os.posix_spawn", "os.system",
 LOOKING = ("os.listdir", "os.scandir", "os.walk", "os.fwalk")
 CHANGING = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.chmod", "os.chown", "os.link", "os.symlink", "os.truncate",
             "os.utime", "os.chdir")
+EARLY = ("numpy", "cv2", "scipy.sparse", "pandas", "pyarrow.parquet", "torch", "torch.utils.data", "torch._dynamo", "h5py",
+         "mujoco")
+"""libraries that load before the watch begins, some of which must: built on datetime and its layout in C (pandas); looks for a
+temporary folder (dill, a cache of compiled code that every optimiser of torch loads); calls `uname` (h5py); starts a process to
+find a window library (mujoco)"""
 LATER_S = 400_000_000.0  # the clock of the probe is twelve years ahead
 
 
@@ -167,9 +171,9 @@ def blobs(store: Any, digest: str) -> list[list[str]]:
 
 def freeze(value: Any) -> list[Path]:
     """Make the arrays of a value read-only; the files that it refers to."""
-    from afford.codecs.shelf import Shelf
+    from afford.codecs.kinds import LazyTuple
 
-    if isinstance(value, Shelf):
+    if isinstance(value, LazyTuple):
         return list(value.files)
     if isinstance(value, tuple):
         return [path for item in value for path in freeze(item)]
@@ -204,10 +208,38 @@ def _of_now(read: Any) -> Any:
     return lambda seconds=None: read(time.time() if seconds is None else seconds)
 
 
-if __name__ == "__main__":
-    job = json.loads(Path(sys.argv[1]).read_text())
-    for name in job["first"]:
+def serve() -> None:
+    """Replay the jobs whose files are named on stdin, each in a process of its own, and write its exit code to stdout.
+
+    The libraries of `EARLY` are loaded once, before the processes are forked. The answer is written beside the job.
+    """
+    for name in EARLY:
         importlib.import_module(name)
     fake_clock()
-    answer = main(job)
-    sys.stdout.write(json.dumps(answer) + "\n")
+    for line in sys.stdin:
+        child = os.fork()
+        if not child:
+            _answer(Path(line.strip()))
+        sys.stdout.write(f"{os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])}\n")
+        sys.stdout.flush()
+
+
+def _answer(path: Path) -> None:
+    """Replay a job and leave the process. Files are opened before the watch begins."""
+    answer, error = path.with_name("answer.json").open("w"), path.with_name("error.txt").open("w")
+    code = 1
+    try:
+        job = json.loads(path.read_text())
+        os.chdir(job["elsewhere"])
+        os.environ.update(job["environment"])
+        json.dump(main(job), answer)
+        code = 0
+    except BaseException:
+        error.write(traceback.format_exc())
+    answer.close()
+    error.close()
+    os._exit(code)
+
+
+if __name__ == "__main__":
+    serve()

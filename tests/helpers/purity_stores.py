@@ -11,7 +11,7 @@ from pathlib import Path
 from afford.common.files import tree as files_of
 from afford.common.video.frames import write_video
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.judge.question import question
+from afford.grasping.judge import prompt
 from commands.origin import origin
 from maps.rgbd import interactions
 from maps.settings import Origin, Settings
@@ -69,7 +69,7 @@ Maker = Callable[[Path, Path], None]
 
 def run(store: Path, target: str, graph: Graph) -> None:
     """Make a target; it must go well."""
-    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare").run(graph, target)
+    report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(graph, target)
     assert report.ok, report.failures
 
 
@@ -198,7 +198,7 @@ def grasps(store: Path, folder: Path) -> None:
 
 def judged(store: Path, folder: Path) -> None:
     """Two grasps were shown to a tiny model."""
-    graph, model = Graph(), save_parrot(folder / "parrot", question(2), '{"score": 7}')
+    graph, model = Graph(), save_parrot(folder / "parrot", prompt(2), '{"score": 7}')
     params = changed(grasp_judge.Params(frames=2, width=64, height=48), model=str(model), new_tokens=16)
     hand, tasks, found = graph.leaf("hand", shadow()), graph.leaf("tasks", (hammer(),)), graph.leaf("found", episodes())
     graph.target("judged", graph.add(grasp_judge.run, hand=hand, tasks=(tasks,), episodes=found, params=params))

@@ -159,5 +159,5 @@ def save_parrot(folder: Path, asked: str, answer: str) -> Path:
         model.lm_head.weight.zero_()
         model.lm_head.weight[words] = embedded[before] / embedded[before].norm(dim=1, keepdim=True)
     model.save_pretrained(folder)
-    chat_model._kept.cache_clear()
+    chat_model._load_cached.cache_clear()
     return folder

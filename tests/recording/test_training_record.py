@@ -18,9 +18,9 @@ from afford.recording.content import EPOCH_NS
 from afford.recording.moments import moments
 from afford.recording.of_training import Shown, record
 from afford.recording.sheet import write_sheet
-from afford.surface.parts import files as parts_files
-from afford.surface.parts import train as parts
-from afford.surface.parts.model import PartsConfig
+from afford.surface.score import part_scorer as parts_files
+from afford.surface.score import train_scorer as parts
+from afford.surface.score.part_scorer import PartScorerConfig
 from schemas.files import FileTree
 from schemas.surface import PartLessons
 from schemas.training import Curve, TrainingLog
@@ -74,12 +74,12 @@ def test_what_comes_after_the_last_step_keeps_its_own_pace() -> None:
 
 def test_a_scorer_is_shown_on_what_judges(tmp_path: Path) -> None:
     """A sheet for each object of validation, none of those it learned from; the sheet of the recording has curves too."""
-    model = parts.seeded(PartsConfig(), 0)
-    root = parts_files.write(tmp_path, model, "card")
+    model = parts.init_scorer(PartScorerConfig(), 0)
+    root = parts_files.save_scorer(tmp_path, model, "card")
     rng = np.random.default_rng(0)
     lessons = tuple(PartLessons(
         f"knife_{split}", "knife", split, ("handle", "blade"), rng.integers(0, 255, (5, 2, 6, 48, 48)).astype(np.uint8),
-        np.zeros((5, model.image[0].in_features - 2 * PartsConfig().widths[-1]), np.float32),
+        np.zeros((5, model.image[0].in_features - 2 * PartScorerConfig().widths[-1]), np.float32),
         rng.random((5, 2)).astype(np.float32), rng.random((5, 2)).astype(np.float32)) for split in ("train", "val"))  # fmt: skip
     made = scorer_record.run(lessons, LOG, tree("part-scorer", root), scorer_record.Params(), Scratch(tmp_path))
     path = made.files[0].path

@@ -13,9 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afford.common.errors import SourceError
-from afford.dataset.sor3d.colours import paint, unpaint
-from afford.dataset.sor3d.folder import discover, views
-from afford.dataset.sor3d.write import write, write_views
+from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, read_views, write_sequence, write_views
 from afford.rgbd.readers.sampling import slots
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 from stages.rgbd import interaction_read
@@ -27,7 +25,7 @@ STCAE = interaction_read.Params(grid="stcae")
 
 def back(root, params=READ):
     """The only sequence of a root."""
-    (files,) = discover(root, digest)
+    (files,) = discover_sequences(root, digest)
     return interaction_read.run(files, params)
 
 
@@ -37,7 +35,7 @@ def test_what_is_written_is_read(tmp_path_factory, affordance, seed, height, wid
     """Colours and masks exactly, depth to the millimetre that it is in, K exactly, hot spots to a pixel of 1920 x 1080."""
     made = clip(affordance, seed, height=height, width=width, split=split)
     root = tmp_path_factory.mktemp("root")
-    write(made, root)
+    write_sequence(made, root)
     found = back(root)
     assert (found.name, found.split, found.object_type, found.affordance, found.rate_hz) == (
         made.name, made.split, made.object_type, made.affordance, made.rate_hz)  # fmt: skip
@@ -70,9 +68,9 @@ def test_colours_are_those_of_the_released_code() -> None:
     """Numbers of SOR3D-AFF's released code; another class's colour is background."""
     assert COLOURS_BGR["cut"] == (0, 165, 255) and COLOURS_BGR["push"] == (240, 255, 120)
     every = np.arange(10, dtype=np.uint8)[None]
-    assert len({tuple(c) for c in paint(every)[0].tolist()}) == 10
+    assert len({tuple(c) for c in colour_label(every)[0].tolist()}) == 10
     for index, name in enumerate(AFFORDANCES):
-        assert np.array_equal(unpaint(paint(every), name)[0] != BACKGROUND, np.arange(10) == index)
+        assert np.array_equal(label_of_colours(colour_label(every), name)[0] != BACKGROUND, np.arange(10) == index)
 
 
 def test_a_root_of_the_released_layout(tmp_path) -> None:
@@ -101,7 +99,7 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
     grey, far = np.arange(12, dtype=np.uint8), np.arange(12, dtype=np.float32)
     made = replace(made, rgb=np.broadcast_to(grey[:, None, None, None], (12, *made.rgb.shape[1:])),
                    depth_m=np.broadcast_to(far[:, None, None], (12, *made.depth_m.shape[1:])))  # fmt: skip
-    folder = write(made, tmp_path)
+    folder = write_sequence(made, tmp_path)
     for path in [*folder.glob("rgb/0*.png"), *folder.glob("depth/*.png")]:
         path.rename(path.with_stem(str(int(path.stem))))
     found = back(tmp_path)
@@ -112,10 +110,10 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
 def test_views_are_read_back(tmp_path) -> None:
     """And a wrong line is named."""
     write_views({"Subject1": 2, "Subject20": 1}, tmp_path)
-    assert views(tmp_path) == {"Subject1": 2, "Subject20": 1}
+    assert read_views(tmp_path) == {"Subject1": 2, "Subject20": 1}
     (tmp_path / "views_id.txt").write_text("Subject1\t4\n")
     with pytest.raises(SourceError, match="line 1: expected SubjectN, a tab, and 1, 2 or 3"):
-        views(tmp_path)
+        read_views(tmp_path)
 
 
 def blank(path, *shape: int, dtype=np.uint8) -> None:
@@ -162,7 +160,7 @@ FAULTS = {
 def test_what_is_wrong_is_said_in_one_sentence(fault: str, tmp_path) -> None:
     """With the file and what was expected."""
     name, spoil, said = FAULTS[fault]
-    folder = write(clip(), tmp_path)
+    folder = write_sequence(clip(), tmp_path)
     spoil(folder / name)
     with pytest.raises(SourceError, match=said) as caught:
         back(tmp_path)
@@ -183,7 +181,7 @@ SHRUNK_FAULTS = {
 def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> None:
     """grid=stcae makes every picture 640 x 360: what does not lie on the grid of the colours must not slip through."""
     name, spoil, said = SHRUNK_FAULTS[fault]
-    folder = write(clip(height=36, width=64), tmp_path)
+    folder = write_sequence(clip(height=36, width=64), tmp_path)
     (folder / "camera.json").unlink()
     assert back(tmp_path, STCAE).depth_m.shape == (3, 300, 300)
     spoil(folder / name)
@@ -194,25 +192,25 @@ def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> 
 def test_folders_of_other_names_are_refused(tmp_path) -> None:
     """No root; an affordance that is none; a name in both splits; a link out of the root."""
     with pytest.raises(SourceError, match="no such folder"):
-        discover(tmp_path, digest)
-    write(replace(clip(), name="Subject1_juggle_knife"), tmp_path / "a")
+        discover_sequences(tmp_path, digest)
+    write_sequence(replace(clip(), name="Subject1_juggle_knife"), tmp_path / "a")
     with pytest.raises(SourceError, match="second word: expected one of grasp"):
         back(tmp_path / "a")
     for split in ("train", "val"):
-        write(clip(split=split), tmp_path / "b")
+        write_sequence(clip(split=split), tmp_path / "b")
     with pytest.raises(SourceError, match="in train and val"):
-        discover(tmp_path / "b", digest)
-    folder = write(clip(), tmp_path / "c")
+        discover_sequences(tmp_path / "b", digest)
+    folder = write_sequence(clip(), tmp_path / "c")
     (folder / "rgb" / "0001.png").unlink()
     (folder / "rgb" / "0001.png").symlink_to(tmp_path / "b" / "train")
     with pytest.raises(SourceError, match="a link that leaves it"):
-        discover(tmp_path / "c", digest)
+        discover_sequences(tmp_path / "c", digest)
 
 
 def test_too_few_files_and_parameters_out_of_range(tmp_path) -> None:
     """Frames have to be there; words have to be known."""
-    folder = write(clip(), tmp_path)
-    (files,) = discover(tmp_path, digest)
+    folder = write_sequence(clip(), tmp_path)
+    (files,) = discover_sequences(tmp_path, digest)
     for k in (1, 2, 3):
         (folder / "rgb" / f"{k:04d}.png").unlink()
     with pytest.raises(SourceError, match="frames and 4 files behind them"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model import sequence_batches
 from afford.rgbd.model.both_ways import both_ways, mirrored
 from afford.rgbd.model.config import Sor3dConfig, row
@@ -26,7 +26,7 @@ def model(request: pytest.FixtureRequest) -> Sor3d:
 def shown(model: Sor3d, turned: bool = False) -> Frames:
     one = noise(5)
     if turned:
-        whole = sequence_batches.mirrored(Sequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
+        whole = sequence_batches.mirrored(PackedSequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
         one = Seen(whole.rgb, whole.depth_m, whole.flow, whole.still)
     return frames([one], model.config)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.evaluate.examine import Answer, as_released, ask, spread
 from afford.rgbd.evaluate.figures import figures, intervals, pooled, regions
@@ -48,7 +48,7 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
     """Their true pixels are counted alike in both modes; some answers are kept, whole."""
     assert scores.clip == tuple(f"val_{n:03d}" for n in range(4)) and scores.mode == ("video", "static")
     for n, name in enumerate(scores.clip):
-        label = sequences.read(dataset.find(f"val/{name}.safetensors").path, "none").label
+        label = packed_sequences.read_sequence(dataset.find(f"val/{name}.safetensors").path, "none").label
         truth = [np.count_nonzero(label == kind) for kind in range(len(AFFORDANCES))]
         assert (scores.pixels[n, :, 2] == truth).all() and scores.affordance[n] == ("push", "lift")[n % 2]
     assert [one.clip for one in scores.shown] == ["val_000", "val_003"]
@@ -134,7 +134,7 @@ def test_intervals_hold_the_figure(scores: InteractionScores) -> None:
 def test_a_picture_is_a_video_of_one_frame(dataset: FileTree) -> None:
     """What is said of the last frame alone does not know what came before; what is said of the video does."""
     model = build(CONFIG, 1).eval()
-    one = sequences.read(dataset.find("val/val_000.safetensors").path, "3d")
+    one = packed_sequences.read_sequence(dataset.find("val/val_000.safetensors").path, "3d")
     other = replace(one, rgb=np.concatenate([255 - one.rgb[:-1], one.rgb[-1:]]))
     assert np.array_equal(ask(model, last(one)).action, ask(model, last(other)).action)
     assert not np.array_equal(ask(model, one).action, ask(model, other).action)

@@ -11,7 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model import files
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import build
@@ -57,7 +57,7 @@ def test_a_sequence_comes_back(dataset: FileTree) -> None:
     clip, flow = interaction(3, "train")
     path = dataset.find("train/train_003.safetensors").path
     for kind, colour in (("3d", flow.colour), ("2d", flow.colour_px), ("none", flow.colour[:0])):
-        back = sequences.read(path, kind)
+        back = packed_sequences.read_sequence(path, kind)
         assert np.array_equal(back.rgb, clip.rgb) and np.array_equal(back.label, clip.label) and np.array_equal(back.flow, colour)
         assert np.abs(back.depth_m - clip.depth_m).max() < 6e-5 and back.affordance == clip.affordance
 
@@ -136,7 +136,7 @@ def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path)
 
 def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
     """Twice is once; motion to the right becomes motion to the left."""
-    one = sequences.read(dataset.find("train/train_000.safetensors").path, "3d")
+    one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
     other = mirrored(one)
     assert one.flow[..., 0].max() == 153 and other.flow[..., 0].min() == 103
     back = mirrored(other)
@@ -145,7 +145,7 @@ def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
 
 def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
     """However it is cropped and mirrored: what is bright in the last frame is what is labelled."""
-    one = sequences.read(dataset.find("train/train_001.safetensors").path, "3d")
+    one = packed_sequences.read_sequence(dataset.find("train/train_001.safetensors").path, "3d")
     for seed in range(8):
         seen = changed(one, Changes(0.5, 1.0, 0.0), np.random.default_rng(seed))
         assert ((seen.rgb[-1].mean(-1) > 150) == (seen.label != BACKGROUND)).mean() > 0.97
@@ -153,7 +153,7 @@ def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
 
 def test_a_picture_has_no_past(dataset: FileTree) -> None:
     """The last frame alone, without motion, with the label."""
-    one = sequences.read(dataset.find("train/train_000.safetensors").path, "3d")
+    one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
     learned = stack([[last(one)]], sor3d_train._job(PARAMS).config)
     assert learned.groups[0].appearance.shape[1] == 1 and (learned.groups[0].motion == 0).all()
     assert learned.action.item() == AFFORDANCES.index("push")
@@ -173,16 +173,16 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
         interaction_pack.run((first, second), (flow,), interaction_pack.Params(), Scratch(tmp_path))
     (tmp_path / "x.safetensors").write_bytes(b"no")
     with pytest.raises(ValueError, match=r"x.safetensors: expected a sequence that interaction_pack wrote"):
-        sequences.read(tmp_path / "x.safetensors", "3d")
+        packed_sequences.read_sequence(tmp_path / "x.safetensors", "3d")
 
 
 def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
     """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
     first and stays at chance.
     """
-    paths = sequences.part({file.name: file.path for file in dataset.files}, "train")
+    paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, "train")
     model = sor3d_train._job(PARAMS).config
-    learned = stack([[sequences.read(path, "3d") for path in paths]], model)
+    learned = stack([[packed_sequences.read_sequence(path, "3d") for path in paths]], model)
     net = build(model, seed=0)
     optimiser = torch.optim.Adam(net.parameters(), 2e-3)
     for _ in range(60):

@@ -13,7 +13,7 @@ from runner.canonical import canonical
 from runner.fingerprint import fingerprint
 from runner.keys import seed_of
 from runner.modules import Modules
-from runner.selection import Unselected, declarations, selected, unselected, without
+from runner.selection import Unselected, declarations, hide_unselected, unselected, without_blocks
 from tests.helpers.editable_project import EditableProject
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -146,7 +146,8 @@ def test_a_stage_cannot_read_a_block_that_is_not_selected(jobs: int, tmp_path: P
     """It is in no key, so that an output could not follow it."""
     project = EditableProject.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
     project.edit("pkg/stage.py", "+ params.end", "+ params.sam_2.sign")
-    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is in no key; read only")
+    assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is not in the "
+                                        "key; read only")
 
 
 @dataclass(frozen=True)
@@ -168,20 +169,20 @@ class Params:
 def test_an_unselected_block_is_not_in_the_parameters(tmp_path: Path) -> None:
     """Neither in the tree that key and seed are taken of, nor in what the stage gets; a field that is no block stays."""
     params = Params()
-    tree = without(canonical(params), params, {"b", "n", "gone"})
+    tree = without_blocks(canonical(params), params, {"b", "n", "gone"})
     assert tree == {"of": "Params", "fields": {"backend": "a", "a": {"of": "Block", "fields": {"size": 1}}, "n": 3}}
-    assert seed_of(tree, {}) == seed_of(without(canonical(Params(b=Block(5))), params, {"b"}), {})
-    given = deepcopy(selected(params, {"b", "n"}))
+    assert seed_of(tree, {}) == seed_of(without_blocks(canonical(Params(b=Block(5))), params, {"b"}), {})
+    given = deepcopy(hide_unselected(params, {"b", "n"}))
     assert (given.a, given.n, repr(given.b)) == (Block(), 3, "<b is not selected>")
     with pytest.raises(ValueError, match=r"params\.b\.size belongs to a backend"):
         given.b.size  # noqa: B018
-    assert selected(params, {"n"}) is params and isinstance(given.b, Unselected)
+    assert hide_unselected(params, {"n"}) is params and isinstance(given.b, Unselected)
 
 
 def test_parameters_without_blocks_are_what_they_were() -> None:
     """So are the seeds of every stage that has none."""
     params = Block()
-    assert without(canonical(params), params, {"size"}) == canonical(params) and selected(params, {"size"}) is params
+    assert without_blocks(canonical(params), params, {"size"}) == canonical(params) and hide_unselected(params, {"size"}) is params
 
 
 DECLARED = """
@@ -211,7 +212,7 @@ def test_declarations_of_the_selected_backends(select: dict[str, object] | None,
     ('{"b": ("two",)}', '{"c": ("two",)}', r"BACKEND_LIBRARIES: expected entries of the registry \(a, b\)"),
     ('{"b": ("two",)}', '{"b": "two"}', r"got LIBRARIES = 'two'"),
     ('BACKEND_THREADS = {"b": 1}', "BACKEND_THREADS = 4", "BACKEND_THREADS: expected entries of the registry"),
-    ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE is about no registry"),
+    ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE belongs to no registry"),
     ("THREADS = 2", "THREADS = True", "got THREADS = True")])
 def test_declarations_that_are_wrong_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
     """In a sentence that shows the form."""

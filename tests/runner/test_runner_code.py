@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from toy_project import Project, graph, text
 
-from runner.keys import Codes
+from runner.keys import CodeFingerprints
 from runner.modules import Modules
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,10 +88,10 @@ def test_codec_and_preparation_are_in_the_keys_of_what_they_touch() -> None:
     from stages.extraction import affordance_intersect, frame_decode
     from stages.synthetic import object_plan
 
-    codes = Codes(Modules(ROOT), "afford.codecs:CODEC", "afford.common.worker:prepare")
+    codes = CodeFingerprints(Modules(ROOT), "afford.codecs:CODEC", "afford.common.worker:prepare")
     found = {stage.__name__.rpartition(".")[2]: codes.of(f"{stage.__name__}:run", stage.Params()).definitions
              for stage in (affordance_intersect, frame_decode, object_plan)}  # fmt: skip
-    everywhere = {"afford.common.worker:prepare", "afford.codecs.structure:save", "afford.codecs.identity:digest"}
+    everywhere = {"afford.common.worker:prepare", "afford.codecs.structure:save", "afford.codecs.kinds:digest"}
     assert all(everywhere <= definitions.keys() for definitions in found.values())
     assert "afford.codecs.video:write_video" in found["frame_decode"]
     assert "afford.codecs.video:write_video" not in found["object_plan"]

@@ -170,7 +170,7 @@ def test_a_blob_damaged_behind_the_back_of_a_run_is_healed_when_it_is_read(proje
     first = project.run("ab", jobs=1)
     project.executed()
     runner = project.runner(1)
-    runner.store._seen.same = lambda blob, path: os.stat(path).st_size > 0  # type: ignore[method-assign]
+    runner.store._verified_blobs.same = lambda blob, path: os.stat(path).st_size > 0  # type: ignore[method-assign]
     joined = runner.store.manifest(first.outputs["join"][0][1]).files[0].blob
     for path in blobs(project):
         if path != runner.store.path("blobs", joined):

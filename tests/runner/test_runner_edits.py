@@ -75,7 +75,7 @@ def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Pa
 
 
 @pytest.mark.parametrize("entry", ["afford.codecs:CODEC", "afford.codecs.structure:save", "afford.codecs.structure:load",
-                                   "afford.codecs.identity:digest", "afford.common.worker:prepare"])
+                                   "afford.codecs.kinds:digest", "afford.common.worker:prepare"])
 def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None:
     """They decide bytes, so that keys hold their code."""
     assert entry in fingerprint(Modules(ROOT), entry, {}).definitions
@@ -89,19 +89,19 @@ def test_a_program_that_a_stage_starts_is_part_of_its_code() -> None:
 
 LINES = [
     ("an import that does not exist", "=== stage.py\nimport math\nfrom pack.gone import f\ndef run(x=3):\n    return f(x)\n"
-     "=== pack/__init__.py\n", "stage.py:2: it imports 'pack.gone'"),
+     "=== pack/__init__.py\n", "stage.py:2: the import of 'pack.gone'"),
     ("an entry that does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack.gone:f'}\ndef run(x=3):\n    return BACKENDS\n"
-     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a module of this project, got 'pack.gone'"),
+     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: 'pack.gone' is not a module of this project"),
     ("an entry whose name does not exist", "=== stage.py\n\nBACKENDS = {'a': 'pack:gone'}\ndef run(x=3):\n    return BACKENDS\n"
-     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: expected a name of the module 'pack', got 'gone'"),
-    ("a stage that does not exist", "=== stage.py\n", "stage:run: expected a name of the module 'stage', got 'run'"),
+     "=== pack/__init__.py\n", r"stage.py:2: BACKENDS\['a'\]: the module 'pack' has no 'gone'"),
+    ("a stage that does not exist", "=== stage.py\n", "stage:run: the module 'stage' has no 'run'"),
     ("data that is not there", "=== stage.py\nDATA_FILES = ('gone.csv',)\ndef run(x=3):\n    return x\n",
      "stage.py:1: DATA_FILES names 'gone.csv'"),
     ("a module in DYNAMIC that is not there", "=== stage.py\nDYNAMIC = ('gone',)\ndef run(x=3):\n    return x\n",
-     "stage.py:1: DYNAMIC: expected a module of this project, got 'gone'"),
+     "stage.py:1: DYNAMIC: 'gone' is not a module of this project"),
     ("syntax", "=== stage.py\ndef run(x=3):\n    return (\n", "stage.py:2: "),
     ("a state set deep in a class", "=== stage.py\nimport numpy as np\n\nclass C:\n    k = 1\n    np.seterr(all='raise')\n"
-     "def run(x=3):\n    return x\n", "stage.py:5: importing this module sets a state of 'numpy'"),
+     "def run(x=3):\n    return x\n", "stage.py:5: importing this module sets global state of 'numpy'"),
     ("a second line of a statement", "=== stage.py\ndef run(x=3):\n    y = x\n    return [\n        y,\n        eval('x')]\n",
      r"stage.py:5: eval\(\) cannot be followed"),
 ]

@@ -172,9 +172,9 @@ def test_a_new_backend_does_not_disturb_the_others(tmp_path: Path) -> None:
     ({"stage.py": "def run(x):\n    return __import__(x)\n"}, "cannot be followed"),
     ({"stage.py": "def run(x):\n    return eval(x)\n"}, "cannot be followed"),
     ({"stage.py": "import helper\ndef run(x):\n    return getattr(helper, x)\n", "helper.py": HELPER}, "getattr"),
-    ({"stage.py": "from helper import *\ndef run(x):\n    return f(x)\n", "helper.py": HELPER}, "hides what is used"),
+    ({"stage.py": "from helper import *\ndef run(x):\n    return f(x)\n", "helper.py": HELPER}, "hides the used names"),
     ({"stage.py": STAGE, "helper.py": HELPER + "DATA_FILES = ('gone.csv',)\n"}, "gone.csv"),
-    ({"stage.py": "from pack.gone import f\ndef run(x):\n    return f(x)\n", "pack/__init__.py": ""}, "not a module of this"),
+    ({"stage.py": "from pack.gone import f\ndef run(x):\n    return f(x)\n", "pack/__init__.py": ""}, "names no module of this"),
     ({"stage.py": "BACKENDS = {'a': 'pack.no:f'}\ndef run(x):\n    return BACKENDS\n", "pack/__init__.py": ""}, "'pack.no'"),
     ({"stage.py": "def run(x):\n    return (\n"}, "stage.py:2: "),
 ])

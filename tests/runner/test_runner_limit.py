@@ -10,7 +10,7 @@ from toy import join, shout, split
 from toy.values import Word
 from toy_project import Project, graph, wait_until
 
-from runner import Graph, NothingToLeaveError, RunReport
+from runner import Graph, NothingOptionalError, RunReport
 from runner.lease import Lease
 
 
@@ -40,10 +40,10 @@ def shown(project: Project, report: RunReport) -> str:
 def test_without_any_time_everything_is_left_but_what_tells_of_it(project: Project) -> None:
     """An empty table, nothing failed; the next run makes what was left, and the same table as one that had the time."""
     report = project.runner().run(table(("a", "b")), "table", limit_s=0.0)
-    assert report.ok and report.left == {"shout_0": 1, "shout_1": 1} and report.ran == {"join": 1}
+    assert report.ok and report.deferred == {"shout_0": 1, "shout_1": 1} and report.ran == {"join": 1}
     assert shown(project, report) == ""
     whole = project.runner().run(table(("a", "b")), "table")
-    assert shown(project, whole) == "A! B!" and not whole.left
+    assert shown(project, whole) == "A! B!" and not whole.deferred
     assert project.runner().run(table(("a", "b")), "table", limit_s=0.0).outputs == whole.outputs, "what is there is no work"
 
 
@@ -52,7 +52,7 @@ def test_what_runs_when_the_time_is_over_is_stopped(project: Project) -> None:
     began = time.monotonic()
     report = project.runner(2).run(table(("a", "b"), "c", 60.0), "table", limit_s=3.0)
     assert time.monotonic() - began < 30
-    assert report.ok and report.left == {"shout_slow": 1} and shown(project, report) == "A! B!"
+    assert report.ok and report.deferred == {"shout_slow": 1} and shown(project, report) == "A! B!"
     for path in (project.store / "leases").glob("*.lock"):
         wait_until(lambda path=path: Lease(path).held)
 
@@ -65,7 +65,7 @@ def test_a_list_is_whole_or_left(project: Project) -> None:
     data = g.add(join.run, words=g.collect(part))  # type: ignore[call-arg]
     g.target("table", g.named("page").add(join.run, words=g.finished("data", [data])))
     report = project.runner().run(g, "table", limit_s=0.0)
-    assert report.left == {"split": 2, "join": 1} and report.ran == {"page": 1}
+    assert report.deferred == {"split": 2, "join": 1} and report.ran == {"page": 1}
 
 
 def test_a_partial_collect_takes_what_is_there(project: Project) -> None:
@@ -79,7 +79,7 @@ def test_a_partial_collect_takes_what_is_there(project: Project) -> None:
 
     project.runner().run(made("ac"), "table")
     report = project.runner().run(made("abc"), "table", limit_s=0.0)
-    assert report.left == {"shout": 1} and shown(project, report) == "A! C!"
+    assert report.deferred == {"shout": 1} and shown(project, report) == "A! C!"
 
 
 def test_of_what_fails_the_rest_is_told(project: Project) -> None:
@@ -91,7 +91,7 @@ def test_of_what_fails_the_rest_is_told(project: Project) -> None:
 
 def test_what_has_nothing_to_leave_takes_no_limit(project: Project) -> None:
     """A data set is made whole or not at all."""
-    with pytest.raises(NothingToLeaveError, match="all is made whole or not at all"):
+    with pytest.raises(NothingOptionalError, match="all has no optional parts"):
         project.run("ab", limit_s=1.0)
 
 
@@ -103,7 +103,7 @@ def test_what_is_needed_is_made_however_late_it_is(project: Project) -> None:
     other = g.named("other").add(shout.run, part=word, word=word, params=shout.Params(backend="other"))
     g.target("table", g.add(join.run, words=g.finished("rows", [loud, other])), loud)  # type: ignore[call-arg]
     report = project.runner().run(g, "table", limit_s=0.0)
-    assert report.ran == {"shout": 1, "join": 1} and report.left == {"other": 1}
+    assert report.ran == {"shout": 1, "join": 1} and report.deferred == {"other": 1}
 
 
 def test_of_equally_deep_tasks_the_first_goes_first(project: Project) -> None:

@@ -102,7 +102,7 @@ CHANGES = {
     "two helpers swap what they do": ("pkg/helper.py", [("'!'", "'#'"), ("'.'", "'!'"), ("'#'", "'.'")], "AB.!?.!?",
                                       "~pkg.helper:end, ~pkg.helper:loud"),
     "two imports swap their names": ("pkg/shout.py", [("import end, loud", "import end as loud, loud as end")], "AB.!?.!?",
-                                     "the same definitions, reached by other names"),
+                                     "same definitions, reached through other names"),
     "a constant": ("pkg/mark.py", [("?", "+")], "AB!.+!.+", "~pkg.mark:MARK"),
     "the entry of a registry": ("pkg/shout.py", [("pkg.upper:up", "pkg.lower:down")], "ab!.?!.?",
                                 "+pkg.lower:down, -pkg.upper:up"),
@@ -164,5 +164,5 @@ def test_a_store_of_a_former_version_is_refused(tmp_path: Path, monkeypatch: pyt
         former.setattr("runner.files.FORMAT", "afford-store-2")
         former.setattr("runner.runner.FORMAT", "afford-store-2")
         assert Runner(tmp_path / "store", code, "toy.values:CODEC", jobs=0).run(g, "all").ok
-    with pytest.raises(StoreError, match=r"former version \(expected afford-store-3, got afford-store-2\).*; delete it, or choose"):
+    with pytest.raises(StoreError, match=r"previous format \(expected afford-store-3, got afford-store-2\).*; delete it"):
         Runner(tmp_path / "store", code, "toy.values:CODEC", jobs=0)

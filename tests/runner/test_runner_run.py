@@ -153,15 +153,15 @@ def test_shards_limit_a_fan_out(project: Project) -> None:
     assert project.run("ab", "cd", shards=["w1"]).ran == {"split": 1, "shout": 2, "pair": 2, "join": 1}
     assert [shard for shard, _ in project.run("ab", "cd", shards=["w0.1"]).outputs["shout"]] == ["w0/w0.1"]
     assert len(project.run("ab", "cd", shards=["w0.1", "w1"]).outputs["shout"]) == 3
-    with pytest.raises(UnknownShardError, match=r"no 'w2\.1' here; the nearest are w[01]\.1"):
+    with pytest.raises(UnknownShardError, match=r"unknown shard 'w2\.1'; the nearest are w[01]\.1"):
         project.run("ab", "cd", shards=["w2.1"])
 
 
 def test_unknown_names_are_refused_with_the_nearest(project: Project) -> None:
     """Targets and stages."""
-    with pytest.raises(UnknownNameError, match="no target 'al'; the nearest are all"):
+    with pytest.raises(UnknownNameError, match="unknown target 'al'; the nearest are all"):
         project.runner().run(graph("ab"), "al")
-    with pytest.raises(UnknownNameError, match="no stage 'shoud'; the nearest are shout"):
+    with pytest.raises(UnknownNameError, match="unknown stage 'shoud'; the nearest are shout"):
         project.run("ab", force=["shoud"])
 
 

@@ -11,10 +11,10 @@ from toy_project import Project
 
 from runner import Graph
 from runner.engines import Inline
-from runner.keys import Codes
-from runner.report import Reason, RunReport, Silent
-from runner.schedule import OVERTAKEN, Budget, Limit, Schedule
-from runner.task_planner import Desk
+from runner.keys import CodeFingerprints
+from runner.report import Reason, RunReport, SilentObserver
+from runner.schedule import MAX_OVERTAKES, Budget, Limit, Schedule
+from runner.task_planner import TaskPlanner
 from runner.walk import Walk
 
 
@@ -36,7 +36,7 @@ def test_a_wide_task_gets_its_turn(first: bool, project: Project) -> None:
     assert project.runner(2).run(g, "all").ok
     log = project.log.read_text().split("\n")
     begun = log.index("shout w"), log.index("wide w")
-    assert begun[1] - begun[0] <= 2 + 2 * OVERTAKEN + 2, log
+    assert begun[1] - begun[0] <= 2 + 2 * MAX_OVERTAKES + 2, log
 
 
 def test_a_turn_without_a_limit_does_not_touch_the_ready_list(project: Project) -> None:
@@ -45,11 +45,11 @@ def test_a_turn_without_a_limit_does_not_touch_the_ready_list(project: Project) 
     word = g.each(g.leaf("words", tuple(Word(f"n{i}", "x") for i in range(3))))
     g.target("all", g.add(shout.run, part=word, word=word, params=shout.Params()))
     runner = project.runner()
-    desk = Desk(runner.store, runner.traces, Codes(runner.modules, "toy.values:CODEC", None))
-    for limit in (Limit(), Limit(end=float("1e18"), spare=frozenset({0, 1, 2}))):
-        schedule = Schedule(desk, Inline(runner.place), Budget(1, 1.0), Silent(), RunReport(""), limit)
+    desk = TaskPlanner(runner.store, runner.traces, CodeFingerprints(runner.modules, "toy.values:CODEC", None))
+    for limit in (Limit(), Limit(end=float("1e18"), optional=frozenset({0, 1, 2}))):
+        schedule = Schedule(desk, Inline(runner.worker_spec), Budget(1, 1.0), SilentObserver(), RunReport(""), limit)
         schedule.walk = Walk(g, runner._wanted(g, "all"), desk, schedule)
         schedule.walk.begin()
         ready = schedule._ready
-        schedule._leave_late()
+        schedule._defer_late()
         assert schedule._ready is ready and len(ready) == 3 and isinstance(ready[0][3], Reason)

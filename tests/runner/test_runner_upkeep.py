@@ -34,7 +34,7 @@ def test_lineage_leads_to_the_leafs(project: Project) -> None:
     assert runner.lineage(digest[:16]) == origin
     blob = runner.store.path("blobs", runner.store.manifest(digest).files[0].blob)
     assert runner.lineage(str(blob)).digest == digest
-    with pytest.raises(ValueError, match="fits 0 artifacts"):
+    with pytest.raises(ValueError, match="matches 0 artifacts"):
         runner.lineage("zz")
 
 

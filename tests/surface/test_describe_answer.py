@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afford.surface.describe.answer import objects, read
+from afford.surface.describe.lexicon import look_up
 from afford.surface.describe.looks import LOOKS, LOOKS_OF
-from afford.surface.describe.question import WORDS, question
-from afford.surface.describe.rules import look_up
+from afford.surface.describe.prompt import LOOK_WORDS, json_objects, parse_answer, part_prompt
 from schemas.surface import PartDescription
 
 BLADE = {"part": "Cutting edge", "role": "negative", "looks": "a long flat thin plate", "reason": "It cuts.", "confidence": 0.9,
@@ -26,7 +25,7 @@ def said(*parts: object, category: object = "Bread knife", **more: object) -> st
 
 
 def parsed(text: str) -> PartDescription:
-    return read(text, "thing_1", "cut bread", "vlm")
+    return parse_answer(text, "thing_1", "cut bread", "vlm")
 
 
 def test_what_was_asked_for_comes_through() -> None:
@@ -115,15 +114,15 @@ def test_any_text_is_an_answer_or_one_sentence(text: str) -> None:
 @given(st.recursive(st.none() | st.booleans() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x), max_leaves=8))
 def test_objects_are_found_in_text(value: Any) -> None:
     """The outermost ones."""
-    assert list(objects(f"so {json.dumps({'v': value})} and")) == [{"v": value}]
+    assert list(json_objects(f"so {json.dumps({'v': value})} and")) == [{"v": value}]
 
 
 def test_the_question_tells_what_is_known() -> None:
     """Category, task and sides; what could break out of its line is quoted."""
-    full = question("soldering_iron", 'say "x"\nand y', ("front", "back"))
+    full = part_prompt("soldering_iron", 'say "x"\nand y', ("front", "back"))
     assert '"soldering iron"' in full and r'"say \"x\"\nand y"' in full and "front, back" in full
-    empty = question("", "", ("front",))
-    assert WORDS in full and WORDS in empty
+    empty = part_prompt("", "", ("front",))
+    assert LOOK_WORDS in full and LOOK_WORDS in empty
     assert "Somebody says" not in empty and "No task is given" in empty
     example = empty[empty.index('{"category": "unknown"') :]
     assert parsed(example).category == "unknown"
@@ -131,7 +130,7 @@ def test_the_question_tells_what_is_known() -> None:
 
 def test_the_words_for_looks_are_those_that_the_scorer_learned() -> None:
     """Each stands in the table of looks, and nearly all that the table says can be said with them."""
-    learned, offered = words(*LOOKS.values(), *LOOKS_OF.values()), set(words(WORDS))
+    learned, offered = words(*LOOKS.values(), *LOOKS_OF.values()), set(words(LOOK_WORDS))
     assert offered <= set(learned)
     assert sum(word in offered | {"a", "of", "with"} for word in learned) > 0.95 * len(learned)
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.models import chat
+from afford.models import chat_endpoint
 from afford.render.views.draw import LINE_PX, contact_sheet
 from schemas.surface import PartDescription
 from stages.surface import part_describe
@@ -180,10 +180,10 @@ def test_what_cannot_be_a_key_is_not_sent(value: str, sentence: str, monkeypatch
 def test_a_key_travels_in_the_open_to_this_machine_only() -> None:
     """Or over https."""
     for url in ("https://api.example/v1", "http://localhost:1/v1", "http://[::1]:1/v1"):
-        assert chat.read_key(VARIABLE, url) == KEY
+        assert chat_endpoint.read_key(VARIABLE, url) == KEY
     for url in ("http://api.example/v1", "http://localhost.example/v1"):
         with pytest.raises(ValueError, match="in the open"):
-            chat.read_key(VARIABLE, url)
+            chat_endpoint.read_key(VARIABLE, url)
 
 
 @pytest.mark.parametrize("wrong", [

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.describe.lexicon import LEXICON, TASKS, changes, rule, truth
-from afford.surface.describe.looks import PARTS, phrase
-from afford.surface.describe.rules import look_up
-from afford.surface.describe.task import Task, parse
-from afford.surface.parts.model import PartsConfig
-from afford.synthetic.objects.build import BUILDERS
+from afford.surface.describe.lexicon import LEXICON, TASKS, ParsedTask, look_up, negative_parts, parse_task, role_changes, rule
+from afford.surface.describe.looks import PARTS, part_phrase
+from afford.surface.score.part_scorer import PartScorerConfig
+from afford.synthetic.objects.library import BUILDERS
 from schemas.surface import PartDescription
 
 
@@ -36,13 +34,13 @@ def test_the_table_covers_every_category_and_names_only_parts_that_exist() -> No
 
 def test_the_scorer_reads_every_phrase_to_its_end() -> None:
     """How a part looks stands last, and is not to be cut off."""
-    phrases = [phrase(kind, part) for kind, parts in PARTS.items() for part in parts.split()]
-    assert max(len(text.split()) for text in phrases) <= PartsConfig().text_words
+    phrases = [part_phrase(kind, part) for kind, parts in PARTS.items() for part in parts.split()]
+    assert max(len(text.split()) for text in phrases) <= PartScorerConfig().text_words
 
 
 def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:
     """Of the evaluated tasks; in every category at least one."""
-    turning = {category: {truth(category, task) for task in tasks} for category, tasks in TASKS.items()}
+    turning = {category: {negative_parts(category, task) for task in tasks} for category, tasks in TASKS.items()}
     assert all(len(found) > 1 for found in turning.values()), turning
     assert sum(len(found) > 1 for found in turning.values()) >= 12
 
@@ -57,7 +55,7 @@ def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:
 ])  # fmt: skip
 def test_what_a_reader_expects(category: str, task: str, negative: set[str]) -> None:
     """Spot checks of the table, by the words of tasks."""
-    assert truth(category, task) == negative
+    assert negative_parts(category, task) == negative
     notes = look_up("x", category, task).notes
     assert {note.part for note in notes if note.role == "negative"} == negative
 
@@ -85,11 +83,11 @@ def test_notes_are_in_order_and_say_how_sure_they_are() -> None:
 
 def test_task_changes_comes_out_of_the_table() -> None:
     """A trigger is negative only while the bit is changed or the drill handed over; the claw's row is turned by another."""
-    assert changes("drill", "trigger", True) and changes("drill", "bit", True)
+    assert role_changes("drill", "trigger", True) and role_changes("drill", "bit", True)
     for category, rows in LEXICON.items():
         for row in rows:
             for part in row.negative:
-                assert changes(category, part, True) == any(part not in other.negative for other in rows)
+                assert role_changes(category, part, True) == any(part not in other.negative for other in rows)
 
 
 @pytest.mark.parametrize("category", ["", "unknown", "sofa", "knives and forks", "blade"])
@@ -98,7 +96,7 @@ def test_unknown_is_unknown(category: str) -> None:
     found = look_up("thing_1", category, "cut bread")
     assert (found.name, found.category, found.notes) == ("thing_1", "unknown", ())
     with pytest.raises(KeyError):
-        truth(category, "cut bread")
+        negative_parts(category, "cut bread")
 
 
 def test_names_of_things_are_read_as_people_write_them() -> None:
@@ -109,14 +107,15 @@ def test_names_of_things_are_read_as_people_write_them() -> None:
 
 
 @pytest.mark.parametrize(("text", "task"), [
-    ("cut bread", Task("cut", "")), ("Hand over the knife", Task("hand over", "")),
-    ("pour from the hot kettle", Task("pour", "hot")),
-    ("pour the hot tea from the cold kettle", Task("pour", "cold")), ("pick up the mug", Task("carry", "")), ("", Task("", "")),
-    ("cutlery drawer", Task("", "")), ("turn over the egg", Task("stir", "")), ("the hot plate", Task("", "hot")),
+    ("cut bread", ParsedTask("cut", "")), ("Hand over the knife", ParsedTask("hand over", "")),
+    ("pour from the hot kettle", ParsedTask("pour", "hot")),
+    ("pour the hot tea from the cold kettle", ParsedTask("pour", "cold")),
+    ("pick up the mug", ParsedTask("carry", "")), ("", ParsedTask("", "")),
+    ("cutlery drawer", ParsedTask("", "")), ("turn over the egg", ParsedTask("stir", "")), ("the hot plate", ParsedTask("", "hot")),
 ])  # fmt: skip
-def test_tasks_are_read(text: str, task: Task) -> None:
+def test_tasks_are_read(text: str, task: ParsedTask) -> None:
     """The longest verb at the start, the last word of state."""
-    assert parse(text) == task
+    assert parse_task(text) == task
 
 
 def test_the_best_row_is_taken() -> None:

@@ -11,9 +11,9 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from afford.models.chat_model import ChatModel, inputs, load_model, reply
-from afford.render.views.draw import contact_sheet, labels
-from afford.surface.describe.question import question
+from afford.models.chat_model import ChatModel, generate, inputs, load_model
+from afford.render.views.draw import contact_sheet, sheet_labels
+from afford.surface.describe.prompt import part_prompt
 from stages.surface import part_describe
 from tests.helpers.blocks import changed
 from tests.helpers.chat_server import GOOD
@@ -42,7 +42,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def given() -> tuple[str, np.ndarray]:
     x = looked()
-    return question(x.mesh.category, TASK, labels(x.views, 6)), contact_sheet(x.views, 6)
+    return part_prompt(x.mesh.category, TASK, sheet_labels(x.views, 6)), contact_sheet(x.views, 6)
 
 
 def teach(chat: ChatModel, asked: str, sheet: np.ndarray, answer: str) -> None:
@@ -85,8 +85,8 @@ def test_an_answer_that_is_cut_off_is_none(taught: Path) -> None:
 
 def test_a_random_model_describes_nothing(random: Path) -> None:
     """What it babbles is shown, and nothing is made of it."""
-    babble = reply(load_model(str(random)), *given(), 16)
-    assert babble and babble == reply(load_model(str(random)), *given(), 16)
+    babble = generate(load_model(str(random)), *given(), 16)
+    assert babble and babble == generate(load_model(str(random)), *given(), 16)
     with pytest.raises(ValueError, match=r"answer of backend 'vlm': expected one JSON object .* got none in") as caught:
         described(random, new_tokens=16)
     assert repr(babble[:200]) in str(caught.value)

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.category import category_of
+from afford.surface.meshes.mend import category_of
 from schemas.mesh import ReadMesh
 from tests.helpers.mesh_files import box, mended, write_labels, write_obj
 

@@ -10,12 +10,12 @@ import pytest
 import trimesh
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.bake import sample
-from afford.surface.meshes.files import target
 from afford.surface.meshes.gltf import _tinted, linear, srgb
-from afford.surface.meshes.nearest import Nearest
-from afford.surface.meshes.read import read
-from afford.surface.meshes.units import decide
+from afford.surface.meshes.mend import infer_unit
+from afford.surface.meshes.nearest import NearestSurface
+from afford.surface.meshes.read import read_surface
+from afford.surface.meshes.surface import resolve_reference
+from afford.surface.meshes.texture import sample_texture
 from schemas.mesh import ObjectMesh, ReadMesh
 from tests.helpers.fuzz_meshes import write_gltf
 from tests.helpers.mesh_files import SIZE_M, box, checks, mended, places, planar_uv, tree, write_image, write_obj
@@ -60,15 +60,15 @@ def test_every_format_gives_the_same_surface(kind: str, tmp_path: Path) -> None:
 
 def colour_of(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
     """(n, 3) colours of a mesh at the nearest places to points."""
-    face, bary, away = Nearest(mesh.vertices, mesh.faces)(points)
+    face, bary, away = NearestSurface(mesh.vertices, mesh.faces)(points)
     assert away.max() < 1e-5
-    return sample(mesh.texture, np.einsum("nk,nkc->nc", bary, mesh.uv[face])).astype(int)
+    return sample_texture(mesh.texture, np.einsum("nk,nkc->nc", bary, mesh.uv[face])).astype(int)
 
 
 def differs(found: ReadMesh, image: np.ndarray, uv: np.ndarray, solid: trimesh.Trimesh) -> int:
     """Largest difference between the texture of a mesh and that of its file, at random places."""
     face, bary, points = places(solid.vertices, solid.faces)
-    wanted = sample(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
+    wanted = sample_texture(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
     top = np.abs(points[:, 2]) > SIZE_M[2] / 2 - 1e-9
     return int(np.abs(colour_of(found.mesh, points) - wanted)[top].max())
 
@@ -101,9 +101,9 @@ def test_materials_become_one_texture(tmp_path: Path) -> None:
               {0: "usemtl a", third: "usemtl b", 2 * third: "usemtl c"})
     mesh = mended(tmp_path).mesh
     face, bary, _ = places(solid.vertices, solid.faces, 2000)
-    seen = sample(mesh.texture, np.einsum("nk,nkc->nc", bary, mesh.uv[face])).astype(int)
+    seen = sample_texture(mesh.texture, np.einsum("nk,nkc->nc", bary, mesh.uv[face])).astype(int)
     there = np.einsum("nk,nkc->nc", bary, uv[face])
-    wanted = np.where((face < third)[:, None], sample(image, there), sample(image[:32, ::-1], there)).astype(int)
+    wanted = np.where((face < third)[:, None], sample_texture(image, there), sample_texture(image[:32, ::-1], there)).astype(int)
     wanted[face >= 2 * third] = (255, 0, 51)
     assert np.abs(seen - wanted).max() <= 1
 
@@ -119,7 +119,7 @@ def test_colours_of_vertices_and_faces_are_kept(tmp_path: Path) -> None:
     mixed = np.einsum("nk,nkc->nc", bary, ramp[solid.faces[face]].astype(float))
     assert np.abs(colour_of(mended(tmp_path, "v").mesh, points) - mixed).mean() < 3
     palette = mended(tmp_path, "f").mesh
-    assert np.abs(sample(palette.texture, palette.uv.mean(axis=1)) - colours.astype(int)).max() == 0
+    assert np.abs(sample_texture(palette.texture, palette.uv.mean(axis=1)) - colours.astype(int)).max() == 0
 
 
 def test_glb_nodes_images_and_factors_are_kept(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_glb_nodes_images_and_factors_are_kept(tmp_path: Path) -> None:
     assert found.report.watertight and found.report.bodies == 2 and found.report.size_m[2] == pytest.approx(0.14, abs=1e-6)
     shifted = trimesh.Trimesh(solid.vertices + [0, 0, 0.1], solid.faces, process=False)
     face, bary, points = places(shifted.vertices, shifted.faces)
-    wanted = sample(image, np.einsum("nk,nkc->nc", bary, uv[solid.faces[face]])).astype(int)
+    wanted = sample_texture(image, np.einsum("nk,nkc->nc", bary, uv[solid.faces[face]])).astype(int)
     assert np.abs(colour_of(found.mesh, points) - wanted).max() <= 8
     assert (colour_of(found.mesh, np.array([[0.0, 0.0, -0.02]])) == [255, 0, 0]).all()
 
@@ -148,14 +148,14 @@ def test_glb_nodes_images_and_factors_are_kept(tmp_path: Path) -> None:
     (0.2, "auto", "", "m"), (300.0, "auto", "", "mm"), (1.5, "auto", "", "m"), (12.0, "inch", "", "inch"), (0.2, "auto", "m", "m")])
 def test_units_are_decided_by_size(size: float, unit: str, stated: str, wanted: str) -> None:
     """What somebody says counts first."""
-    assert decide(size, unit, stated, "a.obj") == wanted
+    assert infer_unit(size, unit, stated, "a.obj") == wanted
 
 
 @pytest.mark.parametrize(("size", "stated"), [(5e-3, ""), (5e4, ""), (30.0, ""), (180.0, "m")])
 def test_units_that_fit_nothing_or_several_are_refused(size: float, stated: str) -> None:
     """The sentence names the file, what fits and what to say."""
     with pytest.raises(SourceError, match=r"a\.obj: expected a diagonal of .* got .*; say which with unit = "):
-        decide(size, "auto", stated, "a.obj")
+        infer_unit(size, "auto", stated, "a.obj")
 
 
 def test_millimetres_and_metres_are_the_same_thing(tmp_path: Path) -> None:
@@ -240,7 +240,7 @@ def test_vertex_colours_stay_with_their_vertices_beside_unused_texture_coordinat
     rows = "".join(f"{x} {y} {z} 0.{k} 0.5 {50 * k} 9 9\n" for k, (x, y, z) in enumerate(places))
     head = "property float s\nproperty float t\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
     (tmp_path / "thing.ply").write_text(PLY.replace("vertex 3", "vertex 4").format(head, rows, "3 1 2"))
-    surface = read(tree(tmp_path))
+    surface = read_surface(tree(tmp_path))
     for place, colour in zip(surface.vertices[surface.faces[0]], surface.colour[0], strict=True):
         assert colour[0] == 50 * int(np.abs(places - place).sum(axis=1).argmin())
 
@@ -265,8 +265,8 @@ def test_a_base_colour_multiplies_the_linear_image(factor: list[float]) -> None:
 def test_references_never_leave_the_source(reference: str) -> None:
     """Upwards, absolute or over the network: refused."""
     with pytest.raises(SourceError, match="references to files inside the source folder"):
-        target("thing.obj", reference)
-    assert target("meshes/thing.obj", "../look/x.png") == "look/x.png"
+        resolve_reference("thing.obj", reference)
+    assert resolve_reference("meshes/thing.obj", "../look/x.png") == "look/x.png"
 
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the scanned objects are not here")
@@ -274,8 +274,8 @@ def test_references_never_leave_the_source(reference: str) -> None:
 def test_scans_pass_with_their_texture(name: str) -> None:
     """Same texels, same surface, and the place that the URDF says."""
     found = mended(SCANS, name, texture_px=2048)
-    from afford.surface.meshes.files import picture
-    raw = picture((SCANS / name / "texture_map.png").read_bytes(), name)
+    from afford.surface.meshes.surface import decode_picture
+    raw = decode_picture((SCANS / name / "texture_map.png").read_bytes(), name)
     assert np.array_equal(found.mesh.texture, raw) and 16_000 <= len(found.mesh.faces) <= 16_384
     assert 0.02 < np.linalg.norm(found.report.size_m) < 0.5 and found.report.unit == "m"
     assert np.abs(found.mesh.vertices.mean(axis=0)).max() < 0.1

@@ -10,13 +10,13 @@ import trimesh
 
 from afford.common.errors import SourceError
 from afford.render.solids import grid_faces
-from afford.surface.meshes.bake import rasterise, sample
 from afford.surface.meshes.charts import unwrap
-from afford.surface.meshes.mend import read_mended
-from afford.surface.meshes.nearest import Nearest
+from afford.surface.meshes.mend import read_repaired
+from afford.surface.meshes.nearest import NearestSurface
 from afford.surface.meshes.net import bodies, watertight
-from afford.surface.meshes.orient import winding
+from afford.surface.meshes.orient import winding_number
 from afford.surface.meshes.repair import Counts, repair
+from afford.surface.meshes.texture import rasterise, sample_texture
 from tests.helpers.mesh_files import LIMITS, box, checks, mended, places, planar_uv, tree, wishes, write_image, write_obj
 
 
@@ -75,8 +75,8 @@ def test_cavities_stay_and_bodies_side_by_side_are_turned_each() -> None:
 def test_winding_numbers() -> None:
     """1 inside, 0 outside."""
     solid = box()
-    assert winding(np.array([0.01, 0.02, 0.003]), solid.vertices, solid.faces) == pytest.approx(1)
-    assert winding(np.array([0.3, 0.0, 0.0]), solid.vertices, solid.faces) == pytest.approx(0, abs=1e-12)
+    assert winding_number(np.array([0.01, 0.02, 0.003]), solid.vertices, solid.faces) == pytest.approx(1)
+    assert winding_number(np.array([0.3, 0.0, 0.0]), solid.vertices, solid.faces) == pytest.approx(0, abs=1e-12)
 
 
 def test_repeated_vertices_faces_and_dust_go() -> None:
@@ -131,9 +131,9 @@ def test_texture_survives_turning_and_merging(tmp_path: Path) -> None:
     found = mended(tmp_path)
     assert found.report.watertight and np.array_equal(found.mesh.texture, image)
     face, bary, points = places(solid.vertices, solid.faces)
-    wanted = sample(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
-    place, there, _ = Nearest(found.mesh.vertices, found.mesh.faces)(points)
-    seen = sample(found.mesh.texture, np.einsum("nk,nkc->nc", there, found.mesh.uv[place])).astype(int)
+    wanted = sample_texture(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
+    place, there, _ = NearestSurface(found.mesh.vertices, found.mesh.faces)(points)
+    seen = sample_texture(found.mesh.texture, np.einsum("nk,nkc->nc", there, found.mesh.uv[place])).astype(int)
     inside = np.abs(points[:, 2]) > 0.0199
     assert np.abs(seen - wanted)[inside].max() <= 1
 
@@ -148,9 +148,9 @@ def test_too_many_faces_are_simplified_and_painted_anew(tmp_path: Path) -> None:
     found = mended(tmp_path, faces=2000)
     assert len(found.mesh.faces) <= 2200 and 0 < found.report.deviation_m < 0.001
     face, bary, points = places(found.mesh.vertices.astype(float), found.mesh.faces)
-    seen = sample(found.mesh.texture, np.einsum("nk,nkc->nc", bary, found.mesh.uv[face])).astype(int)
-    old, there, _ = Nearest(ball.vertices, ball.faces)(points)
-    wanted = sample(image, np.einsum("nk,nkc->nc", there, uv[old])).astype(int)
+    seen = sample_texture(found.mesh.texture, np.einsum("nk,nkc->nc", bary, found.mesh.uv[face])).astype(int)
+    old, there, _ = NearestSurface(ball.vertices, ball.faces)(points)
+    wanted = sample_texture(image, np.einsum("nk,nkc->nc", there, uv[old])).astype(int)
     assert np.abs(seen - wanted).mean() < 2
     again = mended(tmp_path, faces=2000)
     assert again.mesh.texture.tobytes() == found.mesh.texture.tobytes() and again.mesh.faces.tobytes() == found.mesh.faces.tobytes()
@@ -162,7 +162,7 @@ def test_the_nearest_place_is_exact_at_every_size(size_m: float) -> None:
     ball = trimesh.creation.icosphere(5, size_m)
     face, _, points = places(ball.vertices, ball.faces)
     off = points + 1e-3 * size_m * ball.face_normals[face]
-    nearest = Nearest(ball.vertices, ball.faces)
+    nearest = NearestSurface(ball.vertices, ball.faces)
     assert nearest(points)[2].max() < 1e-9 * size_m
     found, there, away = nearest(off)
     assert away == pytest.approx(1e-3 * size_m, rel=1e-2)
@@ -175,7 +175,7 @@ def test_what_cannot_be_simplified_is_refused(tmp_path: Path) -> None:
     corners = rng.random((2000, 1, 3)) + rng.normal(0, 0.02, (2000, 3, 3))
     write_obj(tmp_path / "dust.obj", corners.reshape(-1, 3), np.arange(6000).reshape(-1, 3))
     with pytest.raises(SourceError, match=r"dust\.obj: expected a surface that 100 faces can show"):
-        read_mended(tree(tmp_path), wishes(faces=100))
+        read_repaired(tree(tmp_path), wishes(faces=100))
 
 
 def test_charts_do_not_overlap() -> None:

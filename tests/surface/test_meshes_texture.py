@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.meshes.bake import sample
-from afford.surface.meshes.materials import cloud
-from afford.surface.meshes.regions import main_axis, regions, thickness
-from afford.surface.meshes.texture import texture
+from afford.surface.meshes.texture import sample_texture
+from afford.surface.texture.procedural import paint_regions, wave_noise
+from afford.surface.texture.shape_regions import main_axis, shape_regions, thickness
 from tests.helpers.mesh_files import box, places
 
 
@@ -33,7 +32,7 @@ def test_thickness_is_that_of_the_body() -> None:
 def test_thin_and_thick_are_regions_of_their_own() -> None:
     """Most of the blade is the thinnest region, none of the handle is."""
     solid = spoon()
-    region, thick = regions(np.asarray(solid.vertices), np.asarray(solid.faces), 3)
+    region, thick = shape_regions(np.asarray(solid.vertices), np.asarray(solid.faces), 3)
     place, area = solid.triangles_center[:, 1], solid.area_faces
     blade, handle = place > 0.01, place < -0.01
     assert 2 <= len(thick) <= 3 and (np.diff(thick) > 0).all()
@@ -44,7 +43,7 @@ def test_thin_and_thick_are_regions_of_their_own() -> None:
 def test_what_has_no_parts_has_one_region() -> None:
     """A ball."""
     ball = trimesh.creation.icosphere(4, 0.05)
-    assert len(regions(np.asarray(ball.vertices), np.asarray(ball.faces), 3)[1]) == 1
+    assert len(shape_regions(np.asarray(ball.vertices), np.asarray(ball.faces), 3)[1]) == 1
 
 
 def test_regions_turn_with_the_object() -> None:
@@ -52,7 +51,7 @@ def test_regions_turn_with_the_object() -> None:
     solid = spoon()
     T = trimesh.transformations.rotation_matrix(1.0, [1, 2, 3], [0.1, 0, 0])
     turned = trimesh.transform_points(solid.vertices, T)
-    a, b = (regions(np.asarray(v), np.asarray(solid.faces), 2)[0] for v in (solid.vertices, turned))
+    a, b = (shape_regions(np.asarray(v), np.asarray(solid.faces), 2)[0] for v in (solid.vertices, turned))
     assert (a == b).mean() > 0.97
 
 
@@ -67,7 +66,7 @@ def test_same_seed_same_bytes_and_other_seeds_other_looks() -> None:
     """The texture is a function of mesh and seed."""
     solid = spoon()
     v, f = np.asarray(solid.vertices, np.float32), np.asarray(solid.faces, np.int32)
-    a, b, c = (texture(v, f, 3, 128, seed) for seed in (0, 0, 1))
+    a, b, c = (paint_regions(v, f, 3, 128, seed) for seed in (0, 0, 1))
     assert a[0].tobytes() == b[0].tobytes() and a[1].tobytes() == b[1].tobytes() and a[1].tobytes() != c[1].tobytes()
 
 
@@ -75,9 +74,9 @@ def test_every_face_has_the_material_of_its_region() -> None:
     """Blade and handle differ in colour wherever one looks."""
     solid = spoon()
     v, f = np.asarray(solid.vertices, np.float32), np.asarray(solid.faces, np.int32)
-    uv, image = texture(v, f, 2, 256, 0)
+    uv, image = paint_regions(v, f, 2, 256, 0)
     face, bary, points = places(solid.vertices, f, 2000)
-    seen = sample(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int).sum(axis=1)
+    seen = sample_texture(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int).sum(axis=1)
     assert seen[points[:, 1] > 0.02].mean() > 500 and (seen[points[:, 1] > 0.02] > 450).mean() > 0.97
     assert (seen[points[:, 1] < -0.02] < 450).mean() > 0.97
 
@@ -86,5 +85,5 @@ def test_noise_has_no_mean_and_a_scale() -> None:
     """About -1..1, alike nearby, different farther away."""
     rng = np.random.default_rng(0)
     points = rng.random((20_000, 3))
-    value, near = cloud(points, np.random.default_rng(1), 0.1), cloud(points + 0.001, np.random.default_rng(1), 0.1)
+    value, near = wave_noise(points, np.random.default_rng(1), 0.1), wave_noise(points + 0.001, np.random.default_rng(1), 0.1)
     assert abs(value.mean()) < 0.1 and 0.3 < value.std() < 1.0 and np.abs(value - near).mean() < 0.1

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.negative.files import colours, slug
+from afford.surface.negative.export import probability_colours, task_slug
 from schemas.files import FileTree
 from stages.surface import negative_affordance_files
 from tests.helpers.made_objects import looked, projected
@@ -56,7 +56,7 @@ def test_the_same_input_gives_the_same_files(tmp_path: Path) -> None:
     one, again = made(tmp_path / "a"), made(tmp_path / "b")
     assert [(f.name, f.digest) for f in one.files] == [(f.name, f.digest) for f in again.files]
     assert {f.name.partition("/")[0] for f in one.files} == {"0_drive_a_screw", "1_hand_over_the_screwdriver"}
-    assert slug("") == "any_use" and slug("Hand over: the KNIFE!") == "hand_over_the_knife"
+    assert task_slug("") == "any_use" and task_slug("Hand over: the KNIFE!") == "hand_over_the_knife"
 
 
 def test_where_nothing_is_negative_n_t_is_a_file_without_points(tmp_path: Path) -> None:
@@ -70,6 +70,6 @@ def test_where_nothing_is_negative_n_t_is_a_file_without_points(tmp_path: Path) 
 
 def test_colours_run_from_green_to_red() -> None:
     """Opaque; in the middle between both."""
-    found = colours(np.float32([0, 0.5, 1]))
+    found = probability_colours(np.float32([0, 0.5, 1]))
     assert found[0].tolist() == [60, 160, 90, 255] and found[2].tolist() == [214, 48, 39, 255]
     assert found[1, :3] == pytest.approx((found[0, :3].astype(float) + found[2, :3]) / 2, abs=1)

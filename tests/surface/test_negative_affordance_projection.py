@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.negative.distance import at, distance
+from afford.surface.negative.project import distance_to_points, interpolate_field
 from stages.surface import negative_affordance_projection
 from tests.helpers.made_objects import looked, projected, true_scores
 
@@ -43,10 +43,10 @@ def test_points_and_n_t_are_those_of_the_surface() -> None:
     size = float(np.ptp(x.mesh.vertices, axis=0).max())
     for one in found.tasks:
         assert one.negative.shape == found.points.shape[:1] and 0 < one.negative.mean() < 1 and len(one.N_t) == 40
-        assert distance(one.N_t, found.points[one.negative]).max() < 0.1 * size
-        assert distance(middle[one.probability > 0.5], one.N_t).max() < 0.02
-        grid = at(one.field, one.N_t)
-        assert grid.max() < np.sqrt(3) * 0.02 and np.abs(grid - distance(one.N_t, one.N_t)).max() < np.sqrt(3) * 0.02
+        assert distance_to_points(one.N_t, found.points[one.negative]).max() < 0.1 * size
+        assert distance_to_points(middle[one.probability > 0.5], one.N_t).max() < 0.02
+        grid = interpolate_field(one.field, one.N_t)
+        assert grid.max() < np.sqrt(3) * 0.02 and np.abs(grid - distance_to_points(one.N_t, one.N_t)).max() < np.sqrt(3) * 0.02
 
 
 def test_an_unknown_thing_is_negative_nowhere() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.negative.fuse import judged, pixels
+from afford.surface.negative.project import part_posterior, pixel_probability
 from schemas.surface import PartCandidates, PartDescription, PartNote, PartScores
 
 
@@ -22,15 +22,16 @@ def scores(*rows: tuple[float, ...]) -> PartScores:
 
 def test_what_fits_better_wins_even_where_nothing_fits_well() -> None:
     """Only the ratio counts: 0.2 to 0.1 is as 0.8 to 0.4; neutral parts compete as well."""
-    value, sure = judged(scores((0.2, 0.1), (0.8, 0.4), (0.1, 0.8)), description("negative", "positive"))
+    value, sure = part_posterior(scores((0.2, 0.1), (0.8, 0.4), (0.1, 0.8)), description("negative", "positive"))
     assert value[:2] == pytest.approx([0.8, 0.8], abs=0.02) and sure[0] == pytest.approx(sure[1])
-    value, _ = judged(scores((0.5, 0.5, 0.5)), description("negative", "positive", "neutral"))
+    value, _ = part_posterior(scores((0.5, 0.5, 0.5)), description("negative", "positive", "neutral"))
     assert value == pytest.approx([1 / 3])
 
 
 def test_sure_candidates_count_most_and_misfits_not_at_all() -> None:
     """All alike: next to nothing; below the threshold: nothing; certain: most."""
-    _, sure = judged(scores((0.5, 0.5), (0.05, 0.0), (0.9, 0.01), (0.6, 0.3), (0.01, 0.9)), description("negative", "positive"))
+    given = scores((0.5, 0.5), (0.05, 0.0), (0.9, 0.01), (0.6, 0.3), (0.01, 0.9))
+    _, sure = part_posterior(given, description("negative", "positive"))
     assert sure[1] == 0 and sure[0] < 0.05 < sure[3] < sure[2]
 
 
@@ -40,8 +41,8 @@ def test_pixels_take_the_weighted_mean_of_what_covers_them() -> None:
     masks[0, 0, :2], masks[1, 0, 1:3] = True, True
     candidates = PartCandidates("x", np.zeros(2, np.int16), masks, np.ones(2, np.float32))
     face = np.zeros((1, 1, 4), np.int32)
-    value, weight = pixels(candidates, scores((0.9, 0.01), (0.4, 0.6)), description("negative", "positive"), face)
-    said, sure = judged(scores((0.9, 0.01), (0.4, 0.6)), description("negative", "positive"))
+    value, weight = pixel_probability(candidates, scores((0.9, 0.01), (0.4, 0.6)), description("negative", "positive"), face)
+    said, sure = part_posterior(scores((0.9, 0.01), (0.4, 0.6)), description("negative", "positive"))
     assert value[0, 0, [0, 2]] == pytest.approx(said) and weight[0, 0, 3] == value[0, 0, 3] == 0
     assert value[0, 0, 1] == pytest.approx((said * sure).sum() / sure.sum()) and value[0, 0, 1] > said.mean()
 
@@ -51,10 +52,10 @@ def test_a_part_that_fits_nothing_well_counts_for_more_where_it_fits_best() -> N
     merely in it.
     """
     roles = description("negative", "positive")
-    alone, beside = judged(scores((0.3, 0.5), (0.0, 0.9)), roles)[0], judged(scores((0.3, 0.5), (0.9, 0.0)), roles)[0]
+    alone, beside = (part_posterior(scores((0.3, 0.5), other), roles)[0] for other in ((0.0, 0.9), (0.9, 0.0)))
     assert alone[0] > beside[0]
     both = PartScores("x", np.array([[0.5, 0.5]], np.float32), np.array([[0.9, 0.2]], np.float32))
-    assert judged(both, roles)[0][0] > 0.6
+    assert part_posterior(both, roles)[0][0] > 0.6
 
 
 def test_a_small_mask_outvotes_the_large_one_that_holds_it() -> None:
@@ -67,13 +68,13 @@ def test_a_small_mask_outvotes_the_large_one_that_holds_it() -> None:
         face = np.full((1, 1, 8 + beyond), -1, np.int32)
         face[..., :8] = 0
         wide = PartCandidates("x", candidates.view, np.pad(masks, ((0, 0), (0, 0), (0, beyond))), candidates.quality)
-        value, weight = pixels(wide, told, roles, face)
+        value, weight = pixel_probability(wide, told, roles, face)
         assert value[0, 0, 0] == pytest.approx(0.8, abs=0.01) and weight[0, 0, 0] == pytest.approx(5 * weight[0, 0, 1], rel=0.01)
 
 
 def test_nothing_is_said_of_what_is_not_described() -> None:
     """No notes, no weight; one note is enough."""
-    value, sure = judged(PartScores("x", np.zeros((3, 0), np.float32), np.zeros((3, 0), np.float32)), description())
+    value, sure = part_posterior(PartScores("x", np.zeros((3, 0), np.float32), np.zeros((3, 0), np.float32)), description())
     assert not value.any() and not sure.any()
-    value, sure = judged(scores((0.7,), (0.01,)), description("negative"))
+    value, sure = part_posterior(scores((0.7,), (0.01,)), description("negative"))
     assert value[0] == pytest.approx(1) and sure[0] > 1 and sure[1] == 0

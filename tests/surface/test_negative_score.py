@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.surface.negative import baselines, report
+from afford.surface.negative import baselines, score_report
 from afford.surface.negative.score import METHODS
 from schemas.surface import NegativeScore, NegativeScores
 from stages.surface import negative_affordance_report, negative_affordance_score
@@ -59,19 +59,19 @@ def test_the_papers_recipe_always_takes_a_mask() -> None:
     """With true overlaps it finds much of the part; it also takes something where the view shows none of it."""
     x = looked()
     use = x.told.descriptions[0]
-    found = baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, true_scores(x)))
+    found = baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, use, true_scores(x)))
     shaft = x.parts.part == x.parts.names.index("shaft")
     assert found[shaft].mean() > 0.5 and found.any()
     silent = replace(true_scores(x), overlap=np.zeros_like(true_scores(x).overlap))
-    assert baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, use, silent)).any()
-    assert not baselines.splatted(x.mesh, x.views, baselines.paper(x.candidates, replace(use, notes=()), silent)).any()
+    assert baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, use, silent)).any()
+    assert not baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, replace(use, notes=()), silent)).any()
 
 
 def test_a_random_candidate_is_random_by_its_seed() -> None:
     """The same seed, the same faces."""
     x = looked()
     taken = (baselines.random_candidate(x.candidates, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4))
-    a, b, *others = (baselines.splatted(x.mesh, x.views, masks) for masks in taken)
+    a, b, *others = (baselines.splat_masks(x.mesh, x.views, masks) for masks in taken)
     assert np.array_equal(a, b) and any(not np.array_equal(a, other) for other in others)
 
 
@@ -92,7 +92,7 @@ def made(name: str, split: str, look: str, *ious: float, method: str = "afford",
 
 def test_means_are_of_objects_then_of_tasks() -> None:
     """An object with many tasks counts as one; tasks without a negative part count nothing."""
-    found = report.metrics([made("mug_1", "unseen", "plain", 0.2, 0.4, NAN), made("axe_1", "unseen", "mixed", 0.9)])
+    found = score_report.metrics([made("mug_1", "unseen", "plain", 0.2, 0.4, NAN), made("axe_1", "unseen", "mixed", 0.9)])
     assert found["unseen.iou"] == pytest.approx((0.3 + 0.9) / 2) and found["unseen.plain.iou"] == pytest.approx(0.3)
     assert found["seen_area.six"] == pytest.approx(0.8) and found["seen_area.adaptive"] == pytest.approx(0.99)
     assert "seen.iou" not in found and not any(np.isnan(value) for value in found.values())
@@ -101,9 +101,9 @@ def test_means_are_of_objects_then_of_tasks() -> None:
 def test_every_task_of_a_thing_has_its_row() -> None:
     """Means over the objects of a kind; a task without a negative part has no IoU and is no pair."""
     mugs = [made("mug_1", "seen", "plain", 0.2, 0.9, NAN), made("mug_2", "seen", "mixed", 0.4, 0.7, NAN)]
-    found = report.metrics(mugs)
+    found = score_report.metrics(mugs)
     assert (found["pairs"], found["pairs_found"]) == (2, 1)
-    text = report.markdown(mugs, found)
+    text = score_report.markdown(mugs, found)
     assert "| mug: task 0 | seen | 0.300 |" in text and "| mug: task 1 | seen | 0.800 |" in text
     assert "| mug: task 2 | seen |  |  |  | 0.500 |" in text and "1 of 2 pairs" in text
 
@@ -113,10 +113,10 @@ def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
     boxed = [made("mug_1", "unseen", "plain", 0.2, NAN, method="coarse_box", taken=0.5),
              made("axe_1", "given", "given", NAN, method="coarse_box", taken=1.0),
              made("pan_1", "given", "given", NAN, method="coarse_box")]  # fmt: skip
-    found = report.metrics(boxed)
+    found = score_report.metrics(boxed)
     assert found["coarse_box.whole_object_taken"] == 0.75 and found["coarse_box.given.whole_object_taken"] == 1
     assert found["coarse_box.unseen.iou"] == pytest.approx(0.2) and "afford.whole_object_taken" not in found
-    assert "| coarse box | unseen | 0.200 | 0.200 | 0.200 | 0.200 | 0.500 |" in report.markdown(boxed, found)
+    assert "| coarse box | unseen | 0.200 | 0.200 | 0.200 | 0.200 | 0.500 |" in score_report.markdown(boxed, found)
 
 
 def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]

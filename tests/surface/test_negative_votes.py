@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.surface.negative.votes import squareness, vote
+from afford.surface.negative.project import cos_incidence, vote_on_faces
 from schemas.mesh import ObjectMesh, ObjectViews
 from stages.surface import view_render
 from tests.helpers.made_meshes import as_object, ball, ring, slotted
@@ -30,7 +30,7 @@ def test_a_part_painted_on_the_views_comes_back_on_the_surface(seen: tuple[Objec
     thing, views = seen
     truth = truth_of(thing.vertices[thing.faces].mean(1))
     painted = np.append(truth, False)[views.face].astype(np.float32)
-    probability, evidence = vote(views.face, painted, squareness(thing, views), len(thing.faces))
+    probability, evidence = vote_on_faces(views.face, painted, cos_incidence(thing, views), len(thing.faces))
     known = evidence > 0
     assert np.array_equal(probability[known], truth[known].astype(np.float32)) and 0 < truth[known].mean() < 1
     assert views.visible_area[known].sum() / views.visible_area.sum() > 0.97
@@ -39,7 +39,7 @@ def test_a_part_painted_on_the_views_comes_back_on_the_surface(seen: tuple[Objec
 def test_squareness_is_the_cosine_of_the_angle(seen: tuple[ObjectMesh, ObjectViews]) -> None:
     """Between 0 and 1, 0 beside the object; from positions that depth gives it is the same."""
     thing, views = seen
-    cosine = squareness(thing, views)
+    cosine = cos_incidence(thing, views)
     assert cosine.min() >= 0 and cosine.max() <= 1 + 1e-6 and not cosine[views.face < 0].any()
     n = len(views.face) - 1
     y, x = (place[::97] for place in np.nonzero(views.face[n] >= 0))
@@ -57,5 +57,5 @@ def test_votes_are_weighted_means() -> None:
     """By hand: a face with pixels of 1 (weight 3) and 0 (weight 1) is at 0.75; weight 0 does not count; nobody's face is 0."""
     face = np.array([[[0, 0, 1, -1]]], np.int32)
     value = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
-    probability, evidence = vote(face, value, np.array([[[3.0, 1.0, 0.0, 5.0]]], np.float32), 3)
+    probability, evidence = vote_on_faces(face, value, np.array([[[3.0, 1.0, 0.0, 5.0]]], np.float32), 3)
     assert probability.tolist() == [0.75, 0, 0] and evidence.tolist() == [4, 0, 0]

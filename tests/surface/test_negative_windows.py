@@ -9,11 +9,10 @@ import pytest
 
 from afford.common.masks import box
 from afford.render.views.plan import SIX
-from afford.surface.candidates.grid import windows
 from afford.surface.negative import baselines
-from afford.surface.negative.coarse import coarse_box, overlap, segmented
-from afford.surface.negative.fuse import by_task
-from afford.surface.negative.relevance import relevance
+from afford.surface.negative.baselines import box_iou, coarse_box, mask_in_box, relevance
+from afford.surface.negative.project import split_by_task
+from afford.surface.proposals.grid import windows
 from schemas.surface import PartCandidates, PartScores
 from tests.helpers.blocks import changed
 from tests.helpers.made_objects import GRID, looked, true_scores
@@ -89,14 +88,14 @@ def test_relevance_by_true_fits_finds_the_part_but_not_its_border() -> None:
     """Of a screwdriver: most of the shaft, little of the handle's far end; and for nobody's notes nothing."""
     x = looked()
     found, use = x.windows(), x.told.descriptions[0]
-    mine = next(by_task(x.told, true_scores(x, found)))[1]
-    said = baselines.relevant(x.mesh, x.views, found, use, mine)
+    mine = next(split_by_task(x.told, true_scores(x, found)))[1]
+    said = baselines.clip_relevance(x.mesh, x.views, found, use, mine)
     negative = [n.part for n in use.notes if n.role == "negative"]
     true, area = np.isin(x.parts.part, [x.parts.names.index(name) for name in negative]), x.views.visible_area
     iou = area[said & true].sum() / area[said | true].sum()
     assert 0.6 < iou < 1
     empty = np.zeros((len(found.view), 0), np.float32)
-    assert not baselines.relevant(x.mesh, x.views, found, replace(use, notes=()), PartScores("x", empty, empty)).any()
+    assert not baselines.clip_relevance(x.mesh, x.views, found, replace(use, notes=()), PartScores("x", empty, empty)).any()
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -121,10 +120,10 @@ def test_the_mask_that_fills_the_box_is_taken() -> None:
     halves = np.stack([on, on])
     halves[0, :, 5:], halves[1, :, :5] = False, False
     for n, asked in enumerate((np.s_[1:5, 0:6], np.s_[0:4, 5:10])):
-        assert np.array_equal(segmented(asked, halves, on), halves[n])
-    assert np.array_equal(segmented(np.s_[0:6, 1:10], halves, on), on)
-    assert np.array_equal(segmented(np.s_[1:3, 1:3], halves[:0], on), on)
-    assert overlap(np.s_[0:2, 0:4], np.s_[1:3, 0:4]) == pytest.approx(1 / 3) and overlap(np.s_[0:1, 0:1], np.s_[2:3, 2:3]) == 0
+        assert np.array_equal(mask_in_box(asked, halves, on), halves[n])
+    assert np.array_equal(mask_in_box(np.s_[0:6, 1:10], halves, on), on)
+    assert np.array_equal(mask_in_box(np.s_[1:3, 1:3], halves[:0], on), on)
+    assert box_iou(np.s_[0:2, 0:4], np.s_[1:3, 0:4]) == pytest.approx(1 / 3) and box_iou(np.s_[0:1, 0:1], np.s_[2:3, 2:3]) == 0
 
 
 def test_how_often_the_whole_object_is_taken() -> None:
@@ -132,13 +131,13 @@ def test_how_often_the_whole_object_is_taken() -> None:
     x, use = looked(), looked().told.descriptions[0]
     found = x.windows()
     none = replace(x.candidates, view=x.candidates.view[:0], masks=x.candidates.masks[:0], quality=x.candidates.quality[:0])
-    taken = baselines.naive(x.views, none, found, use, true_scores(x, found))
+    taken = baselines.coarse_box_recipe(x.views, none, found, use, true_scores(x, found))
     assert len(taken) == SIX and baselines.whole_object_taken(x.views, taken) == 1
-    assert baselines.splatted(x.mesh, x.views, taken).mean() > 0.8
+    assert baselines.splat_masks(x.mesh, x.views, taken).mean() > 0.8
     half = [on & (np.cumsum(on).reshape(on.shape) * 2 < on.sum()) for on in x.views.face[:2] >= 0]
     assert baselines.whole_object_taken(x.views, [half[0], None, taken[2], taken[3]]) == pytest.approx(2 / 3)
     assert np.isnan(baselines.whole_object_taken(x.views, [None] * SIX))
-    assert baselines.naive(x.views, x.candidates, found, replace(use, notes=()), true_scores(x, found)) == [None] * SIX
+    assert baselines.coarse_box_recipe(x.views, x.candidates, found, replace(use, notes=()), true_scores(x, found)) == [None] * SIX
 
 
 def test_a_baseline_depends_on_its_inputs_alone() -> None:
@@ -146,10 +145,10 @@ def test_a_baseline_depends_on_its_inputs_alone() -> None:
     x, use = looked("pan"), looked("pan").told.descriptions[0]
     found = x.windows()
     said = true_scores(x, found)
-    first = [baselines.naive(x.views, x.candidates, found, use, said) for _ in range(2)]
+    first = [baselines.coarse_box_recipe(x.views, x.candidates, found, use, said) for _ in range(2)]
     assert all(np.array_equal(a, b) for a, b in zip(*first, strict=True))  # type: ignore[arg-type]  # a mask in every view
     face = x.views.face.copy()
     face[SIX:] = -1
     blind = replace(x.views, face=face)
-    mine = next(by_task(x.told, said))[1]
-    assert np.array_equal(*(baselines.relevant(x.mesh, views, found, use, mine) for views in (x.views, blind)))
+    mine = next(split_by_task(x.told, said))[1]
+    assert np.array_equal(*(baselines.clip_relevance(x.mesh, views, found, use, mine) for views in (x.views, blind)))

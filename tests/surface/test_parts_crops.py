@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.parts.crops import CHANNELS, EVEN, SIZE, Cropper, turned
-from afford.surface.parts.traits import traits
-from afford.surface.segments.features import Features
+from afford.surface.face_features import FaceFeatures
+from afford.surface.score.samples import CHANNELS, EVEN, SIZE, MaskCropper, rotate_crops
+from afford.surface.score.shape_features import mask_traits
 from tests.helpers.made_objects import looked
 
 
 def crops() -> np.ndarray:
     x = looked()
-    cut = Cropper(x.mesh, x.views)
+    cut = MaskCropper(x.mesh, x.views)
     return np.stack([cut(int(v), m) for v, m in zip(x.candidates.view, x.candidates.masks, strict=True)])
 
 
@@ -46,24 +46,24 @@ def test_a_roll_of_the_camera_is_a_turn_of_the_crop(turn: int, mirror: bool) -> 
     roll = np.linalg.matrix_power(np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]), turn)
     side = slice(None, None, -1 if mirror else 1)
     rgb, face, masks = (np.rot90(a, turn, (1, 2))[:, :, side].copy() for a in (x.views.rgb, x.views.face, x.candidates.masks))
-    cut = Cropper(x.mesh, replace(x.views, rgb=rgb, face=face, T_obj_cam=x.views.T_obj_cam @ roll @ flip))
+    cut = MaskCropper(x.mesh, replace(x.views, rgb=rgb, face=face, T_obj_cam=x.views.T_obj_cam @ roll @ flip))
     ways, error = [(t, m) for t in range(4) for m in (False, True)], np.zeros(8)
     for view, mask, plain in zip(x.candidates.view, masks, crops(), strict=True):
-        error += [np.abs(cut(int(view), mask).astype(int) - turned(plain, *way)).mean() for way in ways]
+        error += [np.abs(cut(int(view), mask).astype(int) - rotate_crops(plain, *way)).mean() for way in ways]
     assert ways[error.argmin()] == (turn, mirror) and error.min() < 0.5 * np.median(error)
 
 
 def test_four_turns_and_two_mirrors_change_nothing() -> None:
     """To the rounding of the normals' middle."""
     plain = crops()[:10]
-    again = turned(turned(turned(plain, 1, True), 0, True), 3, False)
-    assert np.abs(again.astype(int) - plain).max() <= 1 and np.array_equal(turned(plain, 0, False), plain)
+    again = rotate_crops(rotate_crops(rotate_crops(plain, 1, True), 0, True), 3, False)
+    assert np.abs(again.astype(int) - plain).max() <= 1 and np.array_equal(rotate_crops(plain, 0, False), plain)
 
 
 def test_traits_tell_size_length_and_thickness() -> None:
     """Of a screwdriver: the shaft is thinner than the rest and long; shares are those of the masks."""
     x = looked()
-    found = traits(x.views, x.candidates, Features.of(x.mesh).thickness)
+    found = mask_traits(x.views, x.candidates, FaceFeatures.of(x.mesh).thickness)
     part = np.append(x.parts.part, -1)[x.views.face]
     shaft = np.array([(part[v][m] == x.parts.names.index("shaft")).mean() > 0.95 for v, m in
                       zip(x.candidates.view, x.candidates.masks, strict=True)])  # fmt: skip

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.surface.parts.form import FORM, form
-from afford.surface.parts.lessons import truth
-from afford.surface.segments.features import Features
+from afford.surface.face_features import FaceFeatures
+from afford.surface.score.samples import part_targets
+from afford.surface.score.shape_features import SHAPE_FEATURES, shape_features
 from tests.helpers.made_objects import looked
 
 
 def test_no_turn_and_no_size_changes_it() -> None:
     """Of the same faces, turned, moved and three times as large."""
     x = looked()
-    features = Features.of(x.mesh)
+    features = FaceFeatures.of(x.mesh)
     turn = Rotation.from_euler("xyz", (0.3, -1.1, 2.0)).as_matrix()
-    moved = Features(3 * features.middle @ turn.T + (1, 2, 3), features.normal @ turn.T, 9 * features.area, features.colour,
+    moved = FaceFeatures(3 * features.middle @ turn.T + (1, 2, 3), features.normal @ turn.T, 9 * features.area, features.colour,
                      3 * features.thickness)  # fmt: skip
-    found = form(features, x.views, x.candidates)
-    again = form(moved, replace(x.views, visible_area=9 * x.views.visible_area), x.candidates)
-    assert found.shape == (len(x.candidates.view), len(FORM)) and np.isfinite(found).all() and np.abs(found).max() <= 2
+    found = shape_features(features, x.views, x.candidates)
+    again = shape_features(moved, replace(x.views, visible_area=9 * x.views.visible_area), x.candidates)
+    assert found.shape == (len(x.candidates.view), len(SHAPE_FEATURES)) and np.isfinite(found).all() and np.abs(found).max() <= 2
     np.testing.assert_allclose(found, again, atol=2e-4)
 
 
@@ -31,8 +31,8 @@ def test_the_numbers_mean_what_the_words_say() -> None:
     the handle lies along the whole.
     """
     x = looked()
-    share, _ = truth(x.parts, x.views, x.candidates)
-    found = dict(zip(FORM, form(Features.of(x.mesh), x.views, x.candidates).T, strict=True))
+    share, _ = part_targets(x.parts, x.views, x.candidates)
+    found = dict(zip(SHAPE_FEATURES, shape_features(FaceFeatures.of(x.mesh), x.views, x.candidates).T, strict=True))
     handle, shaft, tip = (share[:, x.parts.names.index(name)] > 0.9 for name in ("handle", "shaft", "tip"))
     assert found["thickness"][shaft].mean() < found["thickness"][handle].mean()
     assert found["length"][handle].max() > found["length"][tip].max() and found["area"][handle].max() > found["area"][tip].max()

@@ -10,14 +10,13 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.surface.parts import files
-from afford.surface.parts.crops import SIZE
-from afford.surface.parts.lessons import truth
-from afford.surface.parts.model import TRAITS, Parts, PartsConfig
-from afford.surface.parts.train import seeded
+from afford.surface.score import part_scorer
+from afford.surface.score.part_scorer import TRAITS, PartScorer, PartScorerConfig
+from afford.surface.score.samples import SIZE, part_targets
+from afford.surface.score.train_scorer import init_scorer
 from tests.helpers.made_objects import looked
 
-TINY = PartsConfig(widths=(8, 8, 8, 8), width=16, text_buckets=64)
+TINY = PartScorerConfig(widths=(8, 8, 8, 8), width=16, text_buckets=64)
 PHRASES = ("the blade of a knife, a flat plate", "the handle of a mug, a loop")
 
 
@@ -28,7 +27,7 @@ def inputs(count: int = 5) -> tuple[torch.Tensor, torch.Tensor]:
 
 def test_every_pair_is_judged_by_itself() -> None:
     """Other candidates and other phrases of a batch change nothing."""
-    model, (crops, traits) = seeded(TINY, 0).eval(), inputs()
+    model, (crops, traits) = init_scorer(TINY, 0).eval(), inputs()
     both = model(crops, traits, PHRASES)
     assert both.shape == (5, 2, 2)
     for n in range(5):
@@ -39,7 +38,7 @@ def test_every_pair_is_judged_by_itself() -> None:
 def test_the_seed_decides_the_weights_and_nothing_else() -> None:
     """The random state of torch stays as it was."""
     before = torch.random.get_rng_state()
-    a, b, c = (seeded(TINY, seed).state_dict() for seed in (1, 1, 2))
+    a, b, c = (init_scorer(TINY, seed).state_dict() for seed in (1, 1, 2))
     assert torch.equal(before, torch.random.get_rng_state())
     assert all(torch.equal(a[name], b[name]) for name in a) and not all(torch.equal(a[name], c[name]) for name in a)
 
@@ -47,40 +46,40 @@ def test_the_seed_decides_the_weights_and_nothing_else() -> None:
 def test_words_that_it_never_learned_are_scored() -> None:
     """Other scripts, very long phrases, none at all: finite, and other words are judged otherwise."""
     phrases = ("刀刃", "the 🗡 of a 刀, 长", "the " + "Übergröße " * 60 + "of a z, a bar", "?", "")
-    fit = seeded(TINY, 0).eval()(*inputs(), phrases)
+    fit = init_scorer(TINY, 0).eval()(*inputs(), phrases)
     assert fit.shape == (5, 5, 2) and torch.isfinite(fit).all()
     assert not torch.allclose(fit[:, 0], fit[:, 2], atol=1e-4) and torch.allclose(fit[:, 3], fit[:, 4], atol=1e-5)
 
 
 def test_files_give_the_same_scorer(tmp_path: Path) -> None:
     """To the bit, its config included."""
-    model = seeded(TINY, 3).eval()
-    found = files.read(tree("scorer", files.write(tmp_path, model, "# card\n"))).eval()
+    model = init_scorer(TINY, 3).eval()
+    found = part_scorer.load_scorer(tree("scorer", part_scorer.save_scorer(tmp_path, model, "# card\n"))).eval()
     assert found.config == TINY and torch.equal(found(*inputs(), PHRASES), model(*inputs(), PHRASES))
 
 
 def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     """A missing file, another format, weights of another size: each by name."""
-    root = files.write(tmp_path, seeded(TINY, 0), "# card\n")
-    (root / files.WEIGHTS).rename(root / "weights")
+    root = part_scorer.save_scorer(tmp_path, init_scorer(TINY, 0), "# card\n")
+    (root / part_scorer.WEIGHTS).rename(root / "weights")
     with pytest.raises(ValueError, match=r"expected model.safetensors of a trained scorer, got .*card.md"):
-        files.read(tree("scorer", root))
-    other = files.write(tmp_path / "other", Parts(replace(TINY, width=8)), "# card\n")
-    (other / files.WEIGHTS).rename(root / files.WEIGHTS)
+        part_scorer.load_scorer(tree("scorer", root))
+    other = part_scorer.save_scorer(tmp_path / "other", PartScorer(replace(TINY, width=8)), "# card\n")
+    (other / part_scorer.WEIGHTS).rename(root / part_scorer.WEIGHTS)
     with pytest.raises(ValueError, match=r"expected the weights that config.json describes"):
-        files.read(tree("scorer", root))
-    (root / files.CONFIG).write_text('{"format": "something"}')
+        part_scorer.load_scorer(tree("scorer", root))
+    (root / part_scorer.CONFIG).write_text('{"format": "something"}')
     with pytest.raises(ValueError, match="expected \"format\": \"afford-parts-2\""):
-        files.read(tree("scorer", root))
+        part_scorer.load_scorer(tree("scorer", root))
 
 
 def test_truth_counts_pixels() -> None:
     """Shares of a candidate sum to 1; the mask of a part as its view shows it has share and overlap 1, half of it overlap 0.5."""
     x = looked()
-    share, overlap = truth(x.parts, x.views, x.candidates)
+    share, overlap = part_targets(x.parts, x.views, x.candidates)
     assert share.sum(1) == pytest.approx(1, abs=1e-5) and (overlap <= share + 1e-6).all()
     shaft = np.append(x.parts.part, -1)[x.views.face[4]] == x.parts.names.index("shaft")
     half = shaft & (np.cumsum(shaft).reshape(shaft.shape) <= shaft.sum() / 2)
     made = replace(x.candidates, view=np.full(2, 4, np.int16), masks=np.stack([shaft, half]), quality=np.ones(2, np.float32))
-    share, overlap = (found[:, x.parts.names.index("shaft")] for found in truth(x.parts, x.views, made))
+    share, overlap = (found[:, x.parts.names.index("shaft")] for found in part_targets(x.parts, x.views, made))
     assert share.tolist() == [1, 1] and overlap == pytest.approx([1, 0.5], abs=0.05)

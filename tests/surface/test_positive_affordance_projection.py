@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.surface.negative.distance import distance
-from afford.surface.positive.project import Wish, pixels, project
-from afford.surface.positive.words import in_words
+from afford.surface.negative.project import distance_to_points
+from afford.surface.positive.project import ProjectionSettings, as_narration, hand_probability, project
 from schemas.benchmark import Prediction
 from schemas.files import FileTree
 from stages.surface import positive_affordance_projection
@@ -19,7 +18,7 @@ from tests.helpers.made_objects import looked
 from tests.helpers.made_samples import Scratch
 from tests.helpers.tiny_asked import write_model
 
-WISH = Wish(threshold=0.5, points=30, seed=0)
+WISH = ProjectionSettings(threshold=0.5, points=30, seed=0)
 RIGHT = np.array([False, True])
 
 
@@ -41,8 +40,8 @@ def test_a_perfect_model_gives_the_part() -> None:
     said = found.probability > 0.5
     assert area[said & truth].sum() / area[said | truth].sum() > 0.9
     middle = x.mesh.vertices[x.mesh.faces].mean(1)
-    assert len(found.A_t) == 30 and distance(middle[said], found.A_t).max() < 0.02
-    assert distance(middle[truth], found.A_t.astype(float)).max() < 0.03
+    assert len(found.A_t) == 30 and distance_to_points(middle[said], found.A_t).max() < 0.02
+    assert distance_to_points(middle[truth], found.A_t.astype(float)).max() < 0.03
     assert found.taxonomy.argmax() == 1
 
 
@@ -57,8 +56,8 @@ def test_only_hands_that_are_returned_count() -> None:
 
 def test_pixels_take_the_likeliest_hypothesis() -> None:
     one = says("handle")[0]
-    assert np.array_equal(pixels([one])[1, 0], one.probability[1, 1])
-    assert np.array_equal(pixels([replace(one, score=one.score[:, ::-1].copy())])[1, 0], one.probability[1, 0])
+    assert np.array_equal(hand_probability([one])[1, 0], one.probability[1, 1])
+    assert np.array_equal(hand_probability([replace(one, score=one.score[:, ::-1].copy())])[1, 0], one.probability[1, 0])
 
 
 @pytest.fixture(scope="module")
@@ -89,4 +88,4 @@ def test_views_of_another_object_are_refused(model: FileTree, tmp_path: Path) ->
     ("cut bread", "knife", "cut bread with knife"), ("hand over the knife", "knife", "hand over the knife"),
     ("", "hair_dryer", "use hair dryer"), ("stir", "", "stir"), ("", "", "use")])  # fmt: skip
 def test_tasks_in_words(task: str, category: str, said: str) -> None:
-    assert in_words(task, category) == said
+    assert as_narration(task, category) == said

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from afford.surface.candidates import Sam
+from afford.surface.proposals import Sam
 from stages.surface import mask_propose
 from tests.helpers.learned_chain import content, flip_a_weight, run
 from tests.helpers.made_objects import looked

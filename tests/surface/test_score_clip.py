@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from afford.surface.negative import baselines
-from afford.surface.negative.fuse import by_task, judged
-from afford.surface.negative.relevance import relevance
+from afford.surface.negative.baselines import relevance
+from afford.surface.negative.project import part_posterior, split_by_task
 from afford.surface.score import Clip
 from afford.surface.score.clip import highlighted
 from schemas.files import FileTree
@@ -81,10 +81,10 @@ def test_baselines_ask_the_same_model_about_windows(folder: Path) -> None:
     x = looked()
     windows = x.windows()
     said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", Clip(str(folder))))
-    one, fits = next(by_task(x.told, said))
-    for view, mask in enumerate(baselines.naive(x.views, x.candidates, windows, one, fits)):
+    one, fits = next(split_by_task(x.told, said))
+    for view, mask in enumerate(baselines.coarse_box_recipe(x.views, x.candidates, windows, one, fits)):
         offered = [*x.candidates.masks[x.candidates.view == view], x.views.face[view] >= 0]
         assert any(np.array_equal(mask, other) for other in offered)  # type: ignore[arg-type]  # a mask in every view
     value, count = relevance(windows, fits, one, x.views.face.shape)
-    each = judged(fits, one)[0]
+    each = part_posterior(fits, one)[0]
     assert each.min() - 1e-6 <= value[count > 0].min() <= value.max() <= each.max() + 1e-6

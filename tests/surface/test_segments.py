@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.surface.segments.borders import Borders, Weights, shared_edges
-from afford.surface.segments.features import Features, colours
-from afford.surface.segments.oversegment import oversegment
-from afford.surface.segments.suppress import suppress
-from afford.surface.segments.tree import Tree, grow
+from afford.surface.face_features import Borders, BorderWeights, FaceFeatures, face_colours, shared_edges
+from afford.surface.proposals.nms import nms
+from afford.surface.proposals.regions import RegionTree, merge_regions, oversegment
 from schemas.mesh import ObjectMesh
 from tests.helpers.made_meshes import as_object, ball, cut_up, shell
 
@@ -23,13 +21,13 @@ def dumbbell() -> trimesh.Trimesh:
     return cut_up(trimesh.boolean.union([trimesh.creation.box((0.01, 0.2, 0.01)), block]), 0.008)
 
 
-def tree_of(thing: ObjectMesh, scale: float = 0.0003, least: float = 0.002) -> Tree:
-    features = Features.of(thing)
-    borders = Borders.of(thing.vertices, thing.faces, features, Weights())
-    return grow(oversegment(borders, features.area, scale, least), borders, features)
+def tree_of(thing: ObjectMesh, scale: float = 0.0003, least: float = 0.002) -> RegionTree:
+    features = FaceFeatures.of(thing)
+    borders = Borders.of(thing.vertices, thing.faces, features, BorderWeights())
+    return merge_regions(oversegment(borders, features.area, scale, least), borders, features)
 
 
-def best_overlap(tree: Tree, truth: np.ndarray, area: np.ndarray) -> float:
+def best_overlap(tree: RegionTree, truth: np.ndarray, area: np.ndarray) -> float:
     """IoU by area of the node that fits a set of faces best."""
     nodes = tree.members()[:, tree.leaf]
     return float(max((area[n & truth].sum() / area[n | truth].sum()) for n in nodes))
@@ -80,8 +78,8 @@ def test_pieces_that_touch_nowhere_end_in_one_tree() -> None:
 def test_no_region_is_smaller_than_allowed() -> None:
     """A larger scale gives fewer regions; none falls below the least share."""
     thing = as_object(dumbbell())
-    features = Features.of(thing)
-    borders = Borders.of(thing.vertices, thing.faces, features, Weights())
+    features = FaceFeatures.of(thing)
+    borders = Borders.of(thing.vertices, thing.faces, features, BorderWeights())
     fine, coarse = (oversegment(borders, features.area, scale, 0.01) for scale in (1e-4, 1e-1))
     assert fine.max() >= coarse.max()
     assert np.bincount(fine, features.area).min() >= 0.01 * features.area.sum()
@@ -89,11 +87,11 @@ def test_no_region_is_smaller_than_allowed() -> None:
 
 def test_thickness_is_the_way_to_the_other_side() -> None:
     """Of a ball, about its diameter (the cone's rays are shorter); of a plate, its thickness."""
-    ball_thick = Features.of(as_object(ball(0.05, 4))).thickness
+    ball_thick = FaceFeatures.of(as_object(ball(0.05, 4))).thickness
     assert np.abs(ball_thick / 0.1 - np.cos(np.radians(30))).max() < 0.03
     plate = cut_up(trimesh.creation.box((0.1, 0.1, 0.004)), 0.01)
     inside = np.abs(plate.triangles_center[:, :2]).max(1) < 0.04
-    assert Features.of(as_object(plate)).thickness[inside] == pytest.approx(0.004 / np.cos(np.radians(30)), rel=0.02)
+    assert FaceFeatures.of(as_object(plate)).thickness[inside] == pytest.approx(0.004 / np.cos(np.radians(30)), rel=0.02)
 
 
 def test_a_face_has_the_colour_of_its_texture() -> None:
@@ -103,7 +101,7 @@ def test_a_face_has_the_colour_of_its_texture() -> None:
     texture[:2] = 255
     for v, light in ((0.75, 100), (0.25, 0), (1.75, 100)):
         uv = np.full((len(thing.faces), 3, 2), v, np.float32)
-        assert colours(replace(thing, uv=uv, texture=texture))[:, 0] == pytest.approx(light, abs=0.5)
+        assert face_colours(replace(thing, uv=uv, texture=texture))[:, 0] == pytest.approx(light, abs=0.5)
 
 
 def test_every_edge_is_found_with_its_length() -> None:
@@ -119,6 +117,6 @@ def test_of_two_masks_that_say_the_same_the_better_stays() -> None:
     masks = np.zeros((4, 10), bool)
     masks[0, :8], masks[1, :7], masks[2, 5:] = True, True, True
     quality = np.float32([0.5, 0.9, 0.1, 1.0])
-    assert suppress(masks, quality, 0.7, 9).tolist() == [1, 2]
-    assert suppress(masks, quality, 0.9, 9).tolist() == [1, 0, 2] and suppress(masks, quality, 0.9, 1).tolist() == [1]
-    assert not len(suppress(np.zeros((0, 3, 3), bool), np.zeros(0), 0.7, 5))
+    assert nms(masks, quality, 0.7, 9).tolist() == [1, 2]
+    assert nms(masks, quality, 0.9, 9).tolist() == [1, 0, 2] and nms(masks, quality, 0.9, 1).tolist() == [1]
+    assert not len(nms(np.zeros((0, 3, 3), bool), np.zeros(0), 0.7, 5))

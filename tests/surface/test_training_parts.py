@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import torch
 
-from afford.surface.parts import card as parts_card
-from afford.surface.parts import train as parts
-from afford.surface.parts.model import PartsConfig
+from afford.surface.score import train_scorer as parts
+from afford.surface.score import train_scorer as parts_card
+from afford.surface.score.part_scorer import PartScorerConfig
 from afford.training.loop import deterministic, train
 from afford.training.params import Plan
 from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 from tests.helpers.made_objects import looked
 
-TINY = PartsConfig(widths=(8, 16, 16, 16), width=32, text_buckets=128)
+TINY = PartScorerConfig(widths=(8, 16, 16, 16), width=32, text_buckets=128)
 
 
 def lessons() -> tuple[PartLessons, ...]:
@@ -26,8 +26,8 @@ def lessons() -> tuple[PartLessons, ...]:
     return (*both, replace(both[0], split="val"))
 
 
-def task(seed: int = 0) -> parts.PartsTask:
-    return parts.task(parts.seeded(TINY, 0), lessons(), seed, 2, 6)
+def task(seed: int = 0) -> parts.ScorerTask:
+    return parts.scorer_task(parts.init_scorer(TINY, 0), lessons(), seed, 2, 6)
 
 
 def test_a_batch_is_a_function_of_its_number() -> None:
@@ -53,7 +53,7 @@ def test_own_parts_count_fully_and_namesakes_not_at_all() -> None:
 def test_phrases_vary_and_keep_their_looks_or_their_part() -> None:
     """In every form one can still tell what is meant."""
     rng = np.random.default_rng(0)
-    said = {parts.varied("the blade of a saw, a long flat plate", "blade", rng) for _ in range(200)}
+    said = {parts.augment_phrase("the blade of a saw, a long flat plate", "blade", rng) for _ in range(200)}
     assert {"the blade of a saw, a long flat plate", "a long flat plate", "the blade of a saw", "blade"} <= said
     assert all("blade" in text or "a long flat plate" in text for text in said) and len(said) > 20
 
@@ -68,7 +68,7 @@ def test_it_learns(tmp_path) -> None:  # type: ignore[no-untyped-def]
         state: TrainingState = train(mine, Plan(steps=60, lr=4e-3, warmup=5, validate_every=60), tmp_path, lambda done, total: None)
     after = {point.name: point.value for point in state.points}
     assert after["val.error"] < 0.75 * before
-    card = parts_card.text(lessons(), state)
+    card = parts_card.model_card(lessons(), state)
     assert "ladle, screwdriver" in card and f"{after['val.right']:.3f}" in card and "step 60" in card
 
 
@@ -77,4 +77,4 @@ def test_without_objects_to_learn_from_or_to_judge_nothing_is_trained(missing: s
     """The split is named."""
     some = tuple(one for one in lessons() if one.split != missing)
     with pytest.raises(ValueError, match=f"expected objects of the split {missing}"):
-        parts.task(parts.seeded(TINY, 0), some, 0, 2, 6)
+        parts.scorer_task(parts.init_scorer(TINY, 0), some, 0, 2, 6)

@@ -9,11 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.synthetic.kitchens.cast import CENTRE
-from afford.synthetic.people.hand_shape import ARM_M
-from afford.synthetic.stills import hand_lessons as drawn
-from afford.synthetic.stills.hand_people import Person, apart, dressed, in_the_air
-from afford.synthetic.stills.hand_views import STANDS, backdrop, view
+from afford.synthetic.human_hand.skin import ARM_M
+from afford.synthetic.kitchens.scene_builder import CENTRE
+from afford.synthetic.stills import hand_images as drawn
+from afford.synthetic.stills.hand_scenes import (
+    VIEW_RANGES,
+    PersonModel,
+    backdrop,
+    free_hand_pose,
+    hands_apart,
+    random_sleeves,
+    sample_camera,
+)
 from schemas.scene import LEFT_HAND, RIGHT_HAND, SLEEVE, TOUCHED, HandLessons, HandRoom
 from schemas.spec import SchemaError
 from schemas.video import SIDES
@@ -67,7 +74,7 @@ def test_labels_beyond_those_that_are_known_are_refused() -> None:
 
 def test_sleeves_are_of_all_lengths() -> None:
     """Also none, and hardly anybody wears gloves."""
-    looks = [dressed(np.random.default_rng(n)) for n in range(60)]
+    looks = [random_sleeves(np.random.default_rng(n)) for n in range(60)]
     cuffs = np.array([look.cuff_m for look in looks])
     assert (cuffs < 0.1).any() and ((cuffs > 0.1) & (cuffs < ARM_M)).any() and (cuffs == ARM_M).any()
     assert sum(look.gloved for look in looks) < 10
@@ -76,7 +83,7 @@ def test_sleeves_are_of_all_lengths() -> None:
 @pytest.mark.parametrize("side", SIDES)
 def test_a_hand_in_the_air_is_on_its_own_side_and_above_the_table(side: str) -> None:
     """Mostly; it may reach a little across. Its palm is a pose."""
-    palms = [in_the_air(side, np.random.default_rng(n))[0] for n in range(50)]
+    palms = [free_hand_pose(side, np.random.default_rng(n))[0] for n in range(50)]
     across = np.array([palm[0, 3] for palm in palms]) * (1 if side == "right" else -1)
     assert (across > -0.15).all() and across.mean() > 0.04 and all(palm[2, 3] > 0 for palm in palms)
     assert all(np.allclose(palm[:3, :3].T @ palm[:3, :3], np.eye(3)) for palm in palms)
@@ -86,14 +93,14 @@ def test_hands_do_not_run_into_each_other() -> None:
     """One palm alone never does."""
     here, there = np.eye(4), np.eye(4)
     there[0, 3] = 0.05
-    assert apart([here]) and not apart([here, there])
+    assert hands_apart([here]) and not hands_apart([here, there])
 
 
 def test_cameras_across_the_table_are_turned() -> None:
     """The others are on the person's own side or above; all look at what they are told to look at."""
     gaze = np.array([*CENTRE, 0.04])
-    views = [view(gaze, (96, 64), np.random.default_rng(n)) for n in range(60)]
-    assert {turned for _, turned in views} == {stand.turned for stand in STANDS}
+    views = [sample_camera(gaze, (96, 64), np.random.default_rng(n)) for n in range(60)]
+    assert {turned for _, turned in views} == {stand.turned for stand in VIEW_RANGES}
     for camera, turned in views:
         assert (camera.T_world_cam[1, 3] > gaze[1] - 0.2) if turned else (camera.T_world_cam[1, 3] < gaze[1] + 0.25)
 
@@ -101,8 +108,8 @@ def test_cameras_across_the_table_are_turned() -> None:
 def test_skin_and_cloth_of_an_arm_are_told_apart() -> None:
     """What is worn on the wrist belongs to the hand."""
     rng = np.random.default_rng(4)
-    one = Person.of(rng)
+    one = PersonModel.sample(rng)
     while one.hands["left"].sleeve is None or one.hands["left"].watch is None:
-        one = Person.of(rng)
-    drawn_arm = drawn._arm(one, drawn.Deed("left", *in_the_air("left", rng)))
+        one = PersonModel.sample(rng)
+    drawn_arm = drawn._arm_instances(one, drawn.HandAction("left", *free_hand_pose("left", rng)))
     assert [part.entity for part in drawn_arm] == [drawn.ENTITY["left"], drawn.CLOTH, drawn.ENTITY["left"]]

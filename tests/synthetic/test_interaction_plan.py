@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from afford.dataset.sor3d.rules import SHARES, USES
+from afford.dataset.affordance_rules import AFFORDANCE_RULES, SHARES
 from schemas.interaction import AFFORDANCES, CODE_ORDER, COLOURS_BGR, OBJECT_TYPES
 from stages.synthetic import interaction_plan
 
@@ -15,8 +15,8 @@ SPECS = interaction_plan.run(interaction_plan.Params())
 
 def test_every_thing_has_two_uses_and_every_affordance_a_thing() -> None:
     """The paper asks for two at least; the table and what is planned both keep to it."""
-    assert tuple(USES) == OBJECT_TYPES
-    assert set().union(*USES.values()) == set(AFFORDANCES) == set(CODE_ORDER) == set(COLOURS_BGR) == set(SHARES)
+    assert tuple(AFFORDANCE_RULES) == OBJECT_TYPES
+    assert set().union(*AFFORDANCE_RULES.values()) == set(AFFORDANCES) == set(CODE_ORDER) == set(COLOURS_BGR) == set(SHARES)
     for split in ("train", "val"):
         seen = {kind: {s.affordance for s in SPECS if (s.split, s.object_type) == (split, kind)} for kind in OBJECT_TYPES}
         assert min(map(len, seen.values())) >= 2, seen

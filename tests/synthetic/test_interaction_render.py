@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from afford.dataset.sor3d.rules import USES, use
+from afford.dataset.affordance_rules import AFFORDANCE_RULES, affordance_rule
 from afford.render.scene import batch
-from afford.synthetic.tabletop.film import HAND, THING, Seen, plan
-from afford.synthetic.tabletop.sensor import holes, sense, steps
+from afford.synthetic.sensor import depth_holes, measure_depth, quantize_depth
+from afford.synthetic.tabletop.render_interaction import HAND, OBJECT, SurfaceHits, plan_sequence
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionSpec
 from stages.rgbd import interaction_read
 from stages.synthetic import interaction_render
@@ -40,10 +40,10 @@ def test_the_same_spec_gives_the_same_bytes(tmp_path) -> None:
 
 
 def test_another_seed_is_another_sequence() -> None:
-    """The same thing elsewhere, another label."""
-    (take, label), (other, another) = (plan(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
+    """The same obj elsewhere, another label."""
+    (interaction, label), (other, another) = (plan_sequence(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
     assert not np.array_equal(label, another)
-    assert np.array_equal(take.act.hold.model.points, other.act.hold.model.points)
+    assert np.array_equal(interaction.manipulation.hold.model.points, other.manipulation.hold.model.points)
 
 
 def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
@@ -73,44 +73,44 @@ def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
 
 def test_a_pushed_thing_moves_and_comes_to_rest() -> None:
     """It is somewhere else at the end, it does not leave the table, and the hand has left it."""
-    take, label = plan(SPEC, 0, 64)
-    start, end = take.act.thing.at(0.0), take.act.thing.at(27.0)
+    interaction, label = plan_sequence(SPEC, 0, 64)
+    start, end = interaction.manipulation.object_track.at(0.0), interaction.manipulation.object_track.at(27.0)
     assert 0.06 < np.linalg.norm(end[:3, 3] - start[:3, 3]) < 0.13
     assert end[2, 3] == pytest.approx(start[2, 3])
-    last = Seen.of(take, take.instances(27.0))
+    last = SurfaceHits.of(interaction, interaction.instances(27.0))
     assert set(np.unique(label)) == {AFFORDANCES.index("push"), BACKGROUND}
-    assert (last.entity()[label != BACKGROUND] == THING).all()
+    assert (last.entity_ids()[label != BACKGROUND] == OBJECT).all()
 
 
 def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
-    """In the picture it lies on the side that the thing was pushed away from."""
-    take, label = plan(SPEC, 0, 96)
-    last = Seen.of(take, take.instances(27.0))
-    thing = np.argwhere(last.entity() == THING)
-    moved = take.act.thing.at(27.0)[:3, 3] - take.act.thing.at(0.0)[:3, 3]
-    ahead = (take.studio.camera.T_world_cam[:3, :3].T @ moved)[:2]
-    offset = (np.argwhere(label != BACKGROUND).mean(axis=0) - thing.mean(axis=0))[::-1]
+    """In the picture it lies on the side that the obj was pushed away from."""
+    interaction, label = plan_sequence(SPEC, 0, 96)
+    last = SurfaceHits.of(interaction, interaction.instances(27.0))
+    obj = np.argwhere(last.entity_ids() == OBJECT)
+    moved = interaction.manipulation.object_track.at(27.0)[:3, 3] - interaction.manipulation.object_track.at(0.0)[:3, 3]
+    ahead = (interaction.scene.camera.T_world_cam[:3, :3].T @ moved)[:2]
+    offset = (np.argwhere(label != BACKGROUND).mean(axis=0) - obj.mean(axis=0))[::-1]
     assert offset @ ahead < 0
-    assert 0.2 < (label != BACKGROUND).sum() / len(thing) < 0.8
+    assert 0.2 < (label != BACKGROUND).sum() / len(obj) < 0.8
 
 
-@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in USES for name in USES[kind]])
+@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in AFFORDANCE_RULES for name in AFFORDANCE_RULES[kind]])
 def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
-    """A label on the thing that is seen in the last frame; the thing at rest before the touch and after the release; the hand
+    """A label on the obj that is seen in the last frame; the obj at rest before the touch and after the release; the hand
     close to it between.
     """
-    take, label = plan(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
-    act = take.act
+    interaction, label = plan_sequence(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
+    manipulation = interaction.manipulation
     assert (label == AFFORDANCES.index(affordance)).sum() >= 10
     for still in ((0.0, 5.0), (22.0, 27.0)):
-        np.testing.assert_allclose(act.thing.at(still[0]), act.thing.at(still[1]), atol=1e-9)
-    hand = take.hand(12.0)[0].vertices
+        np.testing.assert_allclose(manipulation.object_track.at(still[0]), manipulation.object_track.at(still[1]), atol=1e-9)
+    hand = interaction.hand_instances(12.0)[0].vertices
     assert hand is not None
-    points = batch(take.thing(12.0), take.textures).vertices
+    points = batch(interaction.object_instances(12.0), interaction.textures).vertices
     gap = min(float(np.linalg.norm(points - p, axis=1).min()) for p in hand[::40])
     assert gap < 0.05, gap
-    assert take.hand(12.0)[0].entity == HAND
-    moved = np.abs(points - batch(take.thing(0.0), take.textures).vertices).max()
+    assert interaction.hand_instances(12.0)[0].entity == HAND
+    moved = np.abs(points - batch(interaction.object_instances(0.0), interaction.textures).vertices).max()
     limits = {"grasp": (0, 0.02), "type": (0, 1e-6), "squeeze": (0, 0.05), "lift": (0.05, 1), "push": (0.01, 1),
               "rotate": (0.005, 1)}  # fmt: skip
     low, high = limits.get(affordance, (0.02, 1))
@@ -120,7 +120,7 @@ def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
 def test_what_a_thing_is_not_used_for_is_refused() -> None:
     """In one sentence that lists what it is used for."""
     with pytest.raises(ValueError, match="expected one of grasp, lift, cut for a knife, got 'type'"):
-        use("knife", "type")
+        affordance_rule("knife", "type")
 
 
 def test_depth_steps_and_holes() -> None:
@@ -128,15 +128,15 @@ def test_depth_steps_and_holes() -> None:
     K = np.array([[136.0, 0, 55.5], [0, 136, 55.5], [0, 0, 1]])
     rng = np.random.default_rng(0)
     plane = np.full((112, 112), 0.8, np.float32)
-    seen = sense(plane, K, 1.0, rng)
-    assert np.array_equal(seen, steps(seen)) and (seen == 0).mean() < 0.02
-    far = sense(np.full((112, 112), 3.0, np.float32), K, 1.0, rng)
+    seen = measure_depth(plane, K, 1.0, rng)
+    assert np.array_equal(seen, quantize_depth(seen)) and (seen == 0).mean() < 0.02
+    far = measure_depth(np.full((112, 112), 3.0, np.float32), K, 1.0, rng)
     assert far[far > 0].std() > 4 * seen[seen > 0].std()
     edge = plane.copy()
     edge[:, 56:] = 1.2
-    gone = holes(edge, K, 1.0, rng)
+    gone = depth_holes(edge, K, 1.0, rng)
     assert gone[:, 54:58].mean() > 0.25 > 10 * gone[:, :50].mean()
-    exact = sense(edge, K, 0.0, rng)
+    exact = measure_depth(edge, K, 0.0, rng)
     np.testing.assert_allclose(exact, edge, atol=6e-4)
 
 

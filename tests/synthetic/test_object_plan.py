@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from afford.synthetic.objects.split import TRAINED, UNSEEN, specs
+from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES, object_specs
 from stages.synthetic import object_plan
 from stages.synthetic.object_plan import Params
 
@@ -15,8 +15,8 @@ def test_unseen_categories_are_in_no_other_split() -> None:
     """Training, validation and seen objects are of trained categories only, and no two objects are the same."""
     plan = object_plan.run(Params())
     by_split = {split: {spec.category for spec in plan if spec.split == split} for split in ("train", "val", "seen", "unseen")}
-    assert by_split["train"] == by_split["val"] == by_split["seen"] == set(TRAINED)
-    assert by_split["unseen"] == set(UNSEEN) and len(UNSEEN) == 6
+    assert by_split["train"] == by_split["val"] == by_split["seen"] == set(TRAINED_CATEGORIES)
+    assert by_split["unseen"] == set(UNSEEN_CATEGORIES) and len(UNSEEN_CATEGORIES) == 6
     assert len({spec.name for spec in plan}) == len({spec.seed for spec in plan}) == len(plan)
 
 
@@ -24,9 +24,9 @@ def test_numbers_are_as_asked_and_half_of_the_evaluation_is_plain() -> None:
     """By alternation, within every category."""
     plan = object_plan.run(Params(train_per_category=4, val_per_category=1, seen_per_category=2, unseen_per_category=4))
     counts = Counter((spec.split, spec.look) for spec in plan)
-    assert counts["seen", "plain"] == counts["seen", "mixed"] == len(TRAINED)
-    assert counts["unseen", "plain"] == counts["unseen", "mixed"] == 2 * len(UNSEEN)
-    assert counts["train", "plain"] == len(TRAINED) and counts["train", "mixed"] == 3 * len(TRAINED)
+    assert counts["seen", "plain"] == counts["seen", "mixed"] == len(TRAINED_CATEGORIES)
+    assert counts["unseen", "plain"] == counts["unseen", "mixed"] == 2 * len(UNSEEN_CATEGORIES)
+    assert counts["train", "plain"] == len(TRAINED_CATEGORIES) and counts["train", "mixed"] == 3 * len(TRAINED_CATEGORIES)
     assert not any(spec.look == "plain" for spec in object_plan.run(Params(train_plain_every=0)) if spec.split == "train")
 
 
@@ -35,7 +35,7 @@ def test_more_of_one_split_or_category_changes_nothing_else() -> None:
     few, many = (object_plan.run(Params(train_per_category=n)) for n in (1, 5))
     assert {spec for spec in few if spec.split != "train"} == {spec for spec in many if spec.split != "train"}
     assert set(few) < set(many)
-    assert specs("val", ("mug",), 2, 3, 2) == specs("val", ("knife", "mug"), 2, 3, 2)[2:]
+    assert object_specs("val", ("mug",), 2, 3, 2) == object_specs("val", ("knife", "mug"), 2, 3, 2)[2:]
     assert not {s.seed for s in few} & {s.seed for s in object_plan.run(Params(seed=1, train_per_category=1))}
 
 

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from afford.synthetic.objects.build import BUILDERS, shape
-from afford.synthetic.objects.cut import cut
-from afford.synthetic.objects.handles import OVERLAP_M, dee, ring, tee
-from afford.synthetic.objects.solids import Solid, block, closed, loft, plate, wire
-from afford.synthetic.objects.split import TRAINED, UNSEEN
-from afford.synthetic.objects.union import Labelled, join
+from afford.synthetic.objects.library import BUILDERS, LabelledMesh, build_shape, unite_parts
+from afford.synthetic.objects.solid_shapes import OVERLAP_M, Solid, block, closed, d_grip, loft, plate, ring_grip, t_grip, wire
+from afford.synthetic.objects.texture import cut_by_level
+from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES
 
 ALONG_Y = ("knife", "cleaver", "scissors", "saw", "chisel", "razor", "hammer", "axe", "screwdriver", "soldering_iron", "trowel",
            "pan", "ladle", "iron", "brush", "spatula", "fork", "pliers", "wrench", "shovel", "pizza_cutter", "rolling_pin",
@@ -27,12 +25,12 @@ SEEDS = (1, 2, 3)
 
 
 @functools.cache
-def made(category: str, seed: int) -> Labelled:
+def made(category: str, seed: int) -> LabelledMesh:
     """Coarse, which is quick; the surface is the same."""
-    return shape(category, seed, edge_m=0.02)
+    return build_shape(category, seed, edge_m=0.02)
 
 
-def areas(thing: Labelled) -> np.ndarray:
+def areas(thing: LabelledMesh) -> np.ndarray:
     tri = thing.vertices.astype(np.float32)[thing.faces].astype(float)
     return np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1) / 2
 
@@ -72,25 +70,25 @@ def test_parts_are_those_of_the_category_and_handles_point_away(category: str) -
 @pytest.mark.parametrize("category", ["knife", "kettle", "brush"])
 def test_the_same_seed_gives_the_same_bytes(category: str) -> None:
     """Also after other objects were built."""
-    again = shape(category, 1, edge_m=0.02)
+    again = build_shape(category, 1, edge_m=0.02)
     for name in ("vertices", "faces", "part"):
         assert getattr(again, name).tobytes() == getattr(made(category, 1), name).tobytes(), name
 
 
 def test_edges_are_as_short_as_asked_unless_that_takes_too_many_faces() -> None:
     """Six millimetres at most when six are asked (and some micrometres); fewer faces than the limit come first."""
-    fine = shape("knife", 1, edge_m=0.006)
+    fine = build_shape("knife", 1, edge_m=0.006)
     tri = fine.vertices[fine.faces]
     assert np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max() < 0.00605
-    assert len(shape("pot", 1, edge_m=0.006, max_faces=9000).faces) <= 9000
+    assert len(build_shape("pot", 1, edge_m=0.006, max_faces=9000).faces) <= 9000
     with pytest.raises(ValueError, match=r"max_faces: expected at least \d+ for this object, got 10"):
-        shape("pot", 1, edge_m=0.006, max_faces=10)
+        build_shape("pot", 1, edge_m=0.006, max_faces=10)
 
 
 def test_the_union_knows_where_a_face_came_from() -> None:
     """Two boxes through each other: the surface is that of both, without what is inside, each face with its own box."""
     across, along = block((0.1, 0.02, 0.02), bevel=0), block((0.02, 0.1, 0.02), (0, 0, 0.005), bevel=0)
-    thing = join((Solid("a", across), Solid("b", along)), 1.0, 999)
+    thing = unite_parts((Solid("a", across), Solid("b", along)), 1.0, 999)
     mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
     assert mesh.volume == pytest.approx(2 * 0.1 * 0.02 * 0.02 - 0.02 * 0.02 * 0.015, rel=1e-6)
     middle = thing.vertices[thing.faces].mean(axis=1)
@@ -102,7 +100,7 @@ def test_parts_that_do_not_touch_are_refused() -> None:
     """An object is one body."""
     apart = (Solid("a", block((0.01, 0.01, 0.01))), Solid("b", block((0.01, 0.01, 0.01), (0.05, 0, 0))))
     with pytest.raises(ValueError, match="parts a, b: expected one body, got 2"):
-        join(apart, 0.01, 999)
+        unite_parts(apart, 0.01, 999)
 
 
 def test_solids_are_closed_and_turned_outwards() -> None:
@@ -134,14 +132,14 @@ def test_a_wire_goes_from_end_to_end_and_cuts_its_corners() -> None:
 def test_grips_are_one_body_that_reaches_into_the_tool(seed: int) -> None:
     """T, D and ring end just past y = 0, and lie towards -y; D and ring have a hole."""
     rng = np.random.default_rng(seed)
-    for grip, holes in ((tee(rng, 0.12, 0.014), 0), (dee(rng, 0.12, 0.12, 0.014), 1), (ring(rng, 0.02, 0.005), 1)):
+    for grip, holes in ((t_grip(rng, 0.12, 0.014), 0), (d_grip(rng, 0.12, 0.12, 0.014), 1), (ring_grip(rng, 0.02, 0.005), 1)):
         assert len(grip.decompose()) == 1 and grip.genus() == holes
         assert OVERLAP_M <= round(grip.bounding_box()[4], 6) <= 2 * OVERLAP_M
 
 
 def test_specks_of_no_volume_are_no_bodies() -> None:
     """Of this seed, rounding leaves four faces of 1e-26 m^3 where the socket of a shovel leaves its blade."""
-    thing = shape("shovel", 29, edge_m=0.02)
+    thing = build_shape("shovel", 29, edge_m=0.02)
     assert trimesh.Trimesh(thing.vertices, thing.faces, process=False).body_count == 1
 
 
@@ -149,7 +147,7 @@ def test_a_cut_keeps_the_surface_and_separates_its_sides() -> None:
     """A closed surface stays closed with the same area; every piece lies on its side; a piece knows its face."""
     ball = trimesh.creation.icosphere(2)
     level = ball.vertices[:, 2] - 0.3
-    points, faces, source, side = cut(ball.vertices, ball.faces, level)
+    points, faces, source, side = cut_by_level(ball.vertices, ball.faces, level)
     after = trimesh.Trimesh(points, faces, process=False)
     assert after.is_watertight and after.is_winding_consistent
     assert after.area == pytest.approx(ball.area) and after.volume == pytest.approx(ball.volume)
@@ -160,4 +158,4 @@ def test_a_cut_keeps_the_surface_and_separates_its_sides() -> None:
 
 def test_every_category_is_trained_or_unseen() -> None:
     """One or the other."""
-    assert {*TRAINED, *UNSEEN} == set(BUILDERS) and not {*TRAINED} & {*UNSEEN}
+    assert {*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES} == set(BUILDERS) and not {*TRAINED_CATEGORIES} & {*UNSEEN_CATEGORIES}

@@ -1,4 +1,4 @@
-"""Laws of the things that only training kitchens have: their nouns are EPIC's, and hands take them as people do."""
+"""Laws of the objects that only training kitchens have: their nouns are EPIC's, and hands take them as people do."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ import pytest
 
 from afford.render.mesh import merge
 from afford.render.motion import about, pose
-from afford.synthetic.kitchens.cast import plain_name
+from afford.synthetic.assets import library
+from afford.synthetic.assets.object_model import ObjectModel
+from afford.synthetic.human_hand.skeleton import distance_to
+from afford.synthetic.kitchens.scene_builder import plain_name
 from afford.synthetic.kitchens.vocabulary import FIRST_NEW_NOUN, noun_class
-from afford.synthetic.people.hand_grasp import distance_to
-from afford.synthetic.stills.still_layout import Placed
-from afford.synthetic.stills.still_plans import plans
-from afford.synthetic.stills.still_sets import KNOWN, MORE, NEW, POOLS, TRAINED, is_asked, is_new, kinds
-from afford.synthetic.stills.still_tasks import acts
-from afford.synthetic.stills.still_ways import Reach
-from afford.synthetic.things import objects
-from afford.synthetic.things.asset import ObjectModel
+from afford.synthetic.splits import (
+    EXTRA_TRAINED_KINDS,
+    KNOWN_KINDS,
+    NEW_KINDS,
+    TEST_KINDS,
+    TRAINED_KINDS,
+    accepts_task,
+    is_held_out,
+    object_kinds,
+)
+from afford.synthetic.stills.grasp_options import ReachModel, grasp_plans
+from afford.synthetic.stills.table_layout import PlacedObject
+from afford.synthetic.stills.task_catalogue import tasks_for
 
 CLASSES = Path(__file__).resolve().parents[3] / "shared" / "data" / "epic_P03_101" / "EPIC_100_noun_classes_v2.csv"
 STICKS = ("ladle", "fork", "whisk", "brush")
@@ -27,34 +35,34 @@ STICKS = ("ladle", "fork", "whisk", "brush")
 
 def thing(kind: str, seed: int = 3) -> ObjectModel:
     """One object of this kind."""
-    return objects.build(kind, np.random.default_rng(seed))
+    return library.build(kind, np.random.default_rng(seed))
 
 
-def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> Placed:
-    """A thing at a place, 30 cm away."""
+def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> PlacedObject:
+    """A obj at a place, 30 cm away."""
     model = thing(kind)
     T = pose((x, 0.30, 0.0), about((0, 0, 1), yaw))
     points = (model.points @ T[:3, :3].T + T[:3, 3])[:, :2]
     (left, near), (right, far) = points.min(axis=0), points.max(axis=0)
-    return Placed(number, model, T, np.array([(left, near), (right, near), (right, far), (left, far)], np.float32))
+    return PlacedObject(number, model, T, np.array([(left, near), (right, near), (right, far), (left, far)], np.float32))
 
 
-def asked(verb: str, *things: Placed) -> list[tuple[str, set[int], set[str]]]:
-    """(sentence, taxonomies, parts that are taken) of everything that can be done with this verb and all of these things."""
-    names = {placed.number: plain_name(placed.model.noun) for placed in things}
-    wanted = [act for act in acts(things, names) if act.verb == verb and len(act.things) == len(things)]
-    found = [(act.text, plans(act, Reach(things))) for act in wanted]
-    return [(text, {plan.taxonomy for plan in made}, {way.grip.name for plan in made for way in plan.ways if way})
+def asked(verb: str, *objects: PlacedObject) -> list[tuple[str, set[int], set[str]]]:
+    """(sentence, taxonomies, parts that are taken) of everything that can be done with this verb and all of these objects."""
+    names = {placed.number: plain_name(placed.model.noun) for placed in objects}
+    wanted = [task for task in tasks_for(objects, names) if task.verb == verb and len(task.objects) == len(objects)]
+    found = [(task.text, grasp_plans(task, ReachModel(objects))) for task in wanted]
+    return [(text, {plan.taxonomy for plan in made}, {option.grip.name for plan in made for option in plan.options if option})
             for text, made in found if made]
 
 
-# -- the things ---------------------------------------------------------------------------------------------------------
+# -- the objects ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 @pytest.mark.parametrize("seed", range(4))
 def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) -> None:
-    """Lowest point on the table, no larger than a kitchen thing, faces and normals sound."""
+    """Lowest point on the table, no larger than a kitchen obj, faces and normals sound."""
     model = thing(kind, seed)
     assert abs(float(model.points[:, 2].min())) < 0.002 and 0.09 < model.size.max() < 0.36
     for part in model.parts:
@@ -62,7 +70,7 @@ def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) 
         np.testing.assert_allclose(np.linalg.norm(part.mesh.normals, axis=1), 1, atol=1e-3)
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_surfaces_look_outwards(kind: str) -> None:
     """Seen from afar most of what is nearest faces the eye: parts are not inside out."""
     model = thing(kind)
@@ -73,10 +81,10 @@ def test_surfaces_look_outwards(kind: str) -> None:
         assert float(np.sum(normal * (corners.mean(axis=1) - middle))) > 0, part.name
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
-    """The part of that name, or the body, is within a finger's reach of the palm, and the palm is not inside the thing."""
+    """The part of that name, or the body, is within a finger's reach of the palm, and the palm is not inside the obj."""
     model = thing(kind)
     whole = merge(*(part.mesh for part in model.parts))
     for grip in model.grips_of(side):
@@ -86,9 +94,9 @@ def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
         assert distance_to(whole, np.linalg.inv(grip.T_obj_palm), side, samples=3000)(np.zeros((1, 3)))[0] > -0.012, grip.name
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_either_hand_takes_its_own_side(kind: str) -> None:
-    """Right palms are not to the left of left palms in the thing's frame: grips are mirror images."""
+    """Right palms are not to the left of left palms in the obj's frame: grips are mirror images."""
     model = thing(kind)
     right, left = (sorted(grip.T_obj_palm[0, 3] for grip in model.grips_of(side)) for side in ("right", "left"))
     np.testing.assert_allclose(right, np.negative(left)[::-1], atol=1e-9)
@@ -100,21 +108,22 @@ def test_either_hand_takes_its_own_side(kind: str) -> None:
 
 def test_only_training_kitchens_have_them() -> None:
     """The benchmark's rooms draw from what they always drew from; nothing that is new to training is among them."""
-    assert len(set(TRAINED)) == 20 and not set(MORE) & {*KNOWN, *NEW, *(kind for pool in POOLS.values() for kind in pool)}
-    assert kinds("kitchen", "known", "train") == kinds("kitchen", "known", "val") == TRAINED
-    for setting, pool in POOLS.items():
-        assert kinds(setting, "any", "test") == pool and kinds(setting, "new", "test") == (*pool, *NEW)
-    assert all(is_asked("known", is_new("take", (kind,))) for kind in MORE)
-    assert is_new("stir", ("ladle", "pan")) and not is_new("stir", ("ladle", "pot"))
+    others = {*KNOWN_KINDS, *NEW_KINDS, *(kind for pool in TEST_KINDS.values() for kind in pool)}
+    assert len(set(TRAINED_KINDS)) == 20 and not set(EXTRA_TRAINED_KINDS) & others
+    assert object_kinds("kitchen", "known", "train") == object_kinds("kitchen", "known", "val") == TRAINED_KINDS
+    for setting, pool in TEST_KINDS.items():
+        assert object_kinds(setting, "any", "test") == pool and object_kinds(setting, "new", "test") == (*pool, *NEW_KINDS)
+    assert all(accepts_task("known", is_held_out("take", (kind,))) for kind in EXTRA_TRAINED_KINDS)
+    assert is_held_out("stir", ("ladle", "pan")) and not is_held_out("stir", ("ladle", "pot"))
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_every_kind_is_taken_in_the_middle(kind: str) -> None:
     """By one hand, and by the part that people take."""
     part = {"glass": {"body", "rim"}, "grinder": {"body"}}.get(kind, {"handle"})
     found = [asked("take", stand(kind, x, yaw=yaw)) for x in (-0.1, 0.1) for yaw in (-0.5, 0.0, 0.5)]
     assert any(found)
-    assert all(taxonomies <= {0, 1} and parts <= part for ways in found for _, taxonomies, parts in ways)
+    assert all(taxonomies <= {0, 1} and parts <= part for options in found for _, taxonomies, parts in options)
 
 
 def test_two_hands_carry_a_pot_and_turn_a_mill() -> None:
@@ -131,15 +140,15 @@ def test_two_hands_carry_a_pot_and_turn_a_mill() -> None:
 ])  # fmt: skip
 def test_one_hand_uses_it_and_the_other_holds_what_it_is_used_on(verb: str, tool: str, target: str, text: str) -> None:
     """Side by side on a table."""
-    things = stand(tool, 0.14), stand(target, -0.12, number=1)
-    found = {said: (taxonomies, parts) for said, taxonomies, parts in asked(verb, *things)}
+    objects = stand(tool, 0.14), stand(target, -0.12, number=1)
+    found = {said: (taxonomies, parts) for said, taxonomies, parts in asked(verb, *objects)}
     assert 3 in found[text][0] and "handle" in found[text][1]
 
 
 # -- their names --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", MORE)
+@pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 def test_nouns_are_classes_of_epic(kind: str) -> None:
     """With EPIC's id, key and category, and a word that EPIC's map has."""
     if not CLASSES.exists():

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.synthetic.objects import build as library
-from afford.synthetic.objects.look import MARGIN, Dressed, dressed
-from afford.synthetic.objects.solids import Solid
+from afford.synthetic.objects import library
+from afford.synthetic.objects.solid_shapes import Solid
+from afford.synthetic.objects.texture import MARGIN, TexturedSurface, texture_surface
 from schemas.mesh import ObjectSpec
 
 ATLAS_PX = 256
 
 
-def worn(look: str, seed: int = 0, category: str = "hammer") -> Dressed:
-    thing = library.shape(category, 1, edge_m=0.02)
-    return dressed(thing.vertices, thing.faces, look, ATLAS_PX, np.random.default_rng(seed))
+def worn(look: str, seed: int = 0, category: str = "hammer") -> TexturedSurface:
+    thing = library.build_shape(category, 1, edge_m=0.02)
+    return texture_surface(thing.vertices, thing.faces, look, ATLAS_PX, np.random.default_rng(seed))
 
 
-def tiles(found: Dressed) -> np.ndarray:
+def tiles(found: TexturedSurface) -> np.ndarray:
     """Tile of each corner of an atlas of two by two."""
     return (np.floor(found.uv * 2) @ [1, 2]).astype(int)
 
@@ -26,10 +26,10 @@ def tiles(found: Dressed) -> np.ndarray:
 def test_the_look_does_not_know_the_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts named otherwise, and in another order: not a byte of surface, uv or texture changes; the labels do."""
     plain, spec = library.BUILDERS["hammer"], ObjectSpec("h", "hammer", 7, "mixed", "train")
-    first = library.build(spec, 0.02, 9999, ATLAS_PX)
+    first = library.build_object(spec, 0.02, 9999, ATLAS_PX)
     other = {"handle": "claw", "claw": "face", "face": "head", "head": "handle"}
     monkeypatch.setitem(library.BUILDERS, "hammer", lambda rng: tuple(Solid(other[s.part], s.shape) for s in plain(rng)))
-    again = library.build(spec, 0.02, 9999, ATLAS_PX)
+    again = library.build_object(spec, 0.02, 9999, ATLAS_PX)
     for name in ("vertices", "faces", "uv", "texture"):
         assert getattr(first.mesh, name).tobytes() == getattr(again.mesh, name).tobytes(), name
     assert first.parts.names != again.parts.names
@@ -46,15 +46,15 @@ def test_mixed_looks_have_two_to_four_materials_and_plain_ones_one() -> None:
         assert inside <= 0.5 - MARGIN * 2 / ATLAS_PX + 1e-6
     assert counts <= {2, 3, 4} and {2, 3} <= counts
     one = worn("plain")
-    assert len(one.faces) == len(library.shape("hammer", 1, edge_m=0.02).faces) and np.ptp(one.uv, axis=(0, 1)).max() > 0.5
+    assert len(one.faces) == len(library.build_shape("hammer", 1, edge_m=0.02).faces) and np.ptp(one.uv, axis=(0, 1)).max() > 0.5
 
 
 def test_regions_and_parts_are_independent() -> None:
     """Over many objects, knowing the region of a face tells little about its part: no region is a part, no part a region."""
-    thing = library.shape("hammer", 1, edge_m=0.02)
+    thing = library.build_shape("hammer", 1, edge_m=0.02)
     same = []
     for seed in range(20):
-        found = dressed(thing.vertices, thing.faces, "mixed", ATLAS_PX, np.random.default_rng(seed))
+        found = texture_surface(thing.vertices, thing.faces, "mixed", ATLAS_PX, np.random.default_rng(seed))
         region, part = tiles(found)[:, 0], thing.part[found.source]
         for k in np.unique(region):
             same += [((region == k) & (part == p)).sum() / ((region == k) | (part == p)).sum() for p in range(len(thing.names))]
@@ -63,8 +63,8 @@ def test_regions_and_parts_are_independent() -> None:
 
 def test_pieces_keep_the_part_of_their_face() -> None:
     """Cut or not, the area of every part is the same."""
-    bare = library.shape("kettle", 3, edge_m=0.006, max_faces=9999)
-    dressed_up = library.build(ObjectSpec("k", "kettle", 3, "mixed", "val"), 0.006, 9999, ATLAS_PX)
+    bare = library.build_shape("kettle", 3, edge_m=0.006, max_faces=9999)
+    dressed_up = library.build_object(ObjectSpec("k", "kettle", 3, "mixed", "val"), 0.006, 9999, ATLAS_PX)
     tri = dressed_up.mesh.vertices.astype(float)[dressed_up.mesh.faces]
     after = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1) / 2
     tri = bare.vertices[bare.faces]
@@ -84,6 +84,6 @@ def test_unknown_looks_and_sizes_are_refused() -> None:
     """One sentence that says what was expected."""
     with pytest.raises(ValueError, match="expected mixed or plain, got 'shiny'"):
         worn("shiny")
-    thing = library.shape("knife", 1, edge_m=0.02)
+    thing = library.build_shape("knife", 1, edge_m=0.02)
     with pytest.raises(ValueError, match="expected a power of two of at least 64, got 500"):
-        dressed(thing.vertices, thing.faces, "plain", 500, np.random.default_rng(0))
+        texture_surface(thing.vertices, thing.faces, "plain", 500, np.random.default_rng(0))

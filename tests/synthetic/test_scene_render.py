@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from afford.codecs import load
-from afford.synthetic.kitchens import polygons
-from afford.synthetic.kitchens.play import LENGTH
+from afford.synthetic.kitchens import epic_files
+from afford.synthetic.kitchens.animation import DURATION
 from afford.synthetic.kitchens.scripts import SCRIPTS
-from afford.synthetic.kitchens.specs import dataset_specs, hard_specs, standard_specs
 from afford.synthetic.kitchens.world import build_world, elbow
+from afford.synthetic.splits import dataset_specs, hard_specs, standard_specs
 from schemas.scene import SceneSpec
 from schemas.video import SIDES
 from stages.synthetic import scene_render
@@ -71,7 +71,8 @@ def test_annotations_are_the_visible_masks(clip, truth):
     for point in points:
         t = int(point["image"]["name"][-14:-4]) - 1
         for row in point["annotations"]:
-            np.testing.assert_array_equal(polygons.draw(row["segments"], 456, 256), truth.visible[names.index(row["name"]), t])
+            drawn = epic_files.polygons_to_mask(row["segments"], 456, 256)
+            np.testing.assert_array_equal(drawn, truth.visible[names.index(row["name"]), t])
 
 
 def test_contacts_point_to_masks_of_the_same_image(clip, truth):
@@ -97,7 +98,7 @@ def test_the_truth_agrees_with_itself(truth):
 
 
 def test_hands_hide_what_they_hold(truth):
-    """While a hand holds a thing, some of the thing is behind the hand."""
+    """While a hand holds a obj, some of the obj is behind the hand."""
     side, t = np.argwhere(truth.contact >= 0)[0]
     held = truth.contact[side, t]
     assert (truth.amodal[held, t] & truth.visible[side, t]).any()
@@ -114,19 +115,19 @@ def test_every_script_is_played(script):
     """Every choreography gives a world whose arms reach what they touch without breaking their wrists, and speaks of it."""
     setting = {"hammer": "workshop", "screw": "workshop", "fetch_tool": "workshop", "fetch_item": "desk", "tidy_desk": "desk"}
     world = build_world(SceneSpec("P91_01", script, setting.get(script, "kitchen"), 5))
-    touches = [touch for side in SIDES for touch in world.play.arms[side].touches]
+    touches = [interval for side in SIDES for interval in world.animation.arms[side].grip_intervals]
     assert touches
-    assert world.play.sayings
-    for touch in touches:
-        palm = world.play.arms[touch.grip.side].track.at(0.5 * (touch.start + touch.stop))
-        forearm = elbow(touch.grip.side, palm) - palm[:3, 3]
+    assert world.animation.narrations
+    for interval in touches:
+        palm = world.animation.arms[interval.grip.side].track.at(0.5 * (interval.start + interval.stop))
+        forearm = elbow(interval.grip.side, palm) - palm[:3, 3]
         assert -palm[:3, 0] @ forearm / np.linalg.norm(forearm) > np.cos(np.radians(80))
-        assert 0 <= touch.start < touch.stop <= LENGTH
+        assert 0 <= interval.start < interval.stop <= DURATION
 
 
 def test_every_thing_said_is_there():
     """Narrations of the standard sets speak only of nouns that have a class and of intervals inside the clip."""
     for spec in (*standard_specs(2, 3), *hard_specs(2)[:2], dataset_specs(2)[-1]):
-        for saying in build_world(spec).play.sayings:
-            assert 0 <= saying.start < saying.stop <= LENGTH
-            assert saying.nouns
+        for action in build_world(spec).animation.narrations:
+            assert 0 <= action.start < action.stop <= DURATION
+            assert action.nouns

@@ -9,23 +9,33 @@ from gymnasium.utils.env_checker import check_env
 
 from afford.render import materials
 from afford.render.mesh import merge
+from afford.synthetic.assets import library
+from afford.synthetic.assets.object_model import mirror_grip
+from afford.synthetic.human_hand.appearance import random_person
+from afford.synthetic.human_hand.hand_model import HandModel
+from afford.synthetic.human_hand.skeleton import (
+    CLOSED,
+    HIGH,
+    LOW,
+    POSTURES,
+    SINK_M,
+    close_on,
+    distance_to,
+    link_depths,
+    opening_posture,
+    posture,
+)
+from afford.synthetic.human_hand.skin import hand_shape
 from afford.synthetic.kitchens import rooms
 from afford.synthetic.kitchens.settle_env import Settle, rest_poses
-from afford.synthetic.people.hand import HandModel
-from afford.synthetic.people.hand_bones import HIGH, LOW
-from afford.synthetic.people.hand_grasp import CLOSED, POSTURES, SINK_M, close_on, distance_to, link_depths, opening, posture
-from afford.synthetic.people.hand_look import person
-from afford.synthetic.people.hand_shape import hand_shape
-from afford.synthetic.things import objects
-from afford.synthetic.things.grips import mirrored
 
 ELBOW = np.array([0.3, -0.4, 0.1])
 
 
-@pytest.mark.parametrize("kind", sorted(objects.BUILDERS))
+@pytest.mark.parametrize("kind", sorted(library.BUILDERS))
 def test_objects_stand_on_the_table_and_can_be_held_by_either_hand(kind: str) -> None:
     """Each rests on z = 0, is of household size, and has a grip for the left and for the right hand."""
-    model = objects.build(kind, np.random.default_rng(4))
+    model = library.build(kind, np.random.default_rng(4))
     assert -0.002 < model.points[:, 2].min() < 0.002
     assert 0.03 < model.size.max() < 0.5
     assert {grip.side for grip in model.grips} == {"left", "right"}
@@ -37,16 +47,16 @@ def test_objects_stand_on_the_table_and_can_be_held_by_either_hand(kind: str) ->
 @pytest.mark.parametrize("kind", ["mug", "kettle", "hammer", "book"])
 def test_the_same_seed_gives_the_same_object_and_another_seed_another(kind: str) -> None:
     """Shape and print come out of the generator alone."""
-    first, again, other = (objects.build(kind, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    first, again, other = (library.build(kind, np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert first.points.tobytes() == again.points.tobytes()
     assert all((a.material.image == b.material.image).all() for a, b in zip(first.parts, again.parts, strict=True))
     assert first.points.shape != other.points.shape or not np.allclose(first.points, other.points)
 
 
-@pytest.mark.parametrize("kind", sorted(objects.BUILDERS))
+@pytest.mark.parametrize("kind", sorted(library.BUILDERS))
 def test_palms_touch_what_they_hold(kind: str) -> None:
     """The palm or the closed fingers of every grip are within reach of the surface, and the palm is not inside it."""
-    model = objects.build(kind, np.random.default_rng(3))
+    model = library.build(kind, np.random.default_rng(3))
     whole = merge(*(part.mesh for part in model.parts))
     for grip in model.grips_of("right"):
         distance = distance_to(whole, np.linalg.inv(grip.T_obj_palm), grip.side, samples=3000)
@@ -55,7 +65,7 @@ def test_palms_touch_what_they_hold(kind: str) -> None:
 
 def test_a_hinge_moves_its_part_about_its_axis() -> None:
     """Points on the axis stay; the lid's front edge rises when the joint opens."""
-    box = objects.build("toolbox", np.random.default_rng(0))
+    box = library.build("toolbox", np.random.default_rng(0))
     assert box.joint is not None
     T = box.joint.T_obj_moving(0.5)
     np.testing.assert_allclose((T @ np.append(box.joint.origin, 1))[:3], box.joint.origin, atol=1e-9)
@@ -65,13 +75,13 @@ def test_a_hinge_moves_its_part_about_its_axis() -> None:
 
 def test_mirroring_a_grip_twice_gives_it_back() -> None:
     """Left and right grips are mirror images."""
-    grip = objects.build("bottle", np.random.default_rng(0)).grips[0]
-    np.testing.assert_allclose(mirrored(mirrored(grip)).T_obj_palm, grip.T_obj_palm, atol=1e-12)
+    grip = library.build("bottle", np.random.default_rng(0)).grips[0]
+    np.testing.assert_allclose(mirror_grip(mirror_grip(grip)).T_obj_palm, grip.T_obj_palm, atol=1e-12)
 
 
 def test_hands_are_mirror_images() -> None:
     """The left hand is the right one mirrored in its palm frame."""
-    look = person(np.random.default_rng(0))
+    look = random_person(np.random.default_rng(0))
     left, right = HandModel.build("left", look), HandModel.build("right", look)
     angles = posture("relaxed")
     a = left.posed(np.eye(4), angles, ELBOW * [1, -1, 1])
@@ -81,7 +91,7 @@ def test_hands_are_mirror_images() -> None:
 
 def test_a_hand_at_rest_is_its_rest_shape_and_moves_rigidly() -> None:
     """Zero angles give the rest skin; moving the palm and the elbow together moves every vertex alike."""
-    hand = HandModel.build("right", person(np.random.default_rng(0)))
+    hand = HandModel.build("right", random_person(np.random.default_rng(0)))
     straight = np.array([-0.5, 0.0, -0.016])
     np.testing.assert_allclose(hand.posed(np.eye(4), np.zeros(20), straight), hand_shape().vertices, atol=1e-4)
     T = np.eye(4)
@@ -105,7 +115,7 @@ def test_fingers_close_until_they_touch_and_no_deeper(kind: str, radius: float) 
         return np.hypot(p[:, 0] - 0.03, p[:, 2] - radius - 0.02) - radius
 
     angles = close_on(kind, rod)
-    depth, start = link_depths(angles, rod), link_depths(opening(kind), rod)
+    depth, start = link_depths(angles, rod), link_depths(opening_posture(kind), rod)
     assert (depth <= np.maximum(start, SINK_M) + 1e-9).all()
     assert depth.max() > -0.004
 
@@ -128,7 +138,7 @@ def test_materials_differ_by_seed_and_have_detail() -> None:
 @pytest.mark.parametrize("setting", sorted(rooms.SETTINGS))
 def test_rooms_keep_the_middle_free_and_repeat_by_seed(setting: str) -> None:
     """Nothing taller than a mat stands where the hands work; the same seed builds the same room."""
-    first, again = (rooms.build(setting, np.random.default_rng(5)) for _ in range(2))
+    first, again = (rooms.build_room(setting, np.random.default_rng(5)) for _ in range(2))
     assert first.light == again.light
     for one, two in zip(first.instances, again.instances, strict=True):
         assert one.T_world_mesh.tobytes() == two.T_world_mesh.tobytes()
@@ -141,7 +151,7 @@ def test_rooms_keep_the_middle_free_and_repeat_by_seed(setting: str) -> None:
 def test_an_unknown_kind_lists_the_known_ones() -> None:
     """Mistakes are answered with the choice."""
     with pytest.raises(KeyError, match="mug"):
-        objects.build("mugg", np.random.default_rng(0))
+        library.build("mugg", np.random.default_rng(0))
 
 
 def test_the_settling_world_is_a_sound_environment() -> None:
@@ -154,7 +164,7 @@ def test_the_settling_world_is_a_sound_environment() -> None:
 
 def test_things_come_to_rest_on_the_table_the_same_way_twice() -> None:
     """After settling everything lies on the table, and the same seed gives the same poses."""
-    shapes = [objects.build(kind, np.random.default_rng(1)).points for kind in ("can", "spoon")]
+    shapes = [library.build(kind, np.random.default_rng(1)).points for kind in ("can", "spoon")]
     first, again = rest_poses(shapes, 7), rest_poses(shapes, 7)
     for points, T, same in zip(shapes, first, again, strict=True):
         assert T.tobytes() == same.tobytes()

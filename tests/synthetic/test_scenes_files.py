@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from afford.common.video.frames import write_video
-from afford.synthetic.kitchens import polygons, specs, vocabulary, write_epic
-from afford.synthetic.kitchens.write_root import write_root
+from afford.synthetic import splits
+from afford.synthetic.kitchens import epic_files, vocabulary
+from afford.synthetic.kitchens.epic_files import write_root
 from schemas.files import FileRef, FileTree
 from schemas.video import HAND_CLASS, SIDES
 
@@ -21,13 +22,13 @@ def test_polygons_give_the_mask_back_exactly(seed):
     """Tracing a mask and drawing it by VISOR's rule gives the same mask, holes, islands and borders included."""
     noise = np.random.default_rng(seed).standard_normal((256, 456))
     mask = cv2.GaussianBlur(noise, (0, 0), 1.0 + 2 * seed) > 0.01
-    np.testing.assert_array_equal(polygons.draw(polygons.trace(mask), 456, 256), mask)
+    np.testing.assert_array_equal(epic_files.polygons_to_mask(epic_files.mask_to_polygons(mask), 456, 256), mask)
 
 
 def test_an_empty_mask_has_no_polygon():
     """Nothing to draw gives no outline, and no outline draws nothing."""
-    assert polygons.trace(np.zeros((256, 456), bool)) == []
-    assert not polygons.draw([], 456, 256).any()
+    assert epic_files.mask_to_polygons(np.zeros((256, 456), bool)) == []
+    assert not epic_files.polygons_to_mask([], 456, 256).any()
 
 
 def test_every_class_is_unique_and_hands_are_epics():
@@ -49,8 +50,8 @@ def test_nouns_outside_epic_get_new_classes():
 
 def test_action_rows_have_epics_columns(tmp_path):
     """The narration file has the 15 columns in EPIC's order, and its times agree with its frames."""
-    said = write_epic.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
-    write_epic.write_actions(tmp_path, "P91_01", "train", [said])
+    said = epic_files.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
+    epic_files.write_actions(tmp_path, "P91_01", "train", [said])
     with (tmp_path / "EPIC_100_train.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert len(rows[0]) == 15
@@ -103,7 +104,7 @@ def test_clashing_roots_are_refused(tmp_path):
 
 def test_sets_of_clips_hold_what_they_promise():
     """At least 8 standard and 6 hard clips with the acts the report needs; both splits and all settings in the data set."""
-    standard, hard, data = specs.standard_specs(0), specs.hard_specs(0), specs.dataset_specs(0)
+    standard, hard, data = splits.standard_specs(0), splits.hard_specs(0), splits.dataset_specs(0)
     assert len(standard) == 8
     assert len(hard) == 6
     assert {"parallax", "carry", "pour", "carry_both"} <= {spec.script for spec in standard}
@@ -111,4 +112,4 @@ def test_sets_of_clips_hold_what_they_promise():
     assert {spec.setting for spec in data} == {"kitchen", "workshop", "desk"}
     assert {spec.split for spec in data} == {"train", "val"}
     assert len({spec.video_id for spec in (*standard, *hard, *data)}) == len(standard) + len(hard) + len(data)
-    assert all(a.seed != b.seed for a, b in zip(standard, specs.standard_specs(1), strict=True))
+    assert all(a.seed != b.seed for a, b in zip(standard, splits.standard_specs(1), strict=True))

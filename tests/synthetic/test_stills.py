@@ -8,21 +8,29 @@ import numpy as np
 import pytest
 
 from afford.codecs import CODEC
-from afford.dataset.still_samples import samples
+from afford.dataset.still_samples import sample_stills
 from afford.render.motion import about, pose
-from afford.synthetic.stills.still_draw import Sizes, shoot
-from afford.synthetic.stills.still_layout import Placed, heights, lay_out
-from afford.synthetic.stills.still_plans import plans, weights
-from afford.synthetic.stills.still_sets import KNOWN, NEW, NEW_PAIRS, Extent, benchmark_specs, is_asked, is_new, kinds, train_specs
-from afford.synthetic.stills.still_tasks import Act, acts
-from afford.synthetic.stills.still_ways import Reach, with_more_grips
+from afford.synthetic.assets import library
+from afford.synthetic.splits import (
+    KNOWN_KINDS,
+    NEW_KINDS,
+    NEW_PAIRS,
+    RoomExtent,
+    accepts_task,
+    benchmark_specs,
+    is_held_out,
+    object_kinds,
+    train_specs,
+)
+from afford.synthetic.stills.grasp_options import ReachModel, grasp_plans, plan_weights, with_extra_grips
+from afford.synthetic.stills.render_stills import ImageSizes, RenderQuality, render_stills, take_picture
 from afford.synthetic.stills.still_world import StillWorld
-from afford.synthetic.stills.stills import Quality, stills
-from afford.synthetic.things import objects
+from afford.synthetic.stills.table_layout import PlacedObject, height_map, place_on_table
+from afford.synthetic.stills.task_catalogue import Task, tasks_for
 from schemas.scene import Stills, StillSpec
 
-SMALL = Quality(Sizes((228, 128), (228, 128)), supersample=1, jpeg_quality=90)
-EXTENT = Extent(layouts=2, views=1, tasks=6)
+SMALL = RenderQuality(ImageSizes((228, 128), (228, 128)), supersample=1, jpeg_quality=90)
+EXTENT = RoomExtent(layouts=2, views=1, tasks=6)
 SPEC = train_specs(3, 1, 0, EXTENT)[0]
 
 
@@ -33,23 +41,23 @@ def quiet(done: int, total: int) -> None:
 @pytest.fixture(scope="module")
 def room() -> Stills:
     """Two pictures of a training kitchen."""
-    return stills(SPEC, SMALL, quiet)
+    return render_stills(SPEC, SMALL, quiet)
 
 
-def stand(kind: str, x: float, y: float = 0.30, yaw: float = 0.0, number: int = 0) -> Placed:
-    """A thing at a place."""
-    model = with_more_grips(objects.build(kind, np.random.default_rng(5)))
+def stand(kind: str, x: float, y: float = 0.30, yaw: float = 0.0, number: int = 0) -> PlacedObject:
+    """A obj at a place."""
+    model = with_extra_grips(library.build(kind, np.random.default_rng(5)))
     T = pose((x, y, 0.0), about((0, 0, 1), yaw))
     points = model.points @ T[:3, :3].T + T[:3, 3]
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])], np.float32)
-    return Placed(number, model, T, corners)
+    return PlacedObject(number, model, T, corners)
 
 
-def hands_for(*things: Placed, parts: tuple[str, ...] = ()) -> set[int]:
-    """Taxonomies of the natural ways to take the first of some things."""
-    act = Act("take", "take it", things[:1], parts)
-    return {plan.taxonomy for plan in plans(act, Reach(things))}
+def hands_for(*objects: PlacedObject, parts: tuple[str, ...] = ()) -> set[int]:
+    """Taxonomies of the natural options to take the first of some objects."""
+    task = Task("take", "take it", objects[:1], parts)
+    return {plan.taxonomy for plan in grasp_plans(task, ReachModel(objects))}
 
 
 # -- labels ------------------------------------------------------------------------------------------------------------
@@ -57,7 +65,7 @@ def hands_for(*things: Placed, parts: tuple[str, ...] = ()) -> set[int]:
 
 def test_the_same_spec_gives_the_same_bytes(room: Stills) -> None:
     """Pictures, words and masks; another seed gives others."""
-    again, other = (stills(spec, SMALL, quiet) for spec in (SPEC, replace(SPEC, seed=SPEC.seed + 1)))
+    again, other = (render_stills(spec, SMALL, quiet) for spec in (SPEC, replace(SPEC, seed=SPEC.seed + 1)))
     assert CODEC.digest(room) == CODEC.digest(again) != CODEC.digest(other)
 
 
@@ -65,26 +73,26 @@ def test_masks_agree_with_taxonomy_and_objects(room: Stills) -> None:
     """In every mode the hands that take part, and no others, have an affordance, inside the complete object of that hand."""
     assert len(room.stills) > 4
     for mode in (mode for still in room.stills for mode in still.modes):
-        affordance, things = mode.masks[:2], mode.masks[2:]
-        assert not (affordance & ~things).any()
+        affordance, objects = mode.masks[:2], mode.masks[2:]
+        assert not (affordance & ~objects).any()
         active = affordance.any(axis=(1, 2)).tolist()
         assert active == [mode.taxonomy != 1, mode.taxonomy != 0] == [bool(name) for name in mode.objects]
-        assert active == things.any(axis=(1, 2)).tolist() == [bool(name) for name in mode.grips]
+        assert active == objects.any(axis=(1, 2)).tolist() == [bool(name) for name in mode.grips]
         assert not (affordance[0] & affordance[1]).any()
         if mode.taxonomy >= 2:
-            assert np.array_equal(*things) == (mode.taxonomy == 2)
+            assert np.array_equal(*objects) == (mode.taxonomy == 2)
 
 
 def test_an_affordance_is_the_visible_hand_on_the_complete_object() -> None:
     """And the hand is seen where it is drawn in front only: behind a wall of nearness nothing of it is left."""
     world = StillWorld(SPEC)
     layout = world.layout()
-    shot, reach = shoot(world, layout, SMALL.sizes, 1), Reach(layout.things)
-    plan = next(plan for thing in layout.things for plan in plans(Act("take", "", (thing,), ()), reach))
-    seen = shot.hands(world, plan.ways)
+    shot, reach = take_picture(world, layout, SMALL.sizes, 1), ReachModel(layout.objects)
+    plan = next(plan for obj in layout.objects for plan in grasp_plans(Task("take", "", (obj,), ()), reach))
+    seen = shot.hands(world, plan.options)
     assert seen.any() and not (seen[0] & seen[1]).any()
     walled = replace(shot, nearness=np.full_like(shot.nearness, 50.0))
-    assert not walled.hands(world, plan.ways).any()
+    assert not walled.hands(world, plan.options).any()
 
 
 def test_modes_are_ways_that_differ(room: Stills) -> None:
@@ -108,31 +116,31 @@ def test_one_picture_is_asked_for_several_things(room: Stills) -> None:
 
 
 def test_samples_show_one_way_each(room: Stills) -> None:
-    """The same picture and text come with different ways, each of them valid; likely ways come more often."""
-    drawn = samples(room, 2, 1)
+    """The same picture and text come with different options, each of them valid; likely options come more often."""
+    drawn = sample_stills(room, 2, 1)
     by_number = {still.narration.narration_id: still for still in room.stills}
-    ways: dict[str, list[bytes]] = {}
+    options: dict[str, list[bytes]] = {}
     for sample in drawn.samples:
         valid = [mode.masks.tobytes() for mode in by_number[sample.narration.narration_id].modes]
         assert sample.masks.tobytes() in valid
-        ways.setdefault(sample.narration.narration_id, []).append(sample.masks.tobytes())
-    assert all(len(found) == min(2, len(by_number[name].modes)) == len(set(found)) for name, found in ways.items())
-    assert any(len(found) == 2 for found in ways.values())
+        options.setdefault(sample.narration.narration_id, []).append(sample.masks.tobytes())
+    assert all(len(found) == min(2, len(by_number[name].modes)) == len(set(found)) for name, found in options.items())
+    assert any(len(found) == 2 for found in options.values())
     assert len({sample.sample_id for sample in drawn.samples}) == len(drawn.samples)
 
 
 def test_draws_follow_the_weights(room: Stills) -> None:
-    """Over many seeds the first way of a still with several comes as often as its weight says."""
+    """Over many seeds the first option of a still with several comes as often as its weight says."""
     still = next(still for still in room.stills if len(still.modes) > 1)
     alone = replace(room, stills=(still,))
-    first = [samples(alone, 1, seed).samples[0].masks.tobytes() == still.modes[0].masks.tobytes() for seed in range(200)]
+    first = [sample_stills(alone, 1, seed).samples[0].masks.tobytes() == still.modes[0].masks.tobytes() for seed in range(200)]
     assert np.mean(first) == pytest.approx(still.modes[0].weight, abs=0.12)
 
 
 def test_no_draws_are_refused(room: Stills) -> None:
     """One sample is the least."""
     with pytest.raises(ValueError, match="expected 1 or more, got 0"):
-        samples(room, 0, 1)
+        sample_stills(room, 0, 1)
 
 
 # -- which hand --------------------------------------------------------------------------------------------------------
@@ -159,24 +167,24 @@ def test_the_handle_decides_the_hand() -> None:
 def test_wide_things_take_two_hands_where_there_is_room() -> None:
     """A plate in the middle is lifted with both; with a box at one side, with the other hand."""
     plate = stand("plate", 0.0, 0.26)
-    lift = next(act for act in acts([plate], {0: "plate"}) if act.verb == "lift")
-    assert {plan.taxonomy for plan in plans(lift, Reach([plate]))} == {2}
+    lift = next(task for task in tasks_for([plate], {0: "plate"}) if task.verb == "lift")
+    assert {plan.taxonomy for plan in grasp_plans(lift, ReachModel([plate]))} == {2}
     crowded = [plate, stand("box", 0.20, 0.26, number=1), stand("box", 0.20, 0.15, number=2)]
-    assert {plan.taxonomy for plan in plans(lift, Reach(crowded))} == {0}
+    assert {plan.taxonomy for plan in grasp_plans(lift, ReachModel(crowded))} == {0}
 
 
 def test_words_of_parts_decide_the_part() -> None:
     """A jar is taken by its body, opened at its lid."""
     jar = stand("jar", 0.0)
-    of = {act.verb: plans(act, Reach([jar])) for act in acts([jar], {0: "jar"})}
-    assert {way.grip.name for plan in of["take"] for way in plan.ways if way} == {"body"}
-    assert all({way.grip.name for way in plan.ways if way} == {"body", "lid"} for plan in of["open"]) and of["open"]
+    of = {task.verb: grasp_plans(task, ReachModel([jar])) for task in tasks_for([jar], {0: "jar"})}
+    assert {option.grip.name for plan in of["take"] for option in plan.options if option} == {"body"}
+    assert all({option.grip.name for option in plan.options if option} == {"body", "lid"} for plan in of["open"]) and of["open"]
 
 
 def test_likelier_is_more_comfortable() -> None:
     """Weights follow comfort."""
-    chosen = plans(Act("take", "", (stand("mug", 0.05),), ()), Reach([stand("mug", 0.05)]))
-    assert len(chosen) > 1 and (np.diff(weights(chosen)) <= 0).all() and weights(chosen).sum() == pytest.approx(1)
+    chosen = grasp_plans(Task("take", "", (stand("mug", 0.05),), ()), ReachModel([stand("mug", 0.05)]))
+    assert len(chosen) > 1 and (np.diff(plan_weights(chosen)) <= 0).all() and plan_weights(chosen).sum() == pytest.approx(1)
 
 
 # -- the table ---------------------------------------------------------------------------------------------------------
@@ -184,12 +192,12 @@ def test_likelier_is_more_comfortable() -> None:
 
 def test_nothing_stands_in_another_thing_or_floats() -> None:
     """Footprints are apart and everything rests on the table."""
-    models = [objects.build(kind, np.random.default_rng(2)) for kind in KNOWN]
-    things = lay_out(models, np.random.default_rng(0))
-    assert len(things) > 3
-    built = [heights([thing]) > 0 for thing in things]
+    models = [library.build(kind, np.random.default_rng(2)) for kind in KNOWN_KINDS]
+    objects = place_on_table(models, np.random.default_rng(0))
+    assert len(objects) > 3
+    built = [height_map([obj]) > 0 for obj in objects]
     assert np.sum(built, axis=0).max() == 1
-    assert all(abs(float((thing.model.points @ thing.T_world_obj[:3, :3].T)[:, 2].min())) < 0.003 for thing in things)
+    assert all(abs(float((obj.model.points @ obj.T_world_obj[:3, :3].T)[:, 2].min())) < 0.003 for obj in objects)
 
 
 # -- what is held out --------------------------------------------------------------------------------------------------
@@ -208,21 +216,22 @@ def test_training_and_benchmark_share_no_room_and_no_thing() -> None:
 
 def test_training_never_shows_new_kinds_and_uses() -> None:
     """New kinds are not even in the pool; a new use of a known kind is not asked for."""
-    assert not set(NEW) & set(kinds("kitchen", "known", "train")) and set(NEW) < set(kinds("kitchen", "new", "test"))
+    assert not set(NEW_KINDS) & set(object_kinds("kitchen", "known", "train"))
+    assert set(NEW_KINDS) < set(object_kinds("kitchen", "new", "test"))
     for verb, kind in NEW_PAIRS:
-        assert kind in KNOWN and is_new(verb, (kind,)) and not is_asked("known", is_new(verb, (kind,)))
-        assert any(not is_new(verb, (other,)) for other in KNOWN) and not is_new("take", (kind,))
+        assert kind in KNOWN_KINDS and is_held_out(verb, (kind,)) and not accepts_task("known", is_held_out(verb, (kind,)))
+        assert any(not is_held_out(verb, (other,)) for other in KNOWN_KINDS) and not is_held_out("take", (kind,))
     assert all(spec.asks == "known" and spec.setting == "kitchen" for spec in train_specs(1, 5, 2, EXTENT))
 
 
 def test_an_unknown_question_is_refused() -> None:
     """The error says which words there are."""
     with pytest.raises(ValueError, match="known, new or any"):
-        is_asked("all", True)
+        accepts_task("all", True)
 
 
-@pytest.mark.parametrize("spec", [benchmark_specs(1, 1, Extent(1, 1, 4))[k] for k in (1, 2, 3)], ids=lambda spec: spec.video_id)
+@pytest.mark.parametrize("spec", [benchmark_specs(1, 1, RoomExtent(1, 1, 4))[k] for k in (1, 2, 3)], ids=lambda spec: spec.video_id)
 def test_every_row_of_the_benchmark_has_stills(spec: StillSpec) -> None:
-    """New kinds, workshop and desk; the row of new things asks for nothing else."""
-    made = stills(replace(spec, layouts=4), SMALL, quiet)
+    """New kinds, workshop and desk; the row of new objects asks for nothing else."""
+    made = render_stills(replace(spec, layouts=4), SMALL, quiet)
     assert made.stills and (spec.asks != "new" or all(still.new for still in made.stills))

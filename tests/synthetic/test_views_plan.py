@@ -7,23 +7,23 @@ import pytest
 import trimesh
 
 from afford.render.camera import CARDINAL, Sphere
-from afford.render.views.plan import Plan, Wish, plan, well_seen
-from afford.render.views.surface import Rays, Surface, sphere
+from afford.render.views.plan import ViewPlan, ViewSettings, plan_views, well_seen
+from afford.render.views.surface import Rays, Surface, fibonacci_sphere
 from tests.helpers.made_meshes import as_object, ball, cup, ring, shell, slotted
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup, "shell": shell}
 
 
-def planned(shape: trimesh.Trimesh, wish: Wish) -> tuple[Plan, Surface, Rays, Sphere]:
+def planned(shape: trimesh.Trimesh, wish: ViewSettings) -> tuple[ViewPlan, Surface, Rays, Sphere]:
     thing = as_object(shape)
     surface, rays, around = Surface.of(thing), Rays(thing.vertices, thing.faces), Sphere.of(thing.vertices)
-    return plan(surface, rays, around, wish, sphere(256)), surface, rays, around
+    return plan_views(surface, rays, around, wish, fibonacci_sphere(256)), surface, rays, around
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_concave_or_not_everything_is_seen_well(shape) -> None:  # type: ignore[no-untyped-def]
     """At least 99 % of what can be seen from outside; the share never falls, and the six come first."""
-    found, *_ = planned(shape(), Wish(good_deg=75))
+    found, *_ = planned(shape(), ViewSettings(good_deg=75))
     assert found.share[-1] >= 0.99 and (np.diff(found.share) >= 0).all()
     six = found.towards[:6] / np.linalg.norm(found.towards[:6], axis=1, keepdims=True)
     assert six == pytest.approx(np.array(list(CARDINAL.values()), float))
@@ -31,15 +31,15 @@ def test_concave_or_not_everything_is_seen_well(shape) -> None:  # type: ignore[
 
 def test_six_views_do_not_see_into_a_slot() -> None:
     """They see less, and they alone are taken when no share is wished."""
-    six, *_ = planned(slotted(), Wish(good_deg=75, share=0))
-    more, *_ = planned(slotted(), Wish(good_deg=75))
+    six, *_ = planned(slotted(), ViewSettings(good_deg=75, share=0))
+    more, *_ = planned(slotted(), ViewSettings(good_deg=75))
     assert len(six.share) == 6 and six.share[-1] < 0.85 < 0.99 <= more.share[-1]
     assert np.array_equal(six.share, more.share[:6])
 
 
 def test_the_share_is_what_rays_from_the_cameras_find() -> None:
     """Counted again from the other end: rays from each camera to each point hit the point's own face first."""
-    found, surface, rays, around = planned(cup(), Wish(good_deg=75))
+    found, surface, rays, around = planned(cup(), ViewSettings(good_deg=75))
     seen = np.zeros(len(surface.points), bool)
     for eye in around.centre + found.towards:
         line = surface.points - eye
@@ -64,4 +64,4 @@ def test_an_angle_is_kept() -> None:
 
 def test_no_more_views_than_allowed() -> None:
     """`most` holds even where more would see more."""
-    assert len(planned(cup(), Wish(good_deg=60, most=8))[0].share) <= 8
+    assert len(planned(cup(), ViewSettings(good_deg=60, most=8))[0].share) <= 8

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.render.views.surface import Rays, Surface, sphere
+from afford.render.views.surface import Rays, Surface, fibonacci_sphere
 from tests.helpers.made_meshes import as_object, ball, cup, ring, shell, slotted
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup}
@@ -35,17 +35,17 @@ def test_what_lies_inside_is_not_seen() -> None:
     """Of a ball in a ball just the outer one; of convex shapes, and of what is open to the sky, everything."""
     hidden = as_object(shell())
     surface = Surface.of(hidden)
-    seen = surface.visible(Rays(hidden.vertices, hidden.faces), sphere(256))
+    seen = surface.visible(Rays(hidden.vertices, hidden.faces), fibonacci_sphere(256))
     assert np.array_equal(seen, np.linalg.norm(surface.points, axis=1) > 0.07)
     for shape in SHAPES.values():
         thing = as_object(shape())
         surface = Surface.of(thing)
-        assert surface.visible(Rays(thing.vertices, thing.faces), sphere(512)).mean() > 0.995
+        assert surface.visible(Rays(thing.vertices, thing.faces), fibonacci_sphere(512)).mean() > 0.995
 
 
 def test_directions_are_spread_evenly() -> None:
     """Unit vectors; the emptiest place of the sphere is not far from one."""
-    spread = sphere(500)
+    spread = fibonacci_sphere(500)
     assert np.linalg.norm(spread, axis=1) == pytest.approx(1)
     other = np.random.default_rng(0).normal(size=(2000, 3))
     other /= np.linalg.norm(other, axis=1, keepdims=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from afford.common import files
-from afford.dataset import act_layout, layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import cases
 from schemas.scene import Mode, Picture, Still, Stills
 from schemas.video import Narration
@@ -51,7 +51,7 @@ def room(*stills: Still, setting: str = "kitchen") -> Stills:
 
 def written(folder: Path, *rooms: Stills) -> Path:
     """The benchmark of some rooms."""
-    act_layout.write(folder, rooms, "test", MARGIN, lambda done, total: None)
+    act_affordance.write_benchmark(folder, rooms, "test", MARGIN, lambda done, total: None)
     return folder
 
 
@@ -97,7 +97,7 @@ def test_the_benchmark_reads_it_back(tmp_path: Path) -> None:
     """As cases with every mode, in the rows that they belong to, without anything odd."""
     stills = (still(1, mode(1, 0.7), mode(0, 0.3)), still(2, mode(2, 1.0, shift=6), text="lift mug"))
     root = written(tmp_path, room(*stills))
-    read = [cases.read(case) for case in layout.cases(files.tree("test", root))]
+    read = [cases.read(case) for case in act_affordance.cases(files.tree("test", root))]
     assert [case.case_id for case in read] == [f"{kind}/P95_01/000000{n}" for kind in ("cropped", "masks") for n in (1, 2)]
     assert [len(case.modes) for case in read] == [2, 1, 2, 1] and not any(case.notes for case in read)
     assert [case.taxonomy.tolist() for case in read[:2]] == [[1, 0], [2]]
@@ -114,7 +114,7 @@ def test_groups_say_whether_the_text_decides_and_tells_the_hands(tmp_path: Path)
 
 def test_an_empty_benchmark_is_refused(tmp_path: Path) -> None:
     """One sentence says what to do."""
-    with pytest.raises(ValueError, match="expected at least one still, got none"):
+    with pytest.raises(ValueError, match="there is no still to write; plan more rooms"):
         written(tmp_path, room())
 
 

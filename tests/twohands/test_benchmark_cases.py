@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from afford.common.errors import SourceError
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import toras
 from afford.twohands.benchmark.cases import read
 from schemas.affordance import Taxonomy
@@ -106,20 +106,20 @@ def test_bad_cases_are_refused_in_one_sentence(tmp_path: Path, how: str, said: s
     folder = write_case(tmp_path, "cropped/P01_01/0000001", "take mug", "left", {"aff_left": box(1, 1, 9, 9)})
     corrupt(folder, how)
     with pytest.raises(SourceError, match="cropped/P01_01/0000001") as refused:
-        read(layout.cases(as_tree(tmp_path))[0])
+        read(act_affordance.cases(as_tree(tmp_path))[0])
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_folder_without_cases_is_refused(tmp_path: Path) -> None:
     """As is one that does not exist, or a link that leaves it."""
     with pytest.raises(SourceError, match=r"cropped/<video>/<frame>/inpainting.png"):
-        layout.cases(as_tree(tmp_path))
+        act_affordance.cases(as_tree(tmp_path))
     with pytest.raises(SourceError, match="expected a folder, got nothing"):
-        layout.tree(tmp_path / "none", str)
+        act_affordance.read_tree(tmp_path / "none", str)
     (tmp_path / "bench").mkdir()
     (tmp_path / "bench" / "link.png").symlink_to("/etc/hostname")
     with pytest.raises(SourceError, match="inside the folder"):
-        layout.tree(tmp_path / "bench", str)
+        act_affordance.read_tree(tmp_path / "bench", str)
 
 
 def entity(name: str, *annotations: list[list[list[float]]]) -> dict:
@@ -162,11 +162,11 @@ def test_toras_replaces_the_masks_of_a_benchmark(tmp_path: Path) -> None:
     write_case(tmp_path, "cropped/P01_01/0000140", "take mug", "left", {}, size=(300, 200), target_box=[150, 100, 350, 400])
     files = as_tree(tmp_path)
     outlines = toras.of_tree(files)
-    cropped, whole = (read(case, outlines) for case in layout.cases(files))
+    cropped, whole = (read(case, outlines) for case in act_affordance.cases(files))
     assert whole.modes.shape[2:] == (855, 855) and np.array_equal(whole.modes[0, 0, 100:400, 150:350], cropped.modes[0, 0])
     write_case(tmp_path, "masks/P01_01/0000141", "take mug", "left", tiny, size=(16, 16))
     with pytest.raises(SourceError, match="an entry of that video and frame"):
-        read(layout.cases(as_tree(tmp_path))[-1], outlines)
+        read(act_affordance.cases(as_tree(tmp_path))[-1], outlines)
 
 
 def test_a_toras_name_without_a_hand_is_refused() -> None:

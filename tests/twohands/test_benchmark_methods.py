@@ -10,7 +10,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from afford.common.files import tree
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import answers, dataset_baselines, predictions_file
 from afford.twohands.benchmark import cases as cases_module
 from afford.twohands.benchmark.answers import nothing, of_prediction
@@ -173,7 +173,7 @@ def test_taxonomy_is_open_where_the_words_do_not_tell(bench: FileTree, tmp_path:
     """`take mug` is done with the right hand in one picture and with the left in another; `open jar` is always the same."""
     told = Prediction("", np.zeros((2, 1, *SIZE), np.float32), np.ones((2, 1), np.float32),
                       np.array([0.1, 0.7, 0.1, 0.1], np.float32), np.array([False, True]), 0.5)
-    rows = [(files.where, told) for files in layout.cases(bench)]
+    rows = [(files.where, told) for files in act_affordance.cases(bench)]
     predictions_file.write_predictions(tmp_path / predictions_file.FILE_NAME, rows)
     scores = score_cases.run(bench, tree("told", tmp_path), score_cases.Params())
     assert value(scores, "cropped/P01_01/0000150", "taxonomy_open_accuracy") == 1

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from afford.codecs import identity
+from afford.codecs import kinds as kinds_module
 from afford.common.image_files import jpeg
 from afford.common.palette import HANDS
 from afford.twohands.demo import server
@@ -229,7 +229,7 @@ def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: P
     clips = tuple(clip(f"P01_0{n}", 8, split=split, height=180, width=320) for n, split in enumerate(("train", "val", "val")))
     packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))
     store, folder = tmp_path / "store", tmp_path / "store" / "models" / "small"
-    digest = identity.digest(packed)
+    digest = kinds_module.digest(packed)
     open_runner(store, 0).store.put_leaf(packed)
     shutil.copytree(model, folder / "model")
     console = Console(file=io.StringIO(), width=400)

@@ -17,8 +17,8 @@ from torch import Tensor
 from afford.extraction.inpaint import Filled, LamaParams
 from afford.extraction.inpaint.lama_network import GIVEN, Generator, LamaConfig
 from afford.extraction.inpaint.windows import chunks, side_of, windows
-from afford.models.archive import read_tensors
 from afford.models.loading import device_of, dtype_of, fill_weights
+from afford.models.tensor_files import read_tensors
 from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
 from afford.extraction.inpaint.vidm_unet import LATENT, Unet, VidmConfig, config_text, read_config
-from afford.models.archive import read_tensors
 from afford.models.loading import fill_weights
+from afford.models.tensor_files import read_tensors
 
 STEPS, BETAS = 1000, (0.0015, 0.0205)
 """of the diffusion that the model was trained on"""

@@ -13,8 +13,8 @@ from afford.render.draw import render
 from afford.render.mesh import Mesh, mesh, solid
 from afford.render.raster import View, depth
 from afford.render.scene import Camera, Instance, Light, Material, Textures, batch
-from afford.render.views.plan import Wish, plan
-from afford.render.views.surface import Rays, Surface, sphere
+from afford.render.views.plan import ViewSettings, plan_views
+from afford.render.views.surface import Rays, Surface, fibonacci_sphere
 from schemas.mesh import ObjectMesh, ObjectViews
 
 BACKGROUND = 235
@@ -83,12 +83,12 @@ def _before_wall(rgb: np.ndarray, covered: np.ndarray) -> np.ndarray:
     return np.asarray(rgb + np.rint((1 - share) * BACKGROUND).astype(np.uint8)[..., None])
 
 
-def shoot(mesh: ObjectMesh, wish: Wish, directions: int, size_px: int, supersample: int) -> ObjectViews:
+def render_views(mesh: ObjectMesh, wish: ViewSettings, directions: int, size_px: int, supersample: int) -> ObjectViews:
     """All views of one object; ValueError when it has no surface."""
     surface = Surface.of(mesh)
     if not surface.area.sum() > 0:
         raise ValueError(f"{mesh.name}: expected faces with an area, got {len(mesh.faces)} faces without any")
-    found = plan(surface, Rays(mesh.vertices, mesh.faces), Sphere.of(mesh.vertices), wish, sphere(directions))
+    found = plan_views(surface, Rays(mesh.vertices, mesh.faces), Sphere.of(mesh.vertices), wish, fibonacci_sphere(directions))
     studio = Studio(mesh, supersample)
     shots = [studio.shoot(towards, wish.distance, size_px) for towards in found.towards]
     names = (*CARDINAL, *(f"added_{n}" for n in range(1, len(shots) - len(CARDINAL) + 1)))
@@ -106,14 +106,14 @@ LINE_PX = 24
 """height of the line above each picture"""
 
 
-def labels(views: ObjectViews, count: int) -> tuple[str, ...]:
+def sheet_labels(views: ObjectViews, count: int) -> tuple[str, ...]:
     """Names of the views on the sheet, row by row."""
     return views.views[:count]
 
 
 def contact_sheet(views: ObjectViews, count: int) -> np.ndarray:
     """(h, w, 3) uint8: the first `count` views or as many as there are, three in a row, each under its name."""
-    tiles = [_titled(picture, name) for picture, name in zip(views.rgb[:count], labels(views, count), strict=True)]
+    tiles = [_titled(picture, name) for picture, name in zip(views.rgb[:count], sheet_labels(views, count), strict=True)]
     columns = min(COLUMNS, len(tiles))
     tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % columns)
     rows = [np.concatenate(tiles[at : at + columns], axis=1) for at in range(0, len(tiles), columns)]

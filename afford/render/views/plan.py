@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.camera import CARDINAL, Sphere
-from afford.render.views.surface import Rays, Surface, sphere
+from afford.render.views.surface import Rays, Surface, fibonacci_sphere
 from schemas.mesh import ObjectViews
 
 AROUND = 128
@@ -23,7 +23,7 @@ LEAST_GAIN = 5e-4
 
 
 @dataclass(frozen=True)
-class Wish:
+class ViewSettings:
     """What is asked of the views."""
 
     distance: float = 4.0
@@ -37,7 +37,7 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ViewPlan:
     """(n, 3) directions of the cameras from the middle, `share` (n,) of the visible area seen well by the first 1..n of them, and
     `visible` (p,) bool of the surface's points.
     """
@@ -47,7 +47,7 @@ class Plan:
     visible: np.ndarray
 
 
-def plan(surface: Surface, rays: Rays, around: Sphere, wish: Wish, directions: np.ndarray) -> Plan:
+def plan_views(surface: Surface, rays: Rays, around: Sphere, wish: ViewSettings, directions: np.ndarray) -> ViewPlan:
     """The six views and those added; `directions` (d, 3) are tried to find out what can be seen from outside at all."""
     visible = surface.visible(rays, directions)
     weight = np.where(visible, surface.area, 0.0) / max(float(surface.area[visible].sum()), 1e-30)
@@ -61,7 +61,7 @@ def plan(surface: Surface, rays: Rays, around: Sphere, wish: Wish, directions: n
         eyes = np.concatenate([eyes, added[None]])
         covered |= well_seen(surface, rays, added[None], wish.good_deg)[0]
         shares = np.append(shares, weight[covered].sum())
-    return Plan(eyes - around.centre, shares, visible)
+    return ViewPlan(eyes - around.centre, shares, visible)
 
 
 def well_seen(surface: Surface, rays: Rays, eyes: np.ndarray, good_deg: float) -> np.ndarray:
@@ -81,18 +81,19 @@ def _cover(seen: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return so_far[-1], so_far @ weight
 
 
-def _next(surface: Surface, rays: Rays, around: Sphere, wish: Wish, missing: np.ndarray, directions: np.ndarray,
+def _next(surface: Surface, rays: Rays, around: Sphere, wish: ViewSettings, missing: np.ndarray, directions: np.ndarray,
           round_: int) -> tuple[np.ndarray, float]:  # fmt: skip
     """The eye (3,) that sees most of what is missing (n,) area, and how much."""
     left = np.flatnonzero(missing)
     rest = Surface(surface.points[left], surface.normals[left], surface.face[left], surface.area[left])
-    eyes = np.concatenate([around.eye(sphere(AROUND), wish.distance), _on_rays(rest, rays, around, wish, directions, round_)])
+    spread = around.eye(fibonacci_sphere(AROUND), wish.distance)
+    eyes = np.concatenate([spread, _on_rays(rest, rays, around, wish, directions, round_)])
     gains = well_seen(rest, rays, eyes, wish.good_deg) @ missing[left]
     best = int(gains.argmax())
     return eyes[best], float(gains[best])
 
 
-def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: Wish, directions: np.ndarray, round_: int) -> np.ndarray:
+def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: ViewSettings, directions: np.ndarray, round_: int) -> np.ndarray:
     """Eyes from which some of the points that are left are seen most squarely: where their freest rays meet the cameras' sphere."""
     some = np.random.default_rng(round_).choice(len(rest.points), min(RAYS, len(rest.points)), replace=False)
     points, normals = rest.points[some], rest.normals[some]
@@ -109,7 +110,7 @@ def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: Wish, directions: 
 SIX = 6
 
 
-def six(views: ObjectViews) -> ObjectViews:
+def cardinal_views(views: ObjectViews) -> ObjectViews:
     """The first six views of an object, arrays shared with the given ones."""
     return replace(views, views=views.views[:SIX], rgb=views.rgb[:SIX], face=views.face[:SIX], depth_m=views.depth_m[:SIX],
                    K=views.K[:SIX], T_obj_cam=views.T_obj_cam[:SIX], seen_area=views.seen_area[:SIX])  # fmt: skip

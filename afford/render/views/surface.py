@@ -68,7 +68,7 @@ class Surface:
     def of(mesh: ObjectMesh) -> Surface:
         """One point in the middle of each face; faces larger than a share of the whole are divided first."""
         corners = mesh.vertices[mesh.faces].astype(np.float64)
-        area, normal = areas(corners)
+        area, normal = face_areas(corners)
         cuts = np.ceil(np.sqrt(area * POINTS / max(area.sum(), 1e-30))).clip(1, 256).astype(int)
         parts = [_spread(corners[cuts == n], np.flatnonzero(cuts == n), int(n)) for n in np.unique(cuts)]
         face = np.concatenate([part[1] for part in parts])
@@ -85,7 +85,7 @@ class Surface:
         return out
 
 
-def sphere(count: int) -> np.ndarray:
+def fibonacci_sphere(count: int) -> np.ndarray:
     """(count, 3) float64 unit vectors, evenly spread (Fibonacci lattice)."""
     n = np.arange(count) + 0.5
     z, turn = 1 - 2 * n / count, np.pi * (1 + 5**0.5) * n
@@ -93,7 +93,7 @@ def sphere(count: int) -> np.ndarray:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], -1)
 
 
-def areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def face_areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(f,) square metres and (f, 3) unit normals of triangles (f, 3, 3); the normal of what has no area is 0."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)

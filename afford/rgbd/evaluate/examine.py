@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from afford.dataset.sor3d import sequences
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.evaluate.metrics import code_f1, code_jaccard, counts
 from afford.rgbd.model.both_ways import both_ways
 from afford.rgbd.model.model import Sor3d
@@ -42,7 +42,7 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
     kept = spread(len(paths), shown)
     rows, pixels, regions, codes, pictures = [], [], [], [], []
     for n, path in enumerate(paths):
-        one = fitted(sequences.read(path, model.config.flow), model.config.size_px)
+        one = fitted(packed_sequences.read_sequence(path, model.config.flow), model.config.size_px)
         said = ask(model, one, device, mirror), ask(model, last(one), device, mirror)
         found = [counts(answer.label, one.label) for answer in said]
         pixels.append([[of.hit, of.found, of.true] for of in found])
@@ -56,7 +56,7 @@ def examine(name: str, model: Sor3d, paths: Listed[Path], shown: int, device: st
                              np.array(codes, np.float64), np.array(actions, np.float32), tuple(pictures))  # fmt: skip
 
 
-def ask(model: Sor3d, one: Sequence, device: str = "cpu", mirror: bool = False) -> Answer:
+def ask(model: Sor3d, one: PackedSequence, device: str = "cpu", mirror: bool = False) -> Answer:
     """About the last frame of a sequence, at the size of the model."""
     with torch.inference_mode():
         seen = stack([[one]], model.config).groups[0].to(device)
@@ -84,6 +84,6 @@ def spread(of: int, count: int) -> set[int]:
     return {round(n * (of - 1) / max(count - 1, 1)) for n in range(count)}
 
 
-def _shown(one: Sequence, said: Listed[Answer]) -> ShownAnswer:
+def _shown(one: PackedSequence, said: Listed[Answer]) -> ShownAnswer:
     parts = (np.stack([getattr(answer, name) for answer in said]) for name in ("label", "confidence", "attention"))
     return ShownAnswer(one.name, one.rgb[-1].copy(), one.label.copy(), *parts)

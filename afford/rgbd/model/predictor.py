@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.models.loading import one_thread
 from afford.rgbd.model import files
 from afford.rgbd.model.both_ways import both_ways
@@ -34,7 +34,7 @@ class Predictor:
         """
         return self.sees(sequence_of(clip, flow, self.config.flow))
 
-    def sees(self, sequence: sequences.Sequence) -> Seen:
+    def sees(self, sequence: packed_sequences.PackedSequence) -> Seen:
         """The same of a packed sequence that was read with the kind of motion that the model sees."""
         one = fitted(sequence, self.config.size_px)
         return Seen(one.rgb, one.depth_m, one.flow, one.still)
@@ -60,7 +60,7 @@ class Predictor:
         return [Found(*one) for one in zip(probability, action, shares, strict=True)]
 
 
-def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> sequences.Sequence:
+def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> packed_sequences.PackedSequence:
     """A clip with its motion `2d`, `3d` or `none`; without `flow` nothing moves. ValueError for the flow of another clip."""
     colour, still = np.zeros((0, *clip.rgb.shape[1:]), np.uint8), np.zeros(3, np.uint8)
     if flow is not None and kind != "none":
@@ -68,7 +68,9 @@ def sequence_of(clip: InteractionClip, flow: SceneFlow | None, kind: str) -> seq
             raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
                              f"{len(flow.colour)}")
         colour, still = (flow.colour_px, flow.still[3:]) if kind == "2d" else (flow.colour, flow.still[:3])
-    return sequences.Sequence(clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label)
+    return packed_sequences.PackedSequence(
+        clip.name, clip.object_type, clip.affordance, clip.rgb, clip.depth_m, colour, still, clip.label
+    )
 
 
 def until(seen: Seen, count: int) -> Seen:

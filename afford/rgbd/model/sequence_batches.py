@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from afford.dataset.sor3d import sequences
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Frames, Seen, frames
 from afford.training.sampler import BalancedSampler
@@ -70,31 +70,31 @@ class SequenceBatches:
         """Pictures beside a batch: none or at least two, for they are normalised over."""
         return max(2, round(self.size * self.static_share)) if self.static_share else 0
 
-    def drawn(self, number: int) -> list[Sequence]:
+    def drawn(self, number: int) -> list[PackedSequence]:
         """The sequences of a batch."""
         side = self.config.size_px // 2 if number < self.coarse else self.config.size_px
         return [self._sample(number * self.size + n, side) for n in range(self.size)]
 
-    def _sample(self, position: int, side: int) -> Sequence:
+    def _sample(self, position: int, side: int) -> PackedSequence:
         _, index = self.order.sample(position)
-        found = fitted(sequences.read(self.paths[index], self.config.flow), side)
+        found = fitted(packed_sequences.read_sequence(self.paths[index], self.config.flow), side)
         return changed(found, self.changes, np.random.default_rng((self.seed, position, 2)))
 
 
-def last(one: Sequence) -> Sequence:
+def last(one: PackedSequence) -> PackedSequence:
     """The last frame as a picture."""
     return replace(one, rgb=one.rgb[-1:], depth_m=one.depth_m[-1:], flow=one.flow[:0])
 
 
-def stack(groups: Listed[Listed[Sequence]], config: Sor3dConfig, done: float = 1.0) -> Learned:
+def stack(groups: Listed[Listed[PackedSequence]], config: Sor3dConfig, done: float = 1.0) -> Learned:
     """Groups of sequences of one size, each of one length -> tensors."""
     seen = tuple(frames([Seen(one.rgb, one.depth_m, one.flow, one.still) for one in group], config) for group in groups)
     chosen = [one for group in groups for one in group]
     label = torch.from_numpy(np.stack([one.label for one in chosen]).astype(np.int64))
-    return Learned(seen, label, torch.tensor([sequences.action(one.affordance) for one in chosen]), done)
+    return Learned(seen, label, torch.tensor([packed_sequences.affordance_index(one.affordance) for one in chosen]), done)
 
 
-def fitted(one: Sequence, size_px: int) -> Sequence:
+def fitted(one: PackedSequence, size_px: int) -> PackedSequence:
     """At the size of the model; it is square, so what is not is cut to its middle."""
     height, width = one.label.shape
     side = min(height, width)
@@ -102,7 +102,7 @@ def fitted(one: Sequence, size_px: int) -> Sequence:
     return window(one, top, left, side, size_px) if one.label.shape != (size_px, size_px) else one
 
 
-def changed(one: Sequence, changes: Changes, rng: np.random.Generator) -> Sequence:
+def changed(one: PackedSequence, changes: Changes, rng: np.random.Generator) -> PackedSequence:
     """Cropped, mirrored and coloured by chance."""
     side = one.label.shape[0]
     if rng.random() < changes.crop_share:
@@ -117,7 +117,7 @@ def changed(one: Sequence, changes: Changes, rng: np.random.Generator) -> Sequen
     return one
 
 
-def window(one: Sequence, top: int, left: int, side: int, size_px: int) -> Sequence:
+def window(one: PackedSequence, top: int, left: int, side: int, size_px: int) -> PackedSequence:
     """A square of every frame, at another size; motion keeps its colours."""
     at, size = np.s_[top : top + side, left : left + side], (size_px, size_px)
 
@@ -130,7 +130,7 @@ def window(one: Sequence, top: int, left: int, side: int, size_px: int) -> Seque
                    flow=resized(one.flow, cv2.INTER_NEAREST), label=resized(one.label[None], cv2.INTER_NEAREST)[0])  # fmt: skip
 
 
-def mirrored(one: Sequence) -> Sequence:
+def mirrored(one: PackedSequence) -> PackedSequence:
     """Left is right, in space as well: motion along x turns round."""
     flow = one.flow[:, :, ::-1].copy()
     flow[..., 0] = np.clip(2 * int(one.still[0]) - flow[..., 0].astype(np.int16), 0, 255).astype(np.uint8)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.inputs import Seen
 from afford.rgbd.model.predictor import Predictor
 from afford.rgbd.model.sequence_batches import fitted
@@ -45,7 +45,7 @@ def seen(sample: StaticSample, size_px: int) -> Seen:
     """A picture as a model sees it: the middle square; depth is 0 where there is none."""
     depth_m = sample.depth_m if len(sample.depth_m) else np.zeros((1, *sample.label.shape), np.float32)
     none, still = np.zeros((0, *sample.rgb.shape), np.uint8), np.zeros(3, np.uint8)
-    one = fitted(Sequence(sample.name, sample.object_type, "", sample.rgb[None], depth_m, none, still, sample.label), size_px)
+    one = fitted(PackedSequence(sample.name, sample.object_type, "", sample.rgb[None], depth_m, none, still, sample.label), size_px)
     return Seen(one.rgb, one.depth_m, one.flow, one.still)
 
 

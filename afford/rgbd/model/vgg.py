@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from afford.models.archive import load_plain
+from afford.models.tensor_files import load_weights_only
 from afford.rgbd.model.encoder import Encoder
 
 LAYERS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24)
@@ -19,7 +19,7 @@ def fill(encoder: Encoder, checkpoint: Path) -> None:
     """Put the weights of a VGG16 (.pth of tensors, or .safetensors) into an encoder. A fourth channel (depth) gets the mean of the
     first three. ValueError for a tensor that is missing or of another shape.
     """
-    found = load_plain(checkpoint, "the weights of a VGG16 as tensors by name")
+    found = load_weights_only(checkpoint, "the weights of a VGG16 as tensors by name")
     convolutions = [module for module in encoder.modules() if isinstance(module, nn.Conv2d)]
     with torch.no_grad():
         for conv, number in zip(convolutions, LAYERS, strict=True):

@@ -10,9 +10,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.text import natural_key, parse_json
-from afford.dataset.sor3d.colours import commonest, unpaint
-from afford.dataset.sor3d.names import CAMERA, DEPTH_MM, EXTRAS, MASK, SPOT, parse
-from afford.dataset.sor3d.write import GRID
+from afford.dataset.sor3d_layout import CAMERA, DEPTH_MM, EXTRAS, GRID, MASK, SPOT, dominant_colour, label_of_colours, parse_name
 from afford.rgbd.readers import sampling
 from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree
@@ -40,7 +38,7 @@ def read(files: FileTree, rules: Rules) -> InteractionClip:
     """One sequence."""
     if not files.files:
         raise SourceError(files.name, "the files of a sequence", "none", DOCS)
-    name = parse(files.files[0].name)
+    name = parse_name(files.files[0].name)
     base = f"{name.split}/{name.folder}"
     rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural_key(file.name))
     if len(rgb) <= EXTRAS:
@@ -82,10 +80,11 @@ def _like(found: np.ndarray, raw: tuple[int, ...], file: FileRef, what: str, fix
 def _label(file: FileRef, raw: tuple[int, ...], affordance: str) -> np.ndarray:
     """(h, w) uint8, as it lies in the file. Every sequence shows what it is about: SourceError where no pixel has the colour."""
     mask = _like(_colour(file), raw, file, "a mask", "write masks on the grid of the frames")
-    label = unpaint(mask, affordance)
+    label = label_of_colours(mask, affordance)
     if (label == BACKGROUND).all():
-        raise SourceError(file.name, f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder",
-                          f"mostly {commonest(mask) or 'black alone'}", "write masks as PNG in exactly that colour")  # fmt: skip
+        expected = f"pixels of B, G, R {COLOURS_BGR[affordance]} for {affordance}, the second word of the folder"
+        raise SourceError(file.name, expected, f"mostly {dominant_colour(mask) or 'black alone'}",
+                          "write masks as PNG in exactly that colour")  # fmt: skip
     return label
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 from afford.common.errors import SourceError
-from afford.dataset.layout import tree
+from afford.dataset.act_affordance import read_tree
 from afford.rgbd.readers import umd
 from schemas.files import FileTree
 
@@ -20,7 +20,7 @@ def pictures(root: Path, backend: str, digest: Callable[[Path], str]) -> FileTre
     """
     if backend not in LABELS:
         raise SourceError("static_read.backend", " or ".join(LABELS), repr(backend), "choose the one that the root is")
-    files = tree(root, digest)
+    files = read_tree(root, digest)
     found = {kind: any(_is_label(kind, file.name) for file in files.files) for kind in LABELS}
     if found[backend]:
         return files

@@ -19,7 +19,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.text import read_utf8
-from afford.dataset.sor3d.names import DEPTH_MM
+from afford.dataset.sor3d_layout import DEPTH_MM
 from afford.rgbd.readers import Umd
 from afford.rgbd.readers.crops import centre, mapped
 from afford.rgbd.readers.mat5 import read_matrix

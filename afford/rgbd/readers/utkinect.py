@@ -20,7 +20,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.text import read_utf8
-from afford.dataset.sor3d.names import DEPTH_MM
+from afford.dataset.sor3d_layout import DEPTH_MM
 from afford.rgbd.readers.pictures import picture
 from schemas.files import FileRef, FileTree
 from schemas.interaction import ActionClip

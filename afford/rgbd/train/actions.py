@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from afford.dataset.sor3d import sequences
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset import packed_sequences
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.inputs import Seen, frames
 from afford.rgbd.model.pretrain import ActionLSTM
@@ -48,18 +48,18 @@ class ClipBatches:
     def __call__(self, number: int) -> Clips:
         return self.stack([self._sample(number * self.size + n) for n in range(self.size)])
 
-    def _sample(self, position: int) -> Sequence:
+    def _sample(self, position: int) -> PackedSequence:
         _, index = self.order.sample(position)
         rng = np.random.default_rng((self.seed, position, 3))
         return changed(self.read(self.paths[index], rng.random()), self.changes, rng)
 
-    def read(self, path: Path, phase: float) -> Sequence:
+    def read(self, path: Path, phase: float) -> PackedSequence:
         """A clip at the size of the model, `FRAMES` of its frames from `phase` 0..1 on."""
-        one = fitted(sequences.read(path, "none"), self.config.size_px)
+        one = fitted(packed_sequences.read_sequence(path, "none"), self.config.size_px)
         chosen = ((np.arange(FRAMES) + phase) * len(one.rgb) / FRAMES).astype(int)
         return replace(one, rgb=one.rgb[chosen], depth_m=one.depth_m[chosen])
 
-    def stack(self, chosen: Listed[Sequence]) -> Clips:
+    def stack(self, chosen: Listed[PackedSequence]) -> Clips:
         """ValueError for an action that training does not show."""
         unknown = {one.affordance for one in chosen} - set(self.actions)
         if unknown:

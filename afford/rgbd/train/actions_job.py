@@ -6,7 +6,7 @@ from pathlib import Path
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model import pretrain
 from afford.rgbd.model.model import build
 from afford.rgbd.train.actions import Actions, ClipBatches
@@ -24,7 +24,7 @@ sequence goes in; the action comes out."""
     def task(self, scratch: Path, processes: int) -> Actions:
         """The first encoder of a new model with an LSTM, and clips."""
         parts = parts_of(scratch)
-        labels = [sequences.kind(path)[1] for path in parts["train"]]
+        labels = [packed_sequences.read_classes(path)[1] for path in parts["train"]]
         actions = tuple(sorted(set(labels)))
         model = pretrain.head(build(self.config, self.seed), len(actions), self.seed)
         order = BalancedSampler(labels, self.balance, self.seed)

@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.boxes.losses import extents, losses
 from afford.rgbd.boxes.model import Boxes, painted, proposals
 from afford.rgbd.evaluate import metrics as measures
@@ -24,7 +24,7 @@ class Detecting:
 
     monitor = "iou"
 
-    def __init__(self, model: Boxes, batches: SequenceBatches, judged: Listed[Sequence], device: str) -> None:
+    def __init__(self, model: Boxes, batches: SequenceBatches, judged: Listed[PackedSequence], device: str) -> None:
         """`judged` are the sequences of validation; their last frames are looked at."""
         self.model: nn.Module = model
         self._net, self._batches, self._device = model, batches, device

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.boxes.model import FORMAT, Boxes, build
 from afford.rgbd.model import files
 from afford.rgbd.model.sequence_batches import SequenceBatches, fitted
@@ -30,7 +30,8 @@ boxes of things, and inside each box a mask of affordances. One picture goes in.
         total = self.plan.steps * self.plan.accumulate * processes
         batches = SequenceBatches(parts["train"], self.config, self.changes, self.order(parts["train"]), self.batch, EVERY, total,
                                   self.seed)
-        judged = [fitted(sequences.read(path, "none"), self.config.size_px) for path in spread(parts["val"], self.val_samples)]
+        judged = [fitted(packed_sequences.read_sequence(path, "none"), self.config.size_px)
+                  for path in spread(parts["val"], self.val_samples)]  # fmt: skip
         return Detecting(build(self.config, self.seed), batches, judged, self.plan.device)
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:

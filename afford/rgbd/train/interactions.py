@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.common.image_files import jpeg
-from afford.dataset.sor3d.sequences import Sequence
+from afford.dataset.packed_sequences import PackedSequence
 from afford.rgbd.evaluate import metrics as measures
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import Said, Sor3d
@@ -27,7 +27,7 @@ class Interactions:
 
     monitor = "iou"
 
-    def __init__(self, model: Sor3d, batches: SequenceBatches, judged: Listed[Sequence], loss: LossParams, size: int,
+    def __init__(self, model: Sor3d, batches: SequenceBatches, judged: Listed[PackedSequence], loss: LossParams, size: int,
                  device: str) -> None:
         """`judged` are the sequences of validation, never changed, `size` of them at a time."""
         self.model: nn.Module = model
@@ -58,7 +58,7 @@ class Interactions:
             jpeg(np.vstack([np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)]))
         )
 
-    def _measured(self, judged: Listed[Sequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
+    def _measured(self, judged: Listed[PackedSequence]) -> tuple[dict[str, float], float, list[np.ndarray]]:
         """Measures, mean loss, and the labels found."""
         found: list[np.ndarray] = []
         right, totals = [], []

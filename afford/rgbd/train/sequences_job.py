@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model.config import ROWS, VARIANTS, Sor3dConfig, row
 from afford.rgbd.model.losses import LossParams
 from afford.rgbd.model.sequence_batches import Changes
@@ -50,12 +50,12 @@ class SequencesJob:
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """Note where the sequences of both parts are; they are read when they are drawn."""
-        found = {split: [str(path.absolute()) for path in sequences.part(data, split)] for split in ("train", "val")}
+        found = {split: [str(path.absolute()) for path in packed_sequences.split_files(data, split)] for split in ("train", "val")}
         (scratch / FILES).write_text(json.dumps(found), encoding="utf-8")
 
     def order(self, paths: list[Path]) -> BalancedSampler:
         """Which sequence of training comes when."""
-        return BalancedSampler([sequences.kind(path) for path in paths], self.balance, self.seed)
+        return BalancedSampler([packed_sequences.read_classes(path) for path in paths], self.balance, self.seed)
 
     def finish(self, model: nn.Module, state: TrainingState) -> None:
         """Validation decides nothing but which weights are kept."""
@@ -101,7 +101,8 @@ def spread(paths: list[Path], count: int) -> list[Path]:
 
 def kinds_of(scratch: Path) -> dict[str, Counter[str]]:
     """Sequences of both parts by '<object type> <affordance>'."""
-    return {split: Counter(" ".join(sequences.kind(path)).strip() for path in paths) for split, paths in parts_of(scratch).items()}
+    return {split: Counter(" ".join(packed_sequences.read_classes(path)).strip() for path in paths)
+            for split, paths in parts_of(scratch).items()}  # fmt: skip
 
 
 def parts_of(scratch: Path) -> dict[str, list[Path]]:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from schemas.interaction import AFFORDANCES, BACKGROUND
 
 UNSEEN = 0.5
@@ -18,14 +18,15 @@ UNSEEN = 0.5
 
 def pixels(paths: Sequence[Path], foreground: float) -> Tensor:
     """(10,) shares of pixels, those that afford something counted `foreground` times; they sum to 1."""
-    counts = np.sum([np.bincount(sequences.label(path).ravel(), minlength=BACKGROUND + 1) for path in paths], axis=0).astype(float)
+    labels = (packed_sequences.read_label(path).ravel() for path in paths)
+    counts = np.sum([np.bincount(label, minlength=BACKGROUND + 1) for label in labels], axis=0).astype(float)
     counts[:BACKGROUND] *= foreground
     return _shares(counts)
 
 
 def actions(paths: Sequence[Path]) -> Tensor:
     """(9,) shares of sequences; they sum to 1."""
-    found = [sequences.action(sequences.kind(path)[1]) for path in paths]
+    found = [packed_sequences.affordance_index(packed_sequences.read_classes(path)[1]) for path in paths]
     return _shares(np.bincount(found, minlength=len(AFFORDANCES)).astype(float))
 
 

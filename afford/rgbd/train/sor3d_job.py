@@ -7,7 +7,7 @@ from pathlib import Path
 
 from torch import nn
 
-from afford.dataset.sor3d import sequences
+from afford.dataset import packed_sequences
 from afford.rgbd.model import files, pretrain, vgg
 from afford.rgbd.model.losses import LossParams
 from afford.rgbd.model.model import Sor3d, build
@@ -56,7 +56,7 @@ class Sor3dJob(SequencesJob):
         batches = SequenceBatches(parts["train"], self.config, self.changes, self.order(parts["train"]), self.batch,
                                   self.static_share, total, self.seed, round(self.coarse_share * total))
         chosen = spread(parts["val"], self.val_samples)
-        judged = [fitted(sequences.read(path, self.config.flow), self.config.size_px) for path in chosen]
+        judged = [fitted(packed_sequences.read_sequence(path, self.config.flow), self.config.size_px) for path in chosen]
         return Interactions(model, batches, judged, self.loss, self.batch, self.plan.device)
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:

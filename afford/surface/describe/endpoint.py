@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from afford.common.image_files import encode_jpeg
-from afford.models.chat_endpoint import ask
-from afford.render.views.draw import contact_sheet, labels
-from afford.surface.describe import Served, answer
-from afford.surface.describe.question import question
+from afford.models.chat_endpoint import complete
+from afford.render.views.draw import contact_sheet, sheet_labels
+from afford.surface.describe import Served, prompt
+from afford.surface.describe.prompt import part_prompt
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 
@@ -16,6 +16,6 @@ QUALITY = 90
 
 def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Served) -> PartDescription:
     """See `Describer`."""
-    asked = question(mesh.category, task, labels(views, params.views))
+    asked = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     picture = encode_jpeg(contact_sheet(views, params.views), QUALITY).tobytes()
-    return answer.read(ask(params, asked, picture), mesh.name, task, "endpoint")
+    return prompt.parse_answer(complete(params, asked, picture), mesh.name, task, "endpoint")

@@ -6,9 +6,61 @@ best: verb and state, then the verb alone, then the state alone, then any use. P
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-from afford.surface.describe.task import parse
+from afford.surface.describe.looks import PARTS, part_phrase
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartDescription, PartNote
+
+VERBS = {
+    "hand over": ("hand over", "hand me", "hand him", "hand her", "hand them", "pass", "give", "offer"),
+    "wash": ("wash", "rinse", "clean", "dry", "wipe", "polish"),
+    "carry": ("carry", "move", "fetch", "bring", "take", "lift", "pick up", "put away", "place", "store"),
+    "cut": ("cut", "slice", "chop", "carve", "peel", "trim", "saw", "split", "shave", "mince", "snip", "chisel"),
+    "drink": ("drink", "sip"),
+    "pour": ("pour",),
+    "fill": ("fill", "refill"),
+    "cook": ("cook", "fry", "boil", "simmer", "heat", "roast"),
+    "stir": ("stir", "serve", "scoop", "ladle", "flip", "turn over", "lift out"),
+    "eat": ("eat",),
+    "press": ("iron", "press", "smooth"),
+    "drive": ("drive", "hammer", "knock", "pound", "nail", "hit"),
+    "pull": ("pull", "pull out", "pry", "remove"),
+    "screw": ("screw", "unscrew", "fasten", "tighten", "loosen", "turn"),
+    "bore": ("drill", "bore"),
+    "change bit": ("change the bit", "change bit", "change the battery", "change battery", "charge"),
+    "solder": ("solder", "desolder"),
+    "spread": ("spread", "lay", "plaster", "dig", "plant"),
+    "scrub": ("scrub", "brush", "sweep"),
+    "blow": ("blow", "blow-dry", "dry hair", "style"),
+    "grip": ("grip", "clamp", "bend", "crimp"),
+    "roll": ("roll", "flatten"),
+    "paint": ("paint",),
+    "spray": ("spray", "mist"),
+    "light": ("light", "shine", "ignite"),
+}
+"""What is done -> the words that say so, at the start of a task. The longest that fits is taken."""
+HOT = ("hot", "boiling", "steaming", "heated", "glowing", "burning", "lit")
+COLD = ("cold", "cool", "cooled", "iced", "unplugged", "unheated")
+STATES = {**dict.fromkeys(HOT, "hot"), **dict.fromkeys(COLD, "cold")}
+
+
+@dataclass(frozen=True)
+class ParsedTask:
+    """`verb` is a key of VERBS, '' where no verb is known; `state` is hot, cold or '' where the words do not say."""
+
+    verb: str
+    state: str
+
+
+def parse_task(text: str) -> ParsedTask:
+    """What a task says. The last word of state counts ("pour the hot tea from the cold kettle" is about the kettle)."""
+    words = re.findall(r"[a-z]+(?:-[a-z]+)?", text.lower())
+    said = " ".join(words)
+    fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{said} ".startswith(f"{phrase} ")]
+    states = [STATES[word] for word in words if word in STATES]
+    return ParsedTask(max(fits)[1] if fits else "", states[-1] if states else "")
 
 
 @dataclass(frozen=True)
@@ -252,16 +304,52 @@ TASKS: dict[str, tuple[str, ...]] = {
 
 def rule(category: str, task: str) -> Rule:
     """The row for a task in words; KeyError for a category that the table does not have."""
-    said, rows = parse(task), {(row.verb, row.state): row for row in LEXICON[category]}
+    said, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
     wanted = ((said.verb, said.state), (said.verb, ""), ("", said.state), ("", ""))
     return next(rows[key] for key in wanted if key in rows)
 
 
-def changes(category: str, part: str, negative: bool) -> bool:
+def role_changes(category: str, part: str, negative: bool) -> bool:
     """Whether another row of the table judges this part the other way."""
     return any((part in row.negative) != negative for row in LEXICON[category])
 
 
-def truth(category: str, task: str) -> frozenset[str]:
+def negative_parts(category: str, task: str) -> frozenset[str]:
     """The negative parts, for evaluation; KeyError for a category that the table does not have."""
     return frozenset(rule(category, task).negative)
+
+
+SURE, GENERAL = 0.95, 0.7
+"""Confidence where the table has the task, and where it only has what holds for any use."""
+
+
+def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: None) -> PartDescription:
+    """What the table says of an object by its name and category. It looks at no picture."""
+    return look_up(mesh.name, mesh.category, task)
+
+
+def look_up(name: str, category: str, task: str) -> PartDescription:
+    """What the table says of a thing and a task; category 'unknown' and no notes for what is not in it."""
+    kind = known_category(category)
+    if not kind:
+        return PartDescription(name, "unknown", task, (), "rules")
+    row = rule(kind, task)
+    verb = parse_task(task).verb
+    sure = SURE if verb else GENERAL
+    notes = tuple(_note(kind, part, row, sure) for part in PARTS[kind].split())
+    return PartDescription(name, kind, task, notes, "rules")
+
+
+def known_category(category: str) -> str:
+    """The category as the table writes it ("Soldering iron" is soldering_iron), '' where it is not in it."""
+    word = re.sub(r"[^a-z]+", "_", category.lower()).strip("_")
+    return word if word in LEXICON else ""
+
+
+def _note(kind: str, part: str, row: Rule, confidence: float) -> PartNote:
+    role, reason = "neutral", ""
+    if part in row.negative:
+        role, reason = "negative", row.reason
+    elif part in row.positive:
+        role, reason = "positive", "a hand belongs here"
+    return PartNote(part, part_phrase(kind, part), role, reason, confidence, role_changes(kind, part, role == "negative"))

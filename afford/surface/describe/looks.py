@@ -63,12 +63,12 @@ PARTS = {
 WHOLE = {"pliers": "a pair of pliers", "scissors": "a pair of scissors"}
 
 
-def phrase(kind: str, part: str) -> str:
+def part_phrase(kind: str, part: str) -> str:
     """A part in words, e.g. 'the blade of a saw, a long flat thin plate at the end'; KeyError for one that is not in the table."""
-    return worded(kind, part, LOOKS_OF.get((kind, part)) or LOOKS[part])
+    return word_phrase(kind, part, LOOKS_OF.get((kind, part)) or LOOKS[part])
 
 
-def worded(kind: str, part: str, looks: str) -> str:
+def word_phrase(kind: str, part: str, looks: str) -> str:
     """The same for any thing and part and how it looks: what is before the first comma names it, what is after tells its shape."""
     whole = kind.replace("_", " ")
     article = "an" if whole[0] in "aeiou" else "a"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from afford.models.chat_model import load_model, reply
-from afford.render.views.draw import contact_sheet, labels
-from afford.surface.describe import Vlm, answer
-from afford.surface.describe.question import question
+from afford.models.chat_model import generate, load_model
+from afford.render.views.draw import contact_sheet, sheet_labels
+from afford.surface.describe import Vlm, prompt
+from afford.surface.describe.prompt import part_prompt
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 
@@ -14,7 +14,7 @@ WEIGHTS = "a vision-language model with a chat template: folder of save_pretrain
 
 def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm) -> PartDescription:
     """See `Describer`."""
-    asked = question(mesh.category, task, labels(views, params.views))
+    asked = part_prompt(mesh.category, task, sheet_labels(views, params.views))
     model = load_model(params.model, params.device, params.dtype)
-    said = reply(model, asked, contact_sheet(views, params.views), params.new_tokens)
-    return answer.read(said, mesh.name, task, "vlm")
+    said = generate(model, asked, contact_sheet(views, params.views), params.new_tokens)
+    return prompt.parse_answer(said, mesh.name, task, "vlm")

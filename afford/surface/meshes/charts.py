@@ -10,8 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.net import components, cross, shared
+from afford.surface.meshes.net import MeshError, area_normals, connected_labels, shared_edges
 
 GAP_PX = 4
 """texels between charts"""
@@ -28,14 +27,14 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
     are more pieces than texels for them.
     """
     local, normals = _local(np.asarray(vertices, np.float64), faces)
-    pairs = shared(faces)[0] // 3
+    pairs = shared_edges(faces)[0] // 3
     way = _ways(normals, pairs)
     way = way + 6 * _slices(local)
     flat, depth = _seen(local, way % 6)
     layer = np.zeros(len(faces), np.int64)
     for _ in range(LAYERS):
         same = (way[pairs[:, 0]] == way[pairs[:, 1]]) & (layer[pairs[:, 0]] == layer[pairs[:, 1]])
-        chart = components(len(faces), pairs[same])
+        chart = connected_labels(len(faces), pairs[same])
         place, scale = _layout(flat, chart, side)
         hidden = _hidden(place, depth * scale, side)
         if not hidden.any():
@@ -46,11 +45,11 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
 
 def _local(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners (f, 3, 3) and unit normals (f, 3) in the axes of the object."""
-    weight = np.linalg.norm(cross(vertices, faces), axis=1)
+    weight = np.linalg.norm(area_normals(vertices, faces), axis=1)
     spread = np.cov(vertices[faces].mean(axis=1).T, aweights=weight)
     axes = np.linalg.eigh(spread)[1]
     turned = vertices @ (axes * np.sign(np.linalg.det(axes)))
-    normals = cross(turned, faces)
+    normals = area_normals(turned, faces)
     return turned[faces], normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
 
 

@@ -12,15 +12,15 @@ from pathlib import Path
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries, refuse_link
-from afford.surface.meshes.files import LABELS, URDF
-from afford.surface.meshes.references import collisions, is_mesh, needs
+from afford.surface.meshes.read import collision_meshes, is_mesh, referenced_files
+from afford.surface.meshes.surface import LABELS, URDF
 from schemas.files import FileRef, FileTree
 
 Digest = Callable[[Path], str]
 
 
 @dataclass(frozen=True)
-class Refused:
+class RejectedObject:
     """An object that must not or cannot be read; it fails alone."""
 
     name: str
@@ -29,30 +29,30 @@ class Refused:
 
 
 @dataclass(frozen=True)
-class Meshes:
+class MeshFolder:
     """The objects of a folder, by name."""
 
     name: str
     """name of the folder"""
     objects: tuple[FileTree, ...]
-    refused: tuple[Refused, ...]
+    refused: tuple[RejectedObject, ...]
 
 
-def discover(root: Path, digest: Digest) -> Meshes:
+def discover(root: Path, digest: Digest) -> MeshFolder:
     """Look at `root`. SourceError when it is no folder or holds no mesh."""
     if not root.is_dir():
         raise SourceError(str(root), "a folder of meshes", "a file" if root.exists() else "nothing", "give the folder")
     found = {entry.name: entry for entry in entries(root)}
     trees: list[FileTree] = []
-    refused: list[Refused] = []
+    refused: list[RejectedObject] = []
     for name, mains in _objects(found).items():
         try:
             trees.append(_tree(name, mains, found, digest))
         except (SourceError, OSError) as error:
-            refused.append(Refused(name, str(error)))
+            refused.append(RejectedObject(name, str(error)))
     if not trees and not refused:
         raise SourceError(str(root), "a mesh (OBJ, PLY, STL, GLB, glTF) or a URDF", "none", "put one there")
-    return Meshes(root.resolve().name, tuple(trees), tuple(refused))
+    return MeshFolder(root.resolve().name, tuple(trees), tuple(refused))
 
 
 def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
@@ -72,7 +72,7 @@ def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
 def _claimed(entry: Entry) -> set[str]:
     """Meshes that a URDF speaks for; none when it cannot be read, which is said when its own turn comes."""
     try:
-        return set() if entry.leaves else {*needs(entry.name, entry.path), *collisions(entry.name, entry.path)}
+        return set() if entry.leaves else {*referenced_files(entry.name, entry.path), *collision_meshes(entry.name, entry.path)}
     except SourceError:
         return set()
 
@@ -88,7 +88,7 @@ def _tree(name: str, mains: list[Entry], found: dict[str, Entry], digest: Digest
             continue
         refuse_link(entry)
         members[entry.name] = entry
-        wanted = [*needs(entry.name, entry.path), entry.name + LABELS]
+        wanted = [*referenced_files(entry.name, entry.path), entry.name + LABELS]
         waiting.extend(found[other] for other in wanted if other in found)
     return FileTree(name, tuple(_refs(members.values(), digest)))
 

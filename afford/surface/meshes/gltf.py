@@ -18,8 +18,15 @@ from trimesh.transformations import quaternion_matrix
 
 from afford.common.errors import SourceError
 from afford.common.text import parse_json
-from afford.surface.meshes.files import Pictures, locate, picture
-from afford.surface.meshes.surface import Surface, check_triangles, join, moved
+from afford.surface.meshes.surface import (
+    PictureCache,
+    Surface,
+    check_triangles,
+    decode_picture,
+    find_reference,
+    join_surfaces,
+    transform_surface,
+)
 from schemas.files import FileRef, FileTree
 
 MAGIC, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -36,7 +43,7 @@ class _Document:
     tree: dict[str, Any]
     body: bytes
     """the binary chunk of a GLB"""
-    pictures: Pictures = field(default_factory=Pictures)
+    pictures: PictureCache = field(default_factory=PictureCache)
     _blobs: dict[str, bytes] = field(default_factory=dict)
     _images: dict[int, np.ndarray] = field(default_factory=dict)
 
@@ -49,7 +56,7 @@ class _Document:
             return self.body
         if uri not in self._blobs:
             self._blobs[uri] = (base64.b64decode(uri.partition(",")[2]) if uri.startswith("data:")
-                                else locate(self.files, self.file.name, unquote(uri)).path.read_bytes())  # fmt: skip
+                                else find_reference(self.files, self.file.name, unquote(uri)).path.read_bytes())  # fmt: skip
         return self._blobs[uri]
 
     def view(self, index: int) -> tuple[memoryview, int]:
@@ -82,7 +89,7 @@ class _Document:
         if source not in self._images:
             image = self.tree["images"][source]
             data = bytes(self.view(image["bufferView"])[0]) if "bufferView" in image else self.blob(image.get("uri"))
-            self._images[source] = picture(data, f"{self.file.name}, image {source}")
+            self._images[source] = decode_picture(data, f"{self.file.name}, image {source}")
             self.pictures.count(self._images[source], self.file.name)
         return self._images[source]
 
@@ -104,7 +111,7 @@ def read_gltf(files: FileTree, file: FileRef) -> Surface:
         raise document.refuse("a complete glTF 2.0 document", f"{type(error).__name__} {error}") from error
     if not found:
         raise document.refuse("triangles", "none in its scene")
-    return join(found, "m")
+    return join_surfaces(found, "m")
 
 
 def _primitives(document: _Document) -> list[Surface]:
@@ -227,7 +234,7 @@ def _primitive(document: _Document, primitive: dict[str, Any], name: str, T: np.
         notes.append(("faces whose vertex colours were left out beside an image", count))
     flat = Surface(vertices, faces, uv[faces], paint, (image,), colour, np.arange(count), np.zeros(count, np.int64), (name,),
                    tuple(notes))  # fmt: skip
-    return moved(flat, T)
+    return transform_surface(flat, T)
 
 
 def linear(image: np.ndarray) -> np.ndarray:

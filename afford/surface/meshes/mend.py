@@ -2,41 +2,39 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+import fast_simplification
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.bake import bake
-from afford.surface.meshes.category import category_of
 from afford.surface.meshes.charts import unwrap
-from afford.surface.meshes.errors import MeshError
-from afford.surface.meshes.files import main_file
-from afford.surface.meshes.nearest import Nearest
-from afford.surface.meshes.net import Net, bodies, watertight
-from afford.surface.meshes.paint import BAKED_PX, Look, finish, look
+from afford.surface.meshes.nearest import NearestSurface
+from afford.surface.meshes.net import EditMesh, MeshError, bodies, edit_mesh, watertight
 from afford.surface.meshes.parts import read_labels
-from afford.surface.meshes.read import read
-from afford.surface.meshes.repair import Counts, Limits, repair
-from afford.surface.meshes.simplify import simplify
-from afford.surface.meshes.units import METRES, decide
+from afford.surface.meshes.read import read_surface
+from afford.surface.meshes.repair import Counts, RepairLimits, drop_empty, drop_repeated, repair
+from afford.surface.meshes.surface import main_file
+from afford.surface.meshes.texture import BAKED_PX, FaceColours, bake_colours, bake_texture, face_colours
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, MeshReport, ObjectMesh, ReadMesh, Repair
 
 
 @dataclass(frozen=True)
-class Wishes:
+class MeshSettings:
     """What the user wants of a mesh."""
 
     unit: str
     categories: tuple[str, ...]
     texture_px: int
     faces: int
-    limits: Limits
+    limits: RepairLimits
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class FinishedMesh:
     """A mesh with its look and the part of each face."""
 
     vertices: np.ndarray
@@ -47,18 +45,18 @@ class Piece:
     deviation_m: float = 0.0
 
 
-def read_mended(files: FileTree, wishes: Wishes) -> ReadMesh:
+def read_repaired(files: FileTree, wishes: MeshSettings) -> ReadMesh:
     """Everything about one object; SourceError names its file."""
     source = main_file(files).name
-    surface = read(files)
+    surface = read_surface(files)
     labels = read_labels(files, source, surface)
     used = surface.vertices[np.unique(surface.faces)]
-    unit = decide(float(np.linalg.norm(np.ptp(used, axis=0))), wishes.unit, surface.unit, source)
+    unit = infer_unit(float(np.linalg.norm(np.ptp(used, axis=0))), wishes.unit, surface.unit, source)
     try:
         net, counts = repair(surface.vertices * METRES[unit], surface.faces, wishes.limits)
-        seen, halved = look(surface, net.corner, wishes.texture_px)
+        seen, halved = face_colours(surface, net.corner, wishes.texture_px)
         done = (*surface.notes, *counts, *((("images halved", halved),) if halved else ()))
-        piece, simplified = _fewer(net, seen, labels.part[net.corner[:, 0] // 3], wishes)
+        piece, simplified = _simplify_painted(net, seen, labels.part[net.corner[:, 0] // 3], wishes)
     except MeshError as error:
         raise SourceError(source, error.expected, error.got, error.fix) from error
     category = labels.category or category_of(files.name, wishes.categories)
@@ -69,24 +67,24 @@ def read_mended(files: FileTree, wishes: Wishes) -> ReadMesh:
     return ReadMesh(mesh, MeshParts(files.name, labels.names, piece.part.astype(np.int16)), report)
 
 
-def _fewer(net: Net, seen: Look, part: np.ndarray, wishes: Wishes) -> tuple[Piece, Counts]:
+def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, wishes: MeshSettings) -> tuple[FinishedMesh, Counts]:
     """The painted mesh, simplified when it has too many faces."""
     if len(net.faces) <= wishes.faces:
-        uv, texture = finish(net.vertices, net.faces, seen, wishes.texture_px)
-        return Piece(net.vertices, net.faces, uv, texture, part), ()
+        uv, texture = bake_colours(net.vertices, net.faces, seen, wishes.texture_px)
+        return FinishedMesh(net.vertices, net.faces, uv, texture, part), ()
     vertices, faces = simplify(net.vertices, net.faces, wishes.faces)
-    nearest = Nearest(net.vertices, net.faces)
+    nearest = NearestSurface(net.vertices, net.faces)
     face, _, away = nearest(np.concatenate([vertices[faces].mean(axis=1), vertices]))
     middle = face[: len(faces)]
     plain = seen.texture.shape[:2] == (1, 1) and not seen.cornered.any()
     side = min(wishes.texture_px, BAKED_PX)
     uv = np.full((len(faces), 3, 2), 0.5, np.float32) if plain else unwrap(vertices, faces, side)
-    texture = seen.texture if plain else bake(uv, side, _painter(vertices[faces], nearest, seen))
-    piece = Piece(vertices, faces, uv, texture, part[middle], float(away.max()))
+    texture = seen.texture if plain else bake_texture(uv, side, _painter(vertices[faces], nearest, seen))
+    piece = FinishedMesh(vertices, faces, uv, texture, part[middle], float(away.max()))
     return piece, (("faces taken out by simplifying", len(net.faces) - len(faces)),)
 
 
-def _painter(tri: np.ndarray, nearest: Nearest, seen: Look):  # type: ignore[no-untyped-def]  # a ColourAt
+def _painter(tri: np.ndarray, nearest: NearestSurface, seen: FaceColours):  # type: ignore[no-untyped-def]  # a ColourAt
     """Colours of places on new triangles (f, 3, 3): those of the nearest places of the old surface."""
     def colour_at(face: np.ndarray, bary: np.ndarray) -> np.ndarray:
         old, there, _ = nearest(np.einsum("nk,nkc->nc", bary, tri[face]))
@@ -95,8 +93,67 @@ def _painter(tri: np.ndarray, nearest: Nearest, seen: Look):  # type: ignore[no-
     return colour_at
 
 
-def _report(name: str, source: str, unit: tuple[str, str], done: Counts, piece: Piece) -> MeshReport:
+def _report(name: str, source: str, unit: tuple[str, str], done: Counts, piece: FinishedMesh) -> MeshReport:
     size = np.ptp(piece.vertices, axis=0)
     return MeshReport(name, source, *unit, METRES[unit[0]], tuple(Repair(what, int(count)) for what, count in done),
                       piece.deviation_m, watertight(piece.faces), int(bodies(piece.faces).max()) + 1,
                       (float(size[0]), float(size[1]), float(size[2])))
+
+
+def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(v, 3) float64 and (f, 3) int64 of about `count` faces. MeshError when the surface cannot be made that simple."""
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    points, triangles = fast_simplification.simplify(np.ascontiguousarray(vertices / size), np.ascontiguousarray(faces, np.int32),
+                                                     target_count=count)
+    net, _ = drop_empty(edit_mesh(np.asarray(points, np.float64) * size, np.asarray(triangles, np.int64)))
+    net, _ = drop_repeated(net)
+    if not 0 < len(net.faces) <= 1.1 * count:
+        raise MeshError(f"a surface that {count} faces can show", f"one that keeps {len(net.faces)} of {len(faces)}",
+                    "it is in too many pieces: simplify it by hand, drop more dust, or raise max_faces")
+    net = net.compact()
+    return net.vertices, net.faces
+
+
+def name_words(name: str) -> list[str]:
+    """Words of a file name in small letters: '025_phillipsScrewdriver' -> phillips, screwdriver."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", spaced)]
+
+
+def category_of(name: str, categories: Iterable[str]) -> str:
+    """The category whose words stand in the name, '' for none. The last one counts ('kettle_brush' is a brush), the longest of
+    those that end there.
+    """
+    said = name_words(name)
+    best = (0, 0, "")
+    for category in categories:
+        wanted = name_words(category)
+        for k in range(len(said) - len(wanted) + 1):
+            if wanted and said[k : k + len(wanted)] == wanted:
+                best = max(best, (k + len(wanted), len(wanted), category))
+    return best[2]
+
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
+SMALLEST_M, LARGEST_M = 0.02, 2.0
+"""diagonals between which a thing is handled"""
+
+
+def infer_unit(diagonal: float, unit: str, stated: str, name: str) -> str:
+    """Unit of a mesh whose bounding box has this diagonal.
+
+    `unit` is what the user says ('auto': nothing), `stated` what the format says. Without either it is metres when that gives
+    a handled thing, else the only unit that does. SourceError where nothing fits, or several do.
+    """
+    if unit != "auto":
+        if unit not in METRES:
+            raise ValueError(f"unit: expected auto, {', '.join(METRES)}, got {unit!r}")
+        return unit
+    fits = [word for word, metres in METRES.items() if SMALLEST_M <= diagonal * metres <= LARGEST_M]
+    if stated in fits or (not stated and "m" in fits):
+        return stated or "m"
+    if not stated and len(fits) == 1:
+        return fits[0]
+    sizes = ", ".join(f"{diagonal * METRES[word]:.3g} m if in {word}" for word in fits or METRES)
+    raise SourceError(name, f"a diagonal of {SMALLEST_M:g} to {LARGEST_M:g} m in {stated or 'one unit only'}",
+                      f"{diagonal:.6g} ({sizes})", f"say which with unit = {', '.join(fits or METRES)}")

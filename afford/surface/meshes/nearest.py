@@ -15,7 +15,7 @@ CANDIDATES = 6
 CHUNK = 100_000
 
 
-class Nearest:
+class NearestSurface:
     """Asks a surface of (v, 3) vertices and (f, 3) faces."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:

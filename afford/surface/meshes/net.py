@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 
 @dataclass(frozen=True, eq=False)
-class Net:
+class EditMesh:
     """A mesh under repair. Whatever hangs on the corners of the source is carried by indexing it with `corner`."""
 
     vertices: np.ndarray
@@ -20,46 +20,46 @@ class Net:
     corner: np.ndarray
     """(f, 3) int64 corner of the source, 3 * face + place"""
 
-    def keep(self, mask: np.ndarray) -> Net:
+    def keep(self, mask: np.ndarray) -> EditMesh:
         """The faces of `mask` (f,) bool; vertices stay."""
-        return Net(self.vertices, self.faces[mask], self.corner[mask])
+        return EditMesh(self.vertices, self.faces[mask], self.corner[mask])
 
-    def turn(self, mask: np.ndarray) -> Net:
+    def turn(self, mask: np.ndarray) -> EditMesh:
         """The faces of `mask` turned inside out."""
         swap = mask[:, None]
         faces, corner = (np.where(swap, rows[:, ::-1], rows) for rows in (self.faces, self.corner))
-        return Net(self.vertices, faces, corner)
+        return EditMesh(self.vertices, faces, corner)
 
-    def compact(self) -> Net:
+    def compact(self) -> EditMesh:
         """Without vertices that no face uses."""
         used, index = np.unique(self.faces, return_inverse=True)
-        return Net(self.vertices[used], index.reshape(-1, 3), self.corner)
+        return EditMesh(self.vertices[used], index.reshape(-1, 3), self.corner)
 
     @property
     def areas(self) -> np.ndarray:
         """(f,) m^2"""
-        return np.linalg.norm(cross(self.vertices, self.faces), axis=1) / 2
+        return np.linalg.norm(area_normals(self.vertices, self.faces), axis=1) / 2
 
 
-def start(vertices: np.ndarray, faces: np.ndarray) -> Net:
+def edit_mesh(vertices: np.ndarray, faces: np.ndarray) -> EditMesh:
     """A mesh before its first repair."""
-    return Net(vertices, faces, np.arange(faces.size).reshape(-1, 3))
+    return EditMesh(vertices, faces, np.arange(faces.size).reshape(-1, 3))
 
 
-def cross(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def area_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(f, 3) normals, twice the area long."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
-def directed(faces: np.ndarray) -> np.ndarray:
+def directed_edges(faces: np.ndarray) -> np.ndarray:
     """(3 f, 2) edges in the direction in which faces run along them; edge 3 * face + k starts at corner k."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
 
 
-def shared(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def shared_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges by what they touch: (n, 2) pairs of directed edges that exactly two faces share, and (m,) those of one face."""
-    edges = np.sort(directed(faces), axis=1)
+    edges = np.sort(directed_edges(faces), axis=1)
     key = edges[:, 0] * (int(faces.max(initial=0)) + 1) + edges[:, 1]
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.concatenate([[True], np.diff(key[order]) != 0])) if len(order) else np.zeros(0, np.int64)
@@ -68,7 +68,7 @@ def shared(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([order[two], order[two + 1]], axis=1), np.sort(order[first[count == 1]])
 
 
-def components(count: int, pairs: np.ndarray) -> np.ndarray:
+def connected_labels(count: int, pairs: np.ndarray) -> np.ndarray:
     """(count,) number of the connected component of each node, by its first node."""
     graph = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
@@ -76,13 +76,21 @@ def components(count: int, pairs: np.ndarray) -> np.ndarray:
 
 def bodies(faces: np.ndarray) -> np.ndarray:
     """(f,) body of each face; faces that share a vertex are of one body. Numbered from 0 without gaps."""
-    label = components(int(faces.max(initial=-1)) + 1, directed(faces))[faces[:, 0]]
+    label = connected_labels(int(faces.max(initial=-1)) + 1, directed_edges(faces))[faces[:, 0]]
     return np.asarray(np.unique(label, return_inverse=True)[1], np.int64).reshape(-1)
 
 
 def watertight(faces: np.ndarray) -> bool:
     """Whether every edge has exactly two faces, which run along it in opposite directions."""
-    pairs, open_edges = shared(faces)
-    edges = directed(faces)
+    pairs, open_edges = shared_edges(faces)
+    edges = directed_edges(faces)
     return bool(len(faces) and 2 * len(pairs) == len(edges) and not len(open_edges)
                 and (edges[pairs[:, 0], 0] == edges[pairs[:, 1], 1]).all())
+
+
+class MeshError(ValueError):
+    """What was expected of a mesh, what was got, what to do."""
+
+    def __init__(self, expected: str, got: str, fix: str) -> None:
+        super().__init__(f"expected {expected}, got {got}; {fix}")
+        self.expected, self.got, self.fix = expected, got, fix

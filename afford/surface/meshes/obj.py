@@ -13,9 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import Pictures, locate, text
-from afford.surface.meshes.mtl import read_mtl
-from afford.surface.meshes.surface import GREY, Surface
+from afford.surface.meshes.surface import GREY, PictureCache, Surface, decode_text, find_reference
 from schemas.files import FileRef, FileTree
 
 INDEX = re.compile(r"[0-9]{1,18}")
@@ -39,10 +37,10 @@ class _Lines:
 
 def read_obj(files: FileTree, file: FileRef) -> Surface:
     """A surface; SourceError with the line for what cannot be read."""
-    lines = _sort(text(file))
+    lines = _sort(decode_text(file))
     vertices, has_colour = _vertices(lines.v, file.name)
     coords = _numbers(lines.vt, 2, file.name, "vt")
-    corner, texel, polygon = _triangles(lines, file.name, len(vertices), len(coords))
+    corner, texel, polygon = _obj_triangles(lines, file.name, len(vertices), len(coords))
     material, group = np.asarray(lines.material, np.int64)[polygon], np.asarray(lines.group, np.int64)[polygon]
     images, missing = _images(files, file, lines)
     uv = np.where(texel[..., None] >= 0, np.concatenate([coords, np.zeros((1, 2))])[texel], 0.0)
@@ -113,7 +111,7 @@ def _vertices(rows: list[list[str]], name: str) -> tuple[np.ndarray, bool]:
                       "export the file again")
 
 
-def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _obj_triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(f, 3) vertex and texture indices from 0 (-1 none), and the polygon that each triangle was cut from."""
     sizes = np.array([len(polygon) for polygon in lines.polygons], np.int64)
     if len(sizes) and sizes.min() < 3:
@@ -140,10 +138,66 @@ def _triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np
 def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.ndarray, ...], str]:
     """The image of each material that faces use (grey where no library is named), and a name that no library has."""
     known: dict[str, np.ndarray] = {"": np.asarray(GREY, np.uint8).reshape(1, 1, 3)}
-    pictures = Pictures()
+    pictures = PictureCache()
     for library in reversed(dict.fromkeys(reversed(lines.libraries))):  # each once; of one name the last counts
-        known |= read_mtl(files, locate(files, file.name, library), pictures)
+        known |= read_mtl(files, find_reference(files, file.name, library), pictures)
     used = set(lines.material)
     wanted = {name for name, index in lines.materials.items() if index in used}
     missing = next((name for name in lines.materials if name in wanted and name not in known), "") if lines.libraries else ""
     return tuple(known.get(name, known[""]) for name in lines.materials), missing
+
+
+OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-boost": 1, "-bm": 1}
+"""options of `map_Kd` that change no colour -> how many words follow them"""
+
+
+def image_name(rest: str, where: str) -> str:
+    """File name in the value of `map_Kd`; SourceError for options that move or scale the image."""
+    words = rest.split()
+    while words and words[0].startswith("-"):
+        if words[0] not in OPTIONS:
+            raise SourceError(where, f"map_Kd with no options but {', '.join(OPTIONS)}", words[0],
+                              "apply it to the texture coordinates when exporting")
+        words = words[1 + OPTIONS[words[0]]:]
+    if not words:
+        raise SourceError(where, "a file name after map_Kd", "nothing", "name the image or remove the line")
+    return " ".join(words)
+
+
+def mtl_statements(content: str) -> list[tuple[int, str, str]]:
+    """Line number, key word and the rest of every line that says something."""
+    split = [(number, *line.strip().partition(" ")[::2]) for number, line in enumerate(content.replace("\t", " ").splitlines(), 1)]
+    return [(number, word, rest.strip()) for number, word, rest in split if word and not word.startswith("#")]
+
+
+def read_mtl(files: FileTree, mtl: FileRef, pictures: PictureCache) -> dict[str, np.ndarray]:
+    """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only; images come from
+    `pictures`.
+    """
+    found: dict[str, np.ndarray] = {}
+    mapped: set[str] = set()
+    name = ""
+    for number, word, rest in mtl_statements(decode_text(mtl)):
+        where = f"{mtl.name}, line {number}"
+        if word == "newmtl":
+            name = rest
+            found[name] = np.asarray(GREY, np.uint8).reshape(1, 1, 3)
+        elif word in ("map_Kd", "Kd") and not name:
+            raise SourceError(where, "newmtl first", word, "is the file cut short? export it again")
+        elif word == "map_Kd":
+            image = find_reference(files, mtl.name, image_name(rest, where))
+            found[name] = pictures.read(image)
+            mapped.add(name)
+        elif word == "Kd" and name not in mapped:
+            found[name] = _diffuse_colour(rest, where)
+    return found
+
+
+def _diffuse_colour(rest: str, where: str) -> np.ndarray:
+    try:
+        values = np.array([float(word) for word in rest.split()[:3]])
+        if len(values) != 3 or not ((values >= 0) & (values <= 1)).all():
+            raise ValueError(rest)
+    except ValueError as error:
+        raise SourceError(where, "Kd with three numbers 0..1", repr(rest), "export the materials again") from error
+    return np.round(values * 255).astype(np.uint8).reshape(1, 1, 3)

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.surface.meshes.net import Net, components, directed, shared
+from afford.surface.meshes.net import EditMesh, connected_labels, directed_edges, shared_edges
 
 FLAT = 1e-6
 """bodies whose volume is below this share of area^1.5 have no inside"""
 
 
-def turned(net: Net) -> np.ndarray:
+def faces_to_flip(net: EditMesh) -> np.ndarray:
     """(f,) bool: faces to turn."""
     count = len(net.faces)
-    pairs, rim = shared(net.faces)
-    edges, faces = directed(net.faces), pairs // 3
+    pairs, rim = shared_edges(net.faces)
+    edges, faces = directed_edges(net.faces), pairs // 3
     agree = edges[pairs[:, 0], 0] == edges[pairs[:, 1], 1]
-    body = components(count, faces)
+    body = connected_labels(count, faces)
     a, b, apart = faces[:, 0], faces[:, 1], count * ~agree
-    double = components(2 * count, np.concatenate([np.stack([a, b + apart], 1), np.stack([a + count, b + count - apart], 1)]))
+    double = connected_labels(2 * count, np.concatenate([np.stack([a, b + apart], 1), np.stack([a + count, b + count - apart], 1)]))
     root = np.unique(body, return_index=True)[1]
     flip = double[:count] != double[root][body]
     minority = np.bincount(body, flip) * 2 > np.bincount(body)
@@ -32,14 +32,14 @@ def turned(net: Net) -> np.ndarray:
     return flip ^ _inverted(outward, body, rim)[body]
 
 
-def twisted(faces: np.ndarray) -> int:
+def count_twisted(faces: np.ndarray) -> int:
     """Pairs of neighbours that run along their edge in the same direction: what no turning can mend, as in a Moebius band."""
-    pairs, _ = shared(faces)
-    edges = directed(faces)
+    pairs, _ = shared_edges(faces)
+    edges = directed_edges(faces)
     return int((edges[pairs[:, 0], 0] == edges[pairs[:, 1], 0]).sum())
 
 
-def _inverted(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
+def _inverted(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """(bodies,) bool: bodies that look inwards, or lie in one that does."""
     volume = _volumes(net, body, rim)
     size = np.sqrt(np.bincount(body, net.areas))
@@ -48,7 +48,7 @@ def _inverted(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
     return np.where(outer >= 0, inverted[np.maximum(outer, 0)], inverted)
 
 
-def _volumes(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
+def _volumes(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """(n,) signed volume of each body, m^3, holes closed by fans."""
     number = int(body.max()) + 1
     tri = net.vertices[net.faces]
@@ -58,12 +58,12 @@ def _volumes(net: Net, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
     return out + _fans(net, body, rim, centres, number) if len(rim) else out
 
 
-def _fans(net: Net, body: np.ndarray, rim: np.ndarray, centres: np.ndarray, number: int) -> np.ndarray:
+def _fans(net: EditMesh, body: np.ndarray, rim: np.ndarray, centres: np.ndarray, number: int) -> np.ndarray:
     """(n,) volume that closing the holes adds; `rim` (m,) are directed edges of one face."""
     edges = np.stack([net.faces.reshape(-1)[rim], np.roll(net.faces, -1, axis=1).reshape(-1)[rim]], axis=1)
     owner = body[rim // 3]
     names, index = np.unique(edges, return_inverse=True)
-    hole = components(len(names), index.reshape(-1, 2))[index.reshape(-1, 2)[:, 0]]
+    hole = connected_labels(len(names), index.reshape(-1, 2))[index.reshape(-1, 2)[:, 0]]
     middle: np.ndarray = np.stack([np.bincount(hole, net.vertices[edges].mean(axis=1)[:, k]) for k in range(3)], axis=1)
     middle = middle / np.maximum(np.bincount(hole), 1)[:, None]
     fan = np.stack([net.vertices[edges[:, 1]], net.vertices[edges[:, 0]], middle[hole]], axis=1)
@@ -74,7 +74,7 @@ def _determinants(tri: np.ndarray, body: np.ndarray, number: int) -> np.ndarray:
     return np.bincount(body, (tri[:, 0] * np.cross(tri[:, 1], tri[:, 2])).sum(axis=1) / 6, number)
 
 
-def _containers(net: Net, body: np.ndarray) -> np.ndarray:
+def _containers(net: EditMesh, body: np.ndarray) -> np.ndarray:
     """(n,) the outermost body around each body, -1 where there is none."""
     number = int(body.max()) + 1
     tri = net.vertices[net.faces]
@@ -91,12 +91,12 @@ def _containers(net: Net, body: np.ndarray) -> np.ndarray:
         if out[outer] < 0 and boxed.any():
             faces = net.faces[body == outer]
             for inner in np.flatnonzero(boxed):
-                if abs(winding(point[inner], net.vertices, faces)) > 0.5:
+                if abs(winding_number(point[inner], net.vertices, faces)) > 0.5:
                     out[inner] = outer
     return out
 
 
-def winding(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> float:
+def winding_number(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> float:
     """How often a surface winds around a point: 1 inside a closed one, 0 outside (generalised winding number)."""
     a, b, c = (vertices[faces[:, k]] - point for k in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))

@@ -10,8 +10,7 @@ import numpy as np
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
 from afford.common.text import json_field, parse_json
-from afford.surface.meshes.files import LABELS
-from afford.surface.meshes.surface import Surface
+from afford.surface.meshes.surface import LABELS, Surface
 from schemas.files import FileTree
 
 FIX = "see docs/surface/mesh-format.md"
@@ -21,7 +20,7 @@ KEYS = {"version", "category", "parts", "groups"}
 
 
 @dataclass(frozen=True, eq=False)
-class Labels:
+class PartLabels:
     """What a label file says of the faces of its surface."""
 
     category: str
@@ -31,11 +30,11 @@ class Labels:
     """(f,) int16 index into `names`, -1 where nobody said"""
 
 
-def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> Labels:
+def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> PartLabels:
     """Labels of the triangles of a surface; nothing where there is no file. SourceError for anything but the format."""
     file = files.find(mesh_name + LABELS)
     if file is None:
-        return Labels("", (), np.full(len(surface.faces), -1, np.int16))
+        return PartLabels("", (), np.full(len(surface.faces), -1, np.int16))
     tree = parse_json(file.path.read_bytes(), file.name)
     _check(tree, file.name)
     ways = [key for key in ("parts", "groups") if key in tree]
@@ -56,7 +55,7 @@ def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> Labels:
             other = tuple(named)[int(taken[0])]
             raise SourceError(where, "faces that no other part has", f"{len(taken)} faces of {other!r} as well", FIX)
         part[chosen] = index
-    return Labels(tree.get("category", ""), tuple(named), part)
+    return PartLabels(tree.get("category", ""), tuple(named), part)
 
 
 def _check(tree: Any, name: str) -> None:

@@ -13,8 +13,7 @@ from trimesh.exchange.stl import load_stl
 
 from afford.common.bounded import reason
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import locate, picture
-from afford.surface.meshes.surface import Surface, check_corners, coloured, plain
+from afford.surface.meshes.surface import Surface, check_corners, decode_picture, find_reference, plain_surface, with_corner_colours
 from schemas.files import FileRef, FileTree
 
 HEADER_BYTES = 1 << 16
@@ -29,16 +28,16 @@ def read_ply(files: FileTree, file: FileRef) -> Surface:
     # without an image vertices stay as they are numbered: their colours are in that order
     found = _load(load_ply, file, skip_materials=True, fix_texture=bool(image) or not COLOURED.search(header))
     faces = _triangles(found, file.name)
-    surface, uv = _ordered(plain(found["vertices"], faces), header), getattr(found.get("visual"), "uv", None)
+    surface, uv = _ordered(plain_surface(found["vertices"], faces), header), getattr(found.get("visual"), "uv", None)
     if image and uv is not None:
-        place = locate(files, file.name, image)
-        pixels = picture(place.path.read_bytes(), place.name)
+        place = find_reference(files, file.name, image)
+        pixels = decode_picture(place.path.read_bytes(), place.name)
         return replace(surface, uv=np.asarray(uv, np.float64)[faces], images=(pixels,))
     face, vertex = found.get("face_colors"), found.get("vertex_colors")
     if vertex is not None:
-        return coloured(surface, _bytes(vertex, len(surface.vertices), file.name)[faces])
+        return with_corner_colours(surface, _bytes(vertex, len(surface.vertices), file.name)[faces])
     if face is not None and len(face) == len(faces):
-        return coloured(surface, np.repeat(_bytes(face, len(faces), file.name)[:, None], 3, axis=1))
+        return with_corner_colours(surface, np.repeat(_bytes(face, len(faces), file.name)[:, None], 3, axis=1))
     return surface
 
 
@@ -48,7 +47,7 @@ def read_stl(files: FileTree, file: FileRef) -> Surface:
     if "faces" not in found:
         got = f"{len(found['geometry'])} of them" if found.get("geometry") else "none, or another length than the header states"
         raise SourceError(file.name, "one solid with triangles", got, "export the mesh again as binary STL")
-    return plain(found["vertices"], found["faces"])
+    return plain_surface(found["vertices"], found["faces"])
 
 
 def texture_name(header: str) -> str:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import MESH_SUFFIXES, URDF, main_file, suffix
+from afford.common.text import parse_json
+from afford.surface.meshes import urdf
 from afford.surface.meshes.gltf import read_gltf
-from afford.surface.meshes.obj import read_obj
-from afford.surface.meshes.ply import read_ply, read_stl
-from afford.surface.meshes.surface import Surface, check_corners
+from afford.surface.meshes.obj import image_name, mtl_statements, read_obj
+from afford.surface.meshes.ply import HEADER_BYTES, read_ply, read_stl, texture_name
+from afford.surface.meshes.surface import MESH_SUFFIXES, URDF, Surface, check_corners, main_file, resolve_reference, suffix
 from afford.surface.meshes.urdf import read_urdf
 from schemas.files import FileRef, FileTree
 
@@ -17,7 +22,7 @@ FARTHEST = 1e9
 """in any unit: squares and products of what is larger leave the range of numbers"""
 
 
-def read(files: FileTree) -> Surface:
+def read_surface(files: FileTree) -> Surface:
     """The surface of one object in the unit of its file; SourceError names the file and what is wrong with it."""
     file = main_file(files)
     surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)
@@ -45,3 +50,59 @@ def read_mesh(files: FileTree, file: FileRef) -> Surface:
     if ending in (".glb", ".gltf"):
         return read_gltf(files, file)
     raise SourceError(file.name, f"a mesh ({', '.join(MESH_SUFFIXES)})", ending or "no ending", "convert it, e.g. to GLB")
+
+
+JSON_START = 20
+"""bytes of a GLB before its JSON"""
+
+
+def referenced_files(name: str, path: Path) -> list[str]:
+    """Root-relative names of what the file refers to, whether or not it exists. SourceError for what leaves the source."""
+    kind = suffix(name)
+    if kind == URDF:
+        root = urdf.parse(_text(path), name)
+        return [found for mesh in urdf.mesh_names(root, name, "visual") for found in urdf.candidates(name, mesh)]
+    return [resolve_reference(name, reference) for reference in _references(kind, path)]
+
+
+def collision_meshes(name: str, path: Path) -> list[str]:
+    """Root-relative names of the collision meshes of a URDF."""
+    root = urdf.parse(_text(path), name)
+    return [found for mesh in urdf.mesh_names(root, name, "collision") for found in urdf.candidates(name, mesh)]
+
+
+def _references(kind: str, path: Path) -> list[str]:
+    if kind == ".obj":
+        named = re.findall(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE)
+        return [name.decode("utf-8", "replace") for name in named]
+    if kind == ".mtl":
+        return [image_name(rest, str(path.name)) for _, word, rest in mtl_statements(_text(path)) if word == "map_Kd"]
+    if kind == ".ply":
+        with path.open("rb") as stream:
+            header = stream.read(HEADER_BYTES).partition(b"end_header")[0].decode("latin-1")
+        return [found] if (found := texture_name(header)) else []
+    if kind in (".gltf", ".glb"):
+        return _uris(kind, path)
+    return []
+
+
+def _uris(kind: str, path: Path) -> list[str]:
+    data = path.read_bytes()
+    if kind == ".glb":
+        data = data[JSON_START : JSON_START + int.from_bytes(data[12:16], "little")]
+    tree = parse_json(data, path.name)
+    try:
+        entries = [*tree.get("buffers", []), *tree.get("images", [])]
+        uris = [entry["uri"] for entry in entries if "uri" in entry]
+        return [unquote(uri) for uri in uris if not uri.startswith("data:")]
+    except (ValueError, AttributeError, TypeError) as error:
+        raise SourceError(path.name, "a glTF document", str(error), "export it again") from error
+
+
+def _text(path: Path) -> str:
+    return path.read_bytes().decode("utf-8-sig", "replace")
+
+
+def is_mesh(name: str) -> bool:
+    """Whether a file is a mesh by its ending."""
+    return suffix(name) in MESH_SUFFIXES

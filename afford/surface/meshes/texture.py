@@ -1,41 +1,217 @@
-"""A texture for a mesh without one: a material for each region of its surface, baked."""
+"""Several images as one texture: packed as tiles with a border, texels untouched as long as they fit.
+
+Texel (row, column) of an (h, w) image has its centre at u = (column + 0.5) / w, v = 1 - (row + 0.5) / h.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numba
 import numpy as np
 
-from afford.surface.meshes.bake import bake
+from afford.common.masks import fill_nearest
 from afford.surface.meshes.charts import unwrap
-from afford.surface.meshes.materials import CERAMIC, METAL, PLASTIC, RUBBER, WOOD, colours
-from afford.surface.meshes.regions import main_axis, regions
+from afford.surface.meshes.net import MeshError
+from afford.surface.meshes.surface import Surface
 
-THIN = METAL
-DARK = (WOOD, RUBBER, PLASTIC)
-"""what stands out against metal"""
+BORDER = 8
+"""texels around a tile that repeat it, as its image did"""
+SLACK = 1e-4
+"""how far outside an image coordinates may stray and still mean its edge"""
+REPEATS = 16
+"""an image may be repeated this often along a side"""
 
 
-def texture(vertices: np.ndarray, faces: np.ndarray, most: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (f, 3, 2) float32 and image (side, side, 3) uint8 for (v, 3) vertices in metres and (f, 3) faces, with at most
-    `most` materials. The thinnest of several regions looks like metal, the others like what `seed` draws.
+def pack_atlas(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """One texture (h, w, 3) uint8 with sides that are powers of two up to `limit`, coordinates (f, 3, 2) float32 in it, and
+    how often the images had to be halved to fit. MeshError when they cannot fit.
     """
-    region, _ = regions(vertices, faces, most)
-    kinds = _kinds(int(region.max()) + 1, np.random.default_rng(seed))
-    tri, (middle, axes) = vertices.astype(np.float64)[faces], main_axis(vertices.astype(np.float64), faces)
+    unique, paint = _unique(images, paint)
+    uv = np.where((np.array([image.size for image in unique]) > 3)[paint][:, None, None], uv, 0.5)
+    uv, repeats = _settled(uv, paint, len(unique))
+    if len(unique) == 1 and (repeats == 1).all() and _fits(unique[0], limit):
+        return unique[0], np.clip(uv, 0, 1).astype(np.float32), 0
+    if repeats.max() > REPEATS:
+        raise MeshError(f"an image that repeats at most {REPEATS} times along a side", str(repeats.max()),
+                    "bake the texture into one image before exporting")
+    tiles = [np.tile(image, (ry, rx, 1)) for image, (rx, ry) in zip(unique, repeats, strict=True)]
+    halved = 0
+    while (placed := _place(tiles, limit)) is None:
+        if max(max(tile.shape[:2]) for tile in tiles) <= 1:
+            raise MeshError(f"materials that fit into {limit} x {limit} texels", str(len(tiles)), "raise max_texture_px")
+        tiles, halved = [_half(tile) for tile in tiles], halved + 1
+    height, width, corners = placed
+    texture = np.zeros((height, width, 3), np.uint8)
+    for tile, (x, y) in zip(tiles, corners, strict=True):
+        bordered = np.pad(tile, ((BORDER, BORDER), (BORDER, BORDER), (0, 0)), mode="wrap")
+        texture[y : y + len(bordered), x : x + bordered.shape[1]] = bordered
+    size = np.array([tile.shape[1::-1] for tile in tiles], np.float64)
+    low = np.array([(x + BORDER, height - y - BORDER) for x, y in corners], np.float64) - size * [0, 1]
+    out = (low[paint][:, None] + uv / repeats[paint][:, None] * size[paint][:, None]) / [width, height]
+    return texture, out.astype(np.float32), halved
 
-    def colour_at(face: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        points = (np.einsum("nk,nkc->nc", bary, tri[face]) - middle) @ axes.T
-        out = np.zeros((len(face), 3), np.uint8)
-        for number, kind in enumerate(kinds):
-            mine = region[face] == number
-            out[mine] = colours(kind, points[mine], np.random.default_rng((seed, number)))
-        return out
 
-    uv = unwrap(vertices, faces, side)
-    return uv, bake(uv, side, colour_at)
+def _unique(images: tuple[np.ndarray, ...], paint: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """The images that are used, each once, and the index of each face's."""
+    found: dict[tuple[tuple[int, ...], bytes], int] = {}
+    used = np.unique(paint)
+    index = np.zeros(len(images), np.int64)
+    for k in used:
+        index[k] = found.setdefault((images[k].shape, images[k].tobytes()), len(found))
+    return [images[next(k for k in used if index[k] == n)] for n in range(len(found))], index[paint]
 
 
-def _kinds(count: int, rng: np.random.Generator) -> list[int]:
-    """A material for each region, thinnest first; no two the same as long as there are enough."""
-    dark = [int(kind) for kind in rng.permutation(DARK)]
-    chosen = [THIN, *dark, CERAMIC] if count > 1 else [*dark, CERAMIC]
-    return [chosen[k % len(chosen)] for k in range(count)]
+def _settled(uv: np.ndarray, paint: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates moved by whole repeats to start in 0..1, and how far (count, 2) whole repeats reach."""
+    uv = uv - np.floor(uv.min(axis=1, keepdims=True) + SLACK)
+    reach = np.ones((count, 2), np.int64)
+    np.maximum.at(reach, paint, np.ceil(uv.max(axis=1) - SLACK).astype(np.int64))
+    return np.clip(uv, 0, reach[paint][:, None]), reach
+
+
+def _fits(image: np.ndarray, limit: int) -> bool:
+    return all(side <= limit and side & (side - 1) == 0 for side in image.shape[:2])
+
+
+def _half(tile: np.ndarray) -> np.ndarray:
+    if max(tile.shape[:2]) <= 1:
+        return tile
+    return cv2.resize(tile, (max(tile.shape[1] // 2, 1), max(tile.shape[0] // 2, 1)), interpolation=cv2.INTER_AREA)
+
+
+def _place(tiles: list[np.ndarray], limit: int) -> tuple[int, int, list[tuple[int, int]]] | None:
+    """Height and width of the smallest texture in which the tiles stand on shelves, and their corners; None if none fits."""
+    sizes = [(tile.shape[1] + 2 * BORDER, tile.shape[0] + 2 * BORDER) for tile in tiles]
+    order = sorted(range(len(sizes)), key=lambda k: (-sizes[k][1], -sizes[k][0], k))
+    best = None
+    for width in (1 << k for k in range(limit.bit_length())):
+        corners, height = _shelves(sizes, order, width)
+        tall = 1 << max(height - 1, 0).bit_length()
+        if corners and tall <= limit and (best is None or (width * tall, abs(width - tall)) < best[0]):
+            best = ((width * tall, abs(width - tall)), tall, width, corners)
+    return None if best is None else best[1:]
+
+
+def _shelves(sizes: list[tuple[int, int]], order: list[int], width: int) -> tuple[list[tuple[int, int]], int]:
+    """Corners of the tiles, tallest first, row after row, and the height that takes; no corners when one is too wide."""
+    corners, x, y, shelf = [(0, 0)] * len(sizes), 0, 0, 0
+    for k in order:
+        w, h = sizes[k]
+        if w > width:
+            return [], 0
+        if x + w > width:
+            x, y, shelf = 0, y + shelf, 0
+        corners[k] = (x, y)
+        x, shelf = x + w, max(shelf, h)
+    return corners, y + shelf
+
+
+ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""faces (n,) int64 and barycentric coordinates (n, 3) float64 -> (n, 3) uint8 sRGB"""
+
+
+def bake_texture(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
+    """(side, side, 3) uint8 texture; texels of no face take the colour of the nearest face in the texture."""
+    face, bary = rasterise(np.ascontiguousarray(uv, np.float64), side)
+    inside = face >= 0
+    out = np.zeros((side, side, 3), np.uint8)
+    out[inside] = colour_at(face[inside].astype(np.int64), bary[inside])
+    return fill_nearest(out, inside)
+
+
+@numba.njit(cache=True)
+def rasterise(uv, side):  # type: ignore[no-untyped-def]  # numba infers
+    """(side, side) int32 face at each texel centre (-1 none; a texel that only the edge of a face touches counts) and
+    (side, side, 3) float64 barycentric coordinates.
+    """
+    face = np.full((side, side), -1, np.int32)
+    best = np.full((side, side), -1e-3)
+    bary = np.zeros((side, side, 3))
+    for f in range(len(uv)):
+        x, y = uv[f, :, 0] * side - 0.5, (1 - uv[f, :, 1]) * side - 0.5
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        if abs(area) < 1e-12:
+            continue
+        for row in range(max(0, int(np.floor(y.min()))), min(side, int(np.ceil(y.max())) + 1)):
+            for column in range(max(0, int(np.floor(x.min()))), min(side, int(np.ceil(x.max())) + 1)):
+                b = ((x[2] - column) * (y[0] - row) - (x[0] - column) * (y[2] - row)) / area
+                c = ((x[0] - column) * (y[1] - row) - (x[1] - column) * (y[0] - row)) / area
+                a = 1 - b - c
+                least = min(a, b, c)
+                if least > best[row, column]:
+                    best[row, column] = least
+                    face[row, column] = f
+                    a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+                    bary[row, column, 0], bary[row, column, 1], bary[row, column, 2] = a, b, c
+    return face, bary
+
+
+def sample_texture(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8 colours of a texture at (n, 2) coordinates, blended between texels; it repeats beyond 0..1."""
+    height, width = texture.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    fx, fy = (x - left)[:, None], (y - top)[:, None]
+    at = [texture[(top + dy) % height, (left + dx) % width] for dy in (0, 1) for dx in (0, 1)]
+    mixed = (at[0] * (1 - fx) + at[1] * fx) * (1 - fy) + (at[2] * (1 - fx) + at[3] * fx) * fy
+    return np.round(mixed).astype(np.uint8)
+
+
+FLAT_COLOURS = 256
+"""a mesh of at most so many face colours gets a palette, not a painting"""
+BAKED_PX = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class FaceColours:
+    """The colours of triangles: one texture, or corner colours where there is none."""
+
+    uv: np.ndarray
+    """(f, 3, 2) float32"""
+    texture: np.ndarray
+    """(h, w, 3) uint8"""
+    colour: np.ndarray
+    """(f, 3, 3) uint8"""
+    cornered: np.ndarray
+    """(f,) bool: faces that have corner colours"""
+
+    def at(self, face: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """(n, 3) uint8 colours of places on faces."""
+        out = sample_texture(self.texture, np.einsum("nk,nkc->nc", bary, self.uv[face]))
+        mixed = np.round(np.einsum("nk,nkc->nc", bary, self.colour[face].astype(np.float64))).astype(np.uint8)
+        return np.where(self.cornered[face][:, None], mixed, out)
+
+
+def face_colours(surface: Surface, corner: np.ndarray, limit: int) -> tuple[FaceColours, int]:
+    """Colours of the faces whose corners come from `corner` (f, 3) of a surface, and how often images were halved."""
+    flat = _palette(surface)
+    uv = flat.uv.reshape(-1, 2)[corner]
+    paint = flat.paint[corner[:, 0] // 3]
+    colour = flat.colour.reshape(-1, 3)[corner]
+    cornered = paint < 0
+    images = flat.images or (np.zeros((1, 1, 3), np.uint8),)
+    texture, packed, halved = pack_atlas(images, uv, np.maximum(paint, 0), limit)
+    return FaceColours(packed, texture, colour, cornered), halved
+
+
+def bake_colours(vertices: np.ndarray, faces: np.ndarray, seen: FaceColours, limit: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and texture of a mesh that has the faces of its look."""
+    if not seen.cornered.any():
+        return seen.uv, seen.texture
+    uv = unwrap(vertices, faces, min(limit, BAKED_PX))
+    return uv, bake_texture(uv, min(limit, BAKED_PX), seen.at)
+
+
+def _palette(surface: Surface) -> Surface:
+    """Corner colours turned into plain materials, where each face has one colour and there are few."""
+    mine = surface.paint < 0
+    flat = (surface.colour[mine] == surface.colour[mine][:, :1]).all()
+    colours, index = np.unique(surface.colour[mine][:, 0], axis=0, return_inverse=True)
+    if not mine.any() or not flat or len(colours) > FLAT_COLOURS:
+        return surface
+    paint = surface.paint.copy()
+    paint[mine] = len(surface.images) + index.reshape(-1)
+    return replace(surface, paint=paint, images=surface.images + tuple(c.reshape(1, 1, 3) for c in colours))

@@ -2,24 +2,181 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.negative.distance import field
-from afford.surface.negative.fuse import by_task, pixels
-from afford.surface.negative.neighbours import fill
-from afford.surface.negative.votes import squareness, vote
+from afford.render.views.surface import face_areas
+from afford.surface.face_features import shared_edges
 from schemas.mesh import ObjectMesh, ObjectViews
-from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+from schemas.surface import (
+    DistanceField,
+    NegativeAffordance,
+    NegativeAffordances,
+    PartCandidates,
+    PartDescription,
+    PartDescriptions,
+    PartScores,
+)
+
+
+def vote_on_faces(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean (f,) float32 of what the pixels of each face say, 0 where none has weight, and the sum of their weights (f,).
+
+    `face` (n, h, w) int32, -1 beside the object; `value` (n, h, w) 0..1; `weight` (n, h, w), none negative.
+    """
+    on = face >= 0
+    index, w = face[on], weight[on].astype(np.float64)
+    total = np.bincount(index, w, faces)
+    said = np.bincount(index, w * value[on], faces)
+    return np.divide(said, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
+
+
+def cos_incidence(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
+    """(n, h, w) float32: cosine of the angle between line of sight and face normal at each pixel, 0 beside the object.
+
+    Faces seen from behind (of an open surface) count as from before.
+    """
+    normal = face_areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
+    out = np.zeros(views.face.shape, np.float32)
+    for one, face, K, T in zip(out, views.face, views.K, views.T_obj_cam, strict=True):
+        y, x = np.nonzero(face >= 0)
+        sight = np.stack([(x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1], np.ones(len(x))], 1) @ T[:3, :3].T
+        sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+        one[y, x] = np.abs((sight * normal[face[y, x]]).sum(1))
+    return out
+
+
+SHARPEN = 2.0
+"""exponent of the shares before parts compete"""
+LIFTED = 0.98
+"""quantile, over an object's candidates, of how well they fit a part: what counts as its best"""
+LEAST_BEST = 0.05
+"""a part whose best is worse than this is not lifted further"""
+REJECTED = 0.1
+"""a candidate that fits no part better than this says nothing"""
+UNSURE = 0.02
+"""what a candidate counts that fits all parts alike"""
+
+
+def pixel_probability(candidates: PartCandidates, scores: PartScores, description: PartDescription,
+           face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
+    no candidate covers it. `face` (n, h, w): that of each pixel, -1 beside the object.
+    """
+    value, counts = part_posterior(scores, description)
+    shown = (face >= 0).sum((1, 2))[candidates.view]
+    size = candidates.masks.sum((1, 2)) / np.maximum(shown, 1)
+    return weighted_pixel_mean(candidates, value, (counts / np.maximum(size, 1e-6)).astype(np.float32), face.shape)
+
+
+def weighted_pixel_mean(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
+           shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Values (m,) of candidates -> their weighted mean at every pixel (n, h, w) float32, and the sum of the weights (m,) there."""
+    said, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    for view, mask, v, w in zip(candidates.view, candidates.masks, value, weight, strict=True):
+        said[view][mask] += v * w
+        total[view][mask] += w
+    return np.divide(said, total, out=said, where=total > 0), total
+
+
+def split_by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
+    """Every description with the columns of the scores that are its own."""
+    at = 0
+    for one in descriptions.descriptions:
+        mine = slice(at, at := at + len(one.notes))
+        yield one, PartScores(scores.name, scores.share[:, mine], scores.overlap[:, mine])
+
+
+def part_posterior(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) float32 share of each candidate that is negative, and how much it counts."""
+    count = len(description.notes)
+    if not count:
+        return np.zeros(len(scores.share), np.float32), np.zeros(len(scores.share), np.float32)
+    fit = _unnormalised_posterior(scores)
+    share = fit / np.maximum(fit.sum(1, keepdims=True), 1e-12)
+    value = share[:, [note.role == "negative" for note in description.notes]].sum(1)
+    sure = np.ones(len(share)) if count == 1 else (share.max(1) - 1 / count) / (1 - 1 / count)
+    counts = np.where(scores.share.max(1) > REJECTED, UNSURE + sure, 0)
+    return value.astype(np.float32), counts.astype(np.float32)
+
+
+def _unnormalised_posterior(scores: PartScores) -> np.ndarray:
+    """(m, k) float64: how strongly each part claims each candidate, by what it shows and by how well it is all of the part."""
+    claim = scores.share.astype(np.float64) * np.sqrt(scores.overlap)
+    best = np.quantile(claim, LIFTED, axis=0) if len(claim) else np.ones(claim.shape[1])
+    return np.asarray((claim / np.sqrt(np.maximum(best, LEAST_BEST))) ** SHARPEN)
+
+
+def harmonic_fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(f,) float32: `value` where `known` (f,) bool, the mean of the neighbours elsewhere; pieces in which nothing is known take
+    the value of the nearest known face. All zeros when nothing is known at all.
+    """
+    if known.all() or not known.any():
+        return np.where(known, value, 0).astype(np.float32)
+    graph = face_adjacency(vertices, faces)
+    piece = connected_components(graph, directed=False)[1]
+    reached = np.isin(piece, np.unique(piece[known]))
+    out = np.where(known, value, 0.0).astype(np.float64)
+    free = np.flatnonzero(reached & ~known)
+    if len(free):
+        rows = graph[free]
+        degree = rows.sum(1)
+        system = coo_array((degree, (np.arange(len(free)), np.arange(len(free)))), shape=(len(free),) * 2).tocsr() - rows[:, free]
+        out[free] = spsolve(system.tocsc(), rows[:, np.flatnonzero(known)] @ out[known])
+    middle = vertices[faces].mean(1)
+    lost = np.flatnonzero(~reached)
+    out[lost] = out[reached][cKDTree(middle[reached]).query(middle[lost])[1]]
+    return out.clip(0, 1).astype(np.float32)
+
+
+def face_adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-untyped-def]  # scipy has no types
+    """(f, f) sparse symmetric: faces that share an edge, weighted by its length over the mean one."""
+    (a, b), length = (found.T for found in shared_edges(vertices, faces))
+    weight = np.maximum(length / max(float(length.mean()) if len(length) else 1.0, 1e-30), 1e-6)
+    both = coo_array((np.tile(weight, 2), (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(len(faces),) * 2)
+    return both.tocsr()
+
+
+def distance_to_points(N_t: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n,) float64 metres from each point (n, 3) to the nearest negative point (k, 3); infinite when there is none."""
+    return np.asarray(cKDTree(N_t).query(points)[0]) if len(N_t) else np.full(len(points), np.inf)
+
+
+def distance_field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: float, margin_m: float) -> DistanceField:
+    """Distances on a grid around the object (v, 3) and `margin_m` beyond it."""
+    low, high = vertices.min(0) - margin_m, vertices.max(0) + margin_m
+    count = np.ceil((high - low) / spacing_m).astype(int) + 1
+    axes = [low[k] + spacing_m * np.arange(count[k]) for k in range(3)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    return DistanceField(name, distance_to_points(N_t, nodes).reshape(count).astype(np.float32), low.astype(np.float64), spacing_m)
+
+
+def interpolate_field(grid: DistanceField, points: np.ndarray) -> np.ndarray:
+    """(n,) float32 metres, between the nodes linearly; beyond the grid never less than the distance to it.
+
+    Off by at most sqrt(3) times the spacing inside.
+    """
+    where = (points - grid.origin) / grid.spacing_m
+    inside = where.clip(0, np.array(grid.distance_m.shape) - 1)
+    beyond = np.linalg.norm((where - inside) * grid.spacing_m, axis=1)
+    found = map_coordinates(grid.distance_m, inside.T, order=1, mode="nearest")
+    return np.maximum(found, beyond).astype(np.float32)
+
 
 DENSE = 20
 """points that are drawn for each of N_t, so that the farthest of them cover the region"""
 
 
 @dataclass(frozen=True)
-class Wish:
+class ProjectionSettings:
     """What is asked of the result."""
 
     threshold: float
@@ -31,31 +188,31 @@ class Wish:
 
 
 def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
-            wish: Wish) -> NegativeAffordances:  # fmt: skip
+            wish: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
     """Where a hand must not go, for every task that is described."""
     points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
-    square, tasks = squareness(mesh, views), []
-    for one, said in by_task(descriptions, scores):
-        value, weight = pixels(candidates, said, one, views.face)
-        probability, evidence = on_faces(mesh, views, value, weight * square)
-        tasks.append(labelled(mesh, views, one.task, probability, evidence, face, wish))
+    square, tasks = cos_incidence(mesh, views), []
+    for one, said in split_by_task(descriptions, scores):
+        value, weight = pixel_probability(candidates, said, one, views.face)
+        probability, evidence = project_to_faces(mesh, views, value, weight * square)
+        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, wish))
     return NegativeAffordances(mesh.name, points, tuple(tasks))
 
 
-def on_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def project_to_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What pixels say (n, h, w) with weights (n, h, w) -> probability (f,) of every face, and the sum of its weights (f,); a face
     without any takes what its neighbours have.
     """
-    voted, evidence = vote(views.face, value, weight, len(mesh.faces))
-    return fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
+    voted, evidence = vote_on_faces(views.face, value, weight, len(mesh.faces))
+    return harmonic_fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
 
 
-def labelled(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
-             wish: Wish) -> NegativeAffordance:  # fmt: skip
+def label_surface(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
+             wish: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
     """Probabilities of faces (f,) -> everything that is told of a task; `face` (n,) is that of each point of the object."""
     bad = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 1))
     dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
     N_t = dense[farthest_point_sampling(dense, wish.negative_points)]
-    grid = field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
+    grid = distance_field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
     return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.common.geometry import sample_surface
 from afford.surface.negative import baselines
-from afford.surface.negative.fuse import by_task
+from afford.surface.negative.project import split_by_task
 from schemas.mesh import MeshParts, ObjectMesh, ObjectViews
 from schemas.surface import NegativeAffordances, NegativeScore, PartCandidates, PartDescriptions, PartScores
 
@@ -18,39 +18,40 @@ POINTS = 2048
 METHODS = ("afford", "paper_recipe", "coarse_box", "clip_relevance", "whole_object", "random_candidate")
 
 
-class Scored(NamedTuple):
+class ScoredMasks(NamedTuple):
     """Masks in views of an object, and how well they fit what is said of its parts."""
 
     masks: PartCandidates
     scores: PartScores
 
 
-class Known(NamedTuple):
+class PartTruth(NamedTuple):
     """What is true of an object: its parts, and task -> names of its negative parts."""
 
     parts: MeshParts
     truth: dict[str, frozenset[str]]
 
 
-def score(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, candidates: Scored, windows: Scored,
-          found: NegativeAffordances, known: Known, threshold: float, seed: int) -> tuple[NegativeScore, ...]:  # fmt: skip
+def score(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, candidates: ScoredMasks, windows: ScoredMasks,
+          found: NegativeAffordances, known: PartTruth, threshold: float, seed: int) -> tuple[NegativeScore, ...]:  # fmt: skip
     """Rows of all methods and tasks. Faces without a label do not count."""
     area = np.where(known.parts.part >= 0, views.visible_area, 0).astype(np.float64)
     face = sample_surface(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
     rows = list[NegativeScore]()
-    each = zip(by_task(descriptions, candidates.scores), by_task(descriptions, windows.scores), found.tasks, strict=True)
+    by_task = (split_by_task(descriptions, one.scores) for one in (candidates, windows))
+    each = zip(*by_task, found.tasks, strict=True)
     for (one, said), (_, fits), told in each:
         true = np.isin(known.parts.part, [n for n, name in enumerate(known.parts.names) if name in known.truth[one.task]])
         taken = {
-            "paper_recipe": baselines.paper(candidates.masks, one, said),
-            "coarse_box": baselines.naive(views, candidates.masks, windows.masks, one, fits),
+            "paper_recipe": baselines.paper_recipe(candidates.masks, one, said),
+            "coarse_box": baselines.coarse_box_recipe(views, candidates.masks, windows.masks, one, fits),
             "random_candidate": baselines.random_candidate(candidates.masks, np.random.default_rng(seed)),
         }
         answers = {
             "afford": told.probability > threshold,
-            "clip_relevance": baselines.relevant(mesh, views, windows.masks, one, fits),
-            "whole_object": baselines.whole(mesh),
-        } | {method: baselines.splatted(mesh, views, masks) for method, masks in taken.items()}
+            "clip_relevance": baselines.clip_relevance(mesh, views, windows.masks, one, fits),
+            "whole_object": baselines.whole_object(mesh),
+        } | {method: baselines.splat_masks(mesh, views, masks) for method, masks in taken.items()}
         whole = {method: baselines.whole_object_taken(views, masks) for method, masks in taken.items()}
         rows += [_row(method, one.task, answers[method], true, area, face, whole.get(method, NAN)) for method in METHODS]
     return tuple(rows)

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.negative.project import DENSE, on_faces
-from afford.surface.negative.votes import squareness
+from afford.surface.negative.project import DENSE, cos_incidence, project_to_faces
 from schemas.benchmark import Prediction
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PositiveAffordance
 
 
 @dataclass(frozen=True)
-class Wish:
+class ProjectionSettings:
     """What is asked of the result."""
 
     threshold: float
@@ -24,7 +23,7 @@ class Wish:
     seed: int
 
 
-def pixels(said: Sequence[Prediction]) -> np.ndarray:
+def hand_probability(said: Sequence[Prediction]) -> np.ndarray:
     """(2, n, h, w) float32 probability that each hand belongs on a pixel of each view: of its likeliest region, 0 for a hand that
     is not returned.
     """
@@ -32,15 +31,28 @@ def pixels(said: Sequence[Prediction]) -> np.ndarray:
     return np.array(best, np.float32)
 
 
-def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Prediction], wish: Wish) -> PositiveAffordance:
+def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Prediction],
+            wish: ProjectionSettings) -> PositiveAffordance:  # fmt: skip
     """Where hands belong for one task; `said` is one prediction for each view."""
-    each = pixels(said)
-    square = squareness(mesh, views)
-    hands = [on_faces(mesh, views, value, square) for value in each]
-    probability, evidence = on_faces(mesh, views, 1 - (1 - each).prod(0), square)
+    each = hand_probability(said)
+    square = cos_incidence(mesh, views)
+    hands = [project_to_faces(mesh, views, value, square) for value in each]
+    probability, evidence = project_to_faces(mesh, views, 1 - (1 - each).prod(0), square)
     good = probability > wish.threshold
     rng = np.random.default_rng((wish.seed, 2))
     dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
     taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
                               dense[farthest_point_sampling(dense, wish.points)])
+
+
+DEFAULT_VERB = "use"
+"""what is done where nobody says"""
+
+
+def as_narration(task: str, category: str) -> str:
+    """The task, with the thing where its words do not name it; what a model of narrations is asked."""
+    thing = category.replace("_", " ")
+    if not thing or f" {thing} " in f" {task} ":
+        return task or DEFAULT_VERB
+    return f"{task} with {thing}" if task else f"{DEFAULT_VERB} {thing}"

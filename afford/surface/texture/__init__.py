@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from afford.common.registry import Own
-
-if TYPE_CHECKING:
-    from schemas.mesh import ObjectMesh
+from schemas.mesh import ObjectMesh
 
 
 @dataclass(frozen=True)
@@ -38,3 +36,8 @@ class Texture(Protocol[Own]):
         sees part labels.
         """
         ...
+
+
+def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
+    """The mesh itself."""
+    return mesh

@@ -1,16 +1,30 @@
-"""Things that cut: knife, cleaver, scissors, saw, chisel, razor. They lie on their side, handle towards -y, edge towards +x."""
+"""Cutting tools: knife, cleaver, scissors, saw, chisel, razor. They lie on their side, handle towards -y, edge towards +x."""
 
 from __future__ import annotations
 
 import numpy as np
 from manifold3d import Manifold
 
-from afford.synthetic.objects.handles import OVERLAP_M, blade, grip, knob_grip
-from afford.synthetic.objects.solids import Solid, bar, block, capped, curve, hoop, laid, sheet, swept, turned
+from afford.synthetic.objects.solid_shapes import (
+    OVERLAP_M,
+    Solid,
+    bar,
+    bar_grip,
+    blade,
+    block,
+    capped,
+    curve,
+    hoop,
+    knob_grip,
+    lay_along_y,
+    revolve,
+    sheet,
+    sweep,
+)
 
 
 def knife(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """Kitchen knives from paring to carving: a pointed blade, a bolster, a handle."""
+    """A kitchen knife, from paring to carving knife: pointed blade, bolster, handle."""
     length, height, thick = rng.uniform(0.09, 0.24), rng.uniform(0.020, 0.046), rng.uniform(0.0018, 0.003)
     s = np.linspace(0, 1, 26)
     belly, drop = rng.uniform(1.8, 4.5), rng.uniform(0.1, 0.75)
@@ -18,7 +32,7 @@ def knife(rng: np.random.Generator) -> tuple[Solid, ...]:
     edge = spine[-1] + 0.0008 + (height / 2 - spine[-1]) * (1 - s**belly) ** 0.8
     flat = blade(-0.002 + length * s, spine, edge, thick)
     wide, deep = min(rng.uniform(0.011, 0.015), 0.55 * height), rng.uniform(0.007, 0.010)
-    hold = grip(rng, rng.uniform(0.095, 0.125), wide, deep).translate((-height / 2 + wide + 0.001, -0.008, 0))
+    hold = bar_grip(rng, rng.uniform(0.095, 0.125), wide, deep).translate((-height / 2 + wide + 0.001, -0.008, 0))
     at, collar = -height / 2 + wide, 1.08 * wide
     tall = np.array([0.98, 1.06, 0.95, 0.32]) * deep
     cuff = bar([-0.012, -0.011, 0.0, 0.007], np.array([0.92, 1, 1, 0.8]) * collar, tall, x=at, square=3.5)
@@ -35,29 +49,29 @@ def cleaver(rng: np.random.Generator) -> tuple[Solid, ...]:
     hole = Manifold.cylinder(0.02, rng.uniform(0.006, 0.009), circular_segments=24, center=True)
     flat = flat - hole.translate((-height / 2 + 0.018, length - 0.018, 0))
     wide, deep = rng.uniform(0.013, 0.016), rng.uniform(0.009, 0.012)
-    hold = grip(rng, rng.uniform(0.10, 0.13), wide, deep).translate((-height / 2 + wide + 0.004, 0.002, 0))
+    hold = bar_grip(rng, rng.uniform(0.10, 0.13), wide, deep).translate((-height / 2 + wide + 0.004, 0.002, 0))
     return Solid("handle", hold), Solid("blade", flat)
 
 
 def scissors(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """Two blades that cross at a pivot, opened a little, with a loop at the end of each."""
+    """Two blades that cross at a pivot, slightly open, with a loop at the end of each."""
     length, wide = rng.uniform(0.06, 0.12), rng.uniform(0.013, 0.019)
     opened, reach = rng.uniform(4, 13), rng.uniform(0.035, 0.05)
     ratio, pin = rng.uniform(1.0, 1.7), rng.uniform(0.0035, 0.005)
     under = _scissor_half(-1, length, wide, reach, 1.0, opened)
     over = _scissor_half(1, length, wide, reach, ratio, opened + 1)
-    return *under, *over, Solid("pivot", turned([(0, -0.0044), (pin, -0.0044), (pin, 0.0046), (0, 0.0046)], 26))
+    return *under, *over, Solid("pivot", revolve([(0, -0.0044), (pin, -0.0044), (pin, 0.0046), (0, 0.0046)], 26))
 
 
 def _scissor_half(side: int, length: float, wide: float, reach: float, ratio: float, opened: float) -> tuple[Solid, ...]:
-    """One blade above (+1) or below (-1) the other, its edge towards `side`, its loop on the other side of the axis."""
+    """One blade above (+1) or below (-1) the other, its edge towards `side` and its loop on the other side of the axis."""
     s = np.linspace(0, 1, 20)
     edge, spine = side * 0.30 * wide * np.ones_like(s), -side * 0.70 * wide * (1 - s**2.2) + side * 0.0012
     steel = blade(-0.012 + (length + 0.012) * s, spine, edge + side * 0.001, 0.0024).translate((0, 0, side * 0.0011))
     radius, thick = 0.0125, 0.0042
     middle = np.array([-side * 0.024, -reach - radius * ratio - 0.012, 0])
     loop = hoop(radius, radius * ratio, thick, 0.9).translate(tuple(middle))
-    arm = swept(curve([(0, 0, 0), (-side * 0.007, -0.45 * reach, 0), (-side * 0.020, -reach - 0.010, 0)], 12),
+    arm = sweep(curve([(0, 0, 0), (-side * 0.007, -0.45 * reach, 0), (-side * 0.020, -reach - 0.010, 0)], 12),
                 np.linspace(0.0062, 0.0048, 12), 0.7, sides=16)  # fmt: skip
     hold = (loop + arm).translate((0, 0, side * 0.0012))
     return tuple(Solid(part, shape.rotate((0, 0, side * opened))) for part, shape in (("handle", hold), ("blade", steel)))
@@ -84,7 +98,7 @@ def chisel(rng: np.random.Generator) -> tuple[Solid, ...]:
     long, wide, thick = rng.uniform(0.09, 0.15), rng.uniform(0.006, 0.019), rng.uniform(0.0022, 0.0036)
     radius, length = rng.uniform(0.013, 0.017), rng.uniform(0.10, 0.13)
     line = np.array([(0, -0.010), (0.70, -0.010), (0.80, -0.008), (0.78, 0.008), (0.4, 0.012), (0, 0.012)])
-    ring = laid(turned(line * [radius, 1], 32))
+    ring = lay_along_y(revolve(line * [radius, 1], 32))
     y = np.array([0.006, 0.020, 0.035, long * 0.6, long - 3.2 * thick, long])
     half = wide * np.array([0.45, 0.5, 1.0, 1.0, 1.0, 1.0]) if wide > 0.009 else np.full(6, wide)
     t = thick * np.array([1.3, 1.3, 1.0, 0.9, 0.85, 0.08])
@@ -93,7 +107,7 @@ def chisel(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def razor(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A safety razor: a round handle, and across its end a head out of which the blade looks on both sides."""
+    """A safety razor: a round handle, and a head across its end with the blade exposed on both sides."""
     length, radius = rng.uniform(0.075, 0.10), rng.uniform(0.0048, 0.0065)
     y, envelope = capped(-length, 0.0, radius)
     ribs = 1 + 0.06 * np.sign(np.sin(y * 2 * np.pi / 0.008)) * (y < -0.02)

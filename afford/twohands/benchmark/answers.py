@@ -9,7 +9,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from afford.dataset import layout
+from afford.dataset import act_affordance
 from afford.twohands.benchmark import predictions_file
 from afford.twohands.benchmark.cases import Size, grey, resize_mask
 from afford.twohands.benchmark.compat import Grey
@@ -60,7 +60,7 @@ class Masks:
     def __init__(self, files: FileTree, level: float, protocol: str) -> None:
         self._files: dict[str, dict[float, dict[str, FileRef]]] = defaultdict(lambda: defaultdict(dict))
         seen = set()
-        for threshold, case_id, side, ref in layout.predictions(files, protocol):
+        for threshold, case_id, side, ref in act_affordance.predictions(files, protocol):
             seen.add(threshold)
             self._files[case_id][ALREADY_CUT if threshold is None else threshold][side] = ref
         if None in seen and len(seen) > 1:

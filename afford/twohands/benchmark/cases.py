@@ -15,7 +15,7 @@ from PIL import Image
 
 from afford.common.errors import SourceError
 from afford.common.text import json_field, parse_json
-from afford.dataset.layout import ANNOTATION, IMAGE, MODES, CaseFiles
+from afford.dataset.act_affordance import ANNOTATION, IMAGE, MODES, CaseFiles
 from schemas.affordance import TAKES, TAXONOMY, Taxonomy
 from schemas.benchmark import Case
 from schemas.files import FileRef

@@ -17,7 +17,7 @@ import numpy as np
 
 from afford.common.masks import BORDER, box
 from afford.dataset import load, masks
-from afford.dataset.columns import MASKS
+from afford.dataset.table_schema import MASKS
 from afford.twohands.benchmark.baselines import Baseline, one_hypothesis
 from afford.twohands.benchmark.cases import Size, resize_mask
 from schemas.affordance import TAKES

@@ -9,7 +9,7 @@ import numpy as np
 
 from afford.common import files
 from afford.common.figures import Figure
-from afford.dataset.layout import PROTOCOLS
+from afford.dataset.act_affordance import PROTOCOLS
 from afford.twohands.benchmark import tables
 from afford.twohands.benchmark.cases import KITCHEN
 from afford.twohands.benchmark.tables import Row

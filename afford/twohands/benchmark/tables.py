@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from afford.common import statistics
-from afford.dataset.layout import PROTOCOLS
+from afford.dataset.act_affordance import PROTOCOLS
 from afford.twohands.benchmark import compat, measures
 from afford.twohands.benchmark.cases import KITCHEN, SHIFT
 from schemas.affordance import TAXONOMY

@@ -18,7 +18,7 @@ from skimage.draw import polygon
 
 from afford.common.errors import SourceError
 from afford.common.text import json_field, parse_json
-from afford.dataset.layout import CaseFiles
+from afford.dataset.act_affordance import CaseFiles
 from schemas.files import FileTree
 from schemas.video import SIDES
 

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from afford.common.errors import SourceError
 from afford.common.image_files import decode_image, jpeg, read_image
-from afford.dataset.layout import ANNOTATION, IMAGE
+from afford.dataset.act_affordance import ANNOTATION, IMAGE
 from afford.training.artifacts import CARD
 from afford.twohands.train.samples import tables
 

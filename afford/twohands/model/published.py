@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from afford.common.bounded import reason
-from afford.models.archive import load_plain
 from afford.models.loading import fill_weights
+from afford.models.tensor_files import load_weights_only
 from afford.twohands.model.interface import TwoHands
 from schemas.video import SIDES
 
@@ -129,7 +129,7 @@ def _shards(index: Path) -> list[Path]:
 
 
 def _read_file(path: Path) -> dict[str, Tensor]:
-    found = load_plain(path, "a file of tensors")
+    found = load_weights_only(path, "a file of tensors")
     if not all(isinstance(tensor, Tensor) for tensor in found.values()):
         raise ValueError(f"{path}: expected a flat mapping of names to tensors")
     return found

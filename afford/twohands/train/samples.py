@@ -16,10 +16,10 @@ import numpy as np
 import pyarrow as pa
 from blake3 import blake3
 
-from afford.dataset.columns import MASKS
 from afford.dataset.export_2hands import first_row, read_video
 from afford.dataset.load import Item
-from afford.dataset.parquet import opened, refused
+from afford.dataset.parquet_shards import damage_as_error, open_shard
+from afford.dataset.table_schema import MASKS
 
 Files = Mapping[str, Path]
 """the files of a data set: name below its folder, with forward slashes -> where it is"""
@@ -79,9 +79,9 @@ def read_items(files: Files, split: str) -> Iterator[Item]:
 def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
     """The columns that are wanted, some rows at a time. ValueError names those that are missing."""
     if name.suffix == ".parquet":
-        with opened(path, str(name)) as file:
+        with open_shard(path, str(name)) as file:
             wanted = _wanted(name, file.schema_arrow)
-            with refused(path, str(name)):
+            with damage_as_error(path, str(name)):
                 yield from file.iter_batches(64, columns=wanted, use_threads=False)
         return
     with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:

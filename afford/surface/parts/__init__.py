@@ -1,1 +1,0 @@
-"""The part scorer: crops, traits, network, training, card."""

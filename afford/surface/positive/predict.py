@@ -1,0 +1,24 @@
+"""A two-hand model in a file tree, ready to be asked for the region of a thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from afford.common.files import copy_folder, empty_folder
+from afford.surface.positive.project import as_narration
+from afford.twohands.model.predictor import Predictor
+from schemas.files import FileTree
+
+
+def load_region_predictor(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
+    """A picture (h, w, 3) of a thing of this category and a task -> (h, w) bool where any hand that the model takes belongs."""
+    predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)))
+
+    def ask(rgb: np.ndarray, task: str) -> np.ndarray:
+        found = predictor.predict(rgb, as_narration(task, category))
+        return found.mask(0) | found.mask(1)
+
+    return ask

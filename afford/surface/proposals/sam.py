@@ -1,0 +1,31 @@
+"""Segment Anything is asked at a grid of points over every view, as AffordDex has it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from afford.models.sam import Grid, everything, grid_points, load_model
+from afford.surface.proposals import Sam
+from afford.surface.proposals.nms import collect_candidates, nms
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates
+
+WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-huge"
+
+
+def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates:
+    """See `Propose`."""
+    model = load_model(params.model, params.device, params.dtype)
+    grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
+    points = grid_points(grid.points, *views.face.shape[1:])
+    found: list[tuple[int, np.ndarray, float]] = []
+    for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):
+        on = face >= 0
+        asked = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
+        masks, quality = everything(model, rgb, grid, asked) if len(asked) else (np.zeros((0, *on.shape), bool), np.zeros(0))
+        masks &= on
+        size = masks.sum((1, 2))
+        fit = (size >= params.least_px) & (size <= params.most_share * on.sum())
+        masks, quality = masks[fit], quality[fit]
+        found += [(view, masks[n], float(quality[n])) for n in nms(masks, quality, params.nms_iou, params.most)]
+    return collect_candidates(mesh.name, found, views.face.shape[1:])

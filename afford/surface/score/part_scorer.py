@@ -1,0 +1,145 @@
+"""The dual encoder: convolutions over what is seen, hashed pieces of words over what is asked, and how well they fit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import Tensor, nn
+
+from afford.models.loading import fill_from_file, read_config
+from afford.models.word_vectors import WordVectors
+from afford.surface.score.samples import CHANNELS, scorer_inputs
+from afford.surface.score.shape_features import SHAPE_FEATURES
+from schemas.files import FileTree
+from schemas.mesh import ObjectMesh, ObjectViews
+from schemas.surface import PartCandidates, PartDescriptions, PartScores
+
+TRAITS = 4 + len(SHAPE_FEATURES)
+"""numbers that come with a candidate (see traits.py and form.py)"""
+
+
+@dataclass(frozen=True)
+class PartScorerConfig:
+    """Sizes."""
+
+    widths: tuple[int, ...] = (24, 48, 96, 128)
+    """channels after each halving of the picture"""
+    width: int = 128
+    """of the space in which both sides meet"""
+    text_buckets: int = 2048
+    """rows of the table that pieces of words are hashed into"""
+    text_words: int = 16
+    """words read of a phrase"""
+
+
+class PartScorer(nn.Module):
+    """Candidates and phrases -> for each pair, two logits: which share of the mask shows the part, and how well mask and part
+    overlap (IoU).
+    """
+
+    def __init__(self, config: PartScorerConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.close, self.whole = _trunk(config.widths), _trunk(config.widths)
+        self.image = nn.Sequential(nn.Linear(2 * config.widths[-1] + TRAITS, 2 * config.width), nn.ReLU(), nn.Dropout(0.2),
+                                   nn.Linear(2 * config.width, 2 * config.width))  # fmt: skip
+        self.words = WordVectors(config.text_buckets, config.text_words, config.width)
+        self.text = nn.Sequential(nn.LayerNorm(config.width), nn.Linear(config.width, config.width), nn.ReLU(),
+                                  nn.Linear(config.width, 2 * config.width))  # fmt: skip
+        self.scale, self.bias = nn.Parameter(torch.full((2,), 2.0)), nn.Parameter(torch.full((2,), -1.0))
+
+    def forward(self, crops: Tensor, traits: Tensor, phrases: tuple[str, ...]) -> Tensor:
+        """(b, 2, 6, s, s) 0..1 and (b, TRAITS) of candidates, k phrases -> (b, k, 2) logits."""
+        return self.fit(self.seen(crops, traits), self.said(phrases))
+
+    def seen(self, crops: Tensor, traits: Tensor) -> Tensor:
+        """(b, 2, width) of candidates."""
+        found = [trunk(crops[:, k] - 0.5).mean((2, 3)) for k, trunk in enumerate((self.close, self.whole))]
+        return _unit(self.image(torch.cat([*found, traits], -1)))
+
+    def said(self, phrases: tuple[str, ...]) -> Tensor:
+        """(k, 2, width) of phrases: the mean over their words."""
+        vectors, real = self.words(phrases)
+        mean = (vectors * real[..., None]).sum(1) / real.sum(1, keepdim=True)
+        return _unit(self.text(mean))
+
+    def fit(self, seen: Tensor, said: Tensor) -> Tensor:
+        """(b, k, 2) logits of every pair: scaled cosines, so that nothing may fit (Zhai et al. 2023, sigmoid loss)."""
+        return torch.einsum("bhw,khw->bkh", seen, said) * self.scale.exp() + self.bias
+
+
+def _unit(both: Tensor) -> Tensor:
+    return nn.functional.normalize(both.unflatten(-1, (2, -1)), dim=-1)
+
+
+def _trunk(widths: tuple[int, ...]) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for before, after in zip((len(CHANNELS), *widths), widths, strict=False):
+        layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.BatchNorm2d(after), nn.ReLU()]
+        layers += [nn.Conv2d(after, after, 3, padding=1, groups=after), nn.Conv2d(after, after, 1)]
+        layers += [nn.BatchNorm2d(after), nn.ReLU()]
+    return nn.Sequential(*layers)
+
+
+CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-parts-2"
+
+
+def save_scorer(scratch: Path, model: PartScorer, card: str) -> Path:
+    """The folder of files; what a training left of curves comes along."""
+    root = scratch / "out"
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir(parents=True)
+    described = {"format": FORMAT, **dataclasses.asdict(model.config)}
+    (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, root / WEIGHTS)
+    (root / CARD).write_text(card, encoding="utf-8")
+    if (scratch / "tensorboard").exists():
+        shutil.copytree(scratch / "tensorboard", root / "tensorboard")
+    return root
+
+
+def load_scorer(files: FileTree) -> PartScorer:
+    """The scorer that `save_scorer` wrote; ValueError says which file does not fit."""
+    config, weights = (_file(files, name) for name in (CONFIG, WEIGHTS))
+    where = f"{CONFIG} of {files.name}"
+    sizes = read_config(config, PartScorerConfig, FORMAT, where, "train a scorer with scorer_train")
+    with torch.device("meta"):
+        model = PartScorer(sizes)
+    return fill_from_file(model, weights, f"{WEIGHTS} of {files.name}")
+
+
+def _file(files: FileTree, name: str) -> Path:
+    found = files.find(name)
+    if found is None:
+        there = ", ".join(file.name for file in files.files) or "no file"
+        raise ValueError(f"{files.name}: expected {name} of a trained scorer, got {there}")
+    return found.path
+
+
+AT_ONCE = 256
+"""candidates in one pass"""
+
+
+def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
+          params: None) -> PartScores:  # fmt: skip
+    """A part is asked for twice, by name and looks, and by its looks alone."""
+    phrases = tuple(note.phrase for note in descriptions.notes)
+    looks = tuple(phrase.partition(", ")[2] or phrase for phrase in phrases)
+    found = np.zeros((len(candidates.view), len(phrases), 2), np.float32)
+    if found.size:
+        model = load_scorer(scorer).eval()
+        crops, traits = scorer_inputs(mesh, views, candidates)
+        with torch.inference_mode():
+            for at in range(0, len(crops), AT_ONCE):
+                some = slice(at, at + AT_ONCE)
+                shown = model.seen(torch.from_numpy(crops[some]).float() / 255, torch.from_numpy(traits[some]))
+                logits = [model.fit(shown, model.said(words)) for words in (phrases, looks)]
+                found[some] = torch.stack(logits).mean(0).sigmoid().numpy()
+    return PartScores(mesh.name, np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1]))

@@ -1,1 +1,0 @@
-"""Segment a surface into candidate parts."""

@@ -1,1 +1,0 @@
-"""Hands and forearms of people: bones, shape, skin, grasp."""

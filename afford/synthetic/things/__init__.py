@@ -1,1 +1,0 @@
-"""Things in kitchens and workshops, and how they are gripped."""

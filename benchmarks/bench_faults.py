@@ -1,0 +1,85 @@
+"""Plant faults in a clone, one after the other, and write which test of `make test` finds each: benchmarks/faults.md.
+
+    PYTHONPATH=. python benchmarks/bench_faults.py [--only ROOM]
+
+A fault replaces one piece of text that occurs once in a file. The tests of its system run until the first one fails. The script
+ends with exit code 1 when a fault is not found, or when the tests fail without a fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.pages import ROOT
+
+PAGE = ROOT / "benchmarks" / "faults.md"
+HEAD = """# Planted faults
+
+Written by `benchmarks/bench_faults.py`. Each row is a fault that was planted alone in a clone, and the first test that failed.
+
+| fault | file | found by |
+|---|---|---|
+"""
+
+
+class Fault(NamedTuple):
+    """A fault, and the folder of tests that is expected to find it."""
+
+    what: str
+    file: str
+    before: str
+    after: str
+    tests: str
+
+
+FAULTS: tuple[Fault, ...] = ()
+
+
+def main() -> int:
+    """Plant, test, restore, write; the exit code."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", default="", help="faults whose tests are in this folder, without writing the page")
+    room = parser.parse_args().only
+    faults = [fault for fault in FAULTS if room in fault.tests]
+    with tempfile.TemporaryDirectory() as folder:
+        clone = Path(folder) / "afford"
+        subprocess.run(("git", "clone", "--quiet", ROOT, clone), check=True)
+        rows = [(fault, planted(fault, clone)) for fault in faults]
+    for fault, test in rows:
+        print(f"{fault.what}: {test or 'NOT FOUND'}")
+    if not room:
+        PAGE.write_text(HEAD + "".join(f"| {fault.what} | `{fault.file}` | `{test or 'no test'}` |\n" for fault, test in rows))
+    return 0 if all(test for _, test in rows) else 1
+
+
+def planted(fault: Fault, clone: Path) -> str:
+    """First test that fails with the fault; '' when none does. SystemExit when the text is not there once."""
+    path = clone / fault.file
+    source = path.read_text(encoding="utf-8")
+    if source.count(fault.before) != 1:
+        raise SystemExit(f"{fault.file}: {fault.before!r} occurs {source.count(fault.before)} times, expected 1")
+    path.write_text(source.replace(fault.before, fault.after), encoding="utf-8")
+    try:
+        return first_failure(clone, fault.tests)
+    finally:
+        path.write_text(source, encoding="utf-8")
+
+
+def first_failure(clone: Path, tests: str) -> str:
+    """Name of the first failing test in a folder; '' when all pass."""
+    command = (sys.executable, "-B", "-m", "pytest", "-q", "-x", "-m", "not slow and not npm", "-p", "no:cacheprovider", tests)
+    done = subprocess.run(command, cwd=clone, stdout=subprocess.PIPE, text=True)
+    found = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.M)
+    if done.returncode and not found:
+        raise SystemExit(done.stdout)
+    return found.group(1) if found else ""
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
