@@ -17,9 +17,9 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from afford.common.errors import SourceError
+from afford.common.unpickle import RefusedError, load_plain
 from afford.grasping.motion import oakink2
 from afford.grasping.motion.oakink2_import import PROJECT, convert, convert_all
-from afford.grasping.motion.plain_pickle import NotPlainError, load
 from stages.grasping import motion_read
 from tests.helpers.made_motions import oakink2_root, pretend_mano, tree
 
@@ -72,8 +72,8 @@ def test_a_malicious_pickle_is_rejected_and_never_run(tmp_path: Path, evil: type
 
 @pytest.mark.parametrize("value", [{1, 2}, Codec(), np.array([{}], object), Path("x"), b"bytes"])
 def test_other_pickled_values_are_rejected(tmp_path: Path, value: object) -> None:
-    with pytest.raises(NotPlainError):
-        load(dumped(tmp_path / "a.pkl", {"x": value}))
+    with pytest.raises(RefusedError):
+        load_plain(dumped(tmp_path / "a.pkl", {"x": value}))
 
 
 @pytest.mark.parametrize("protocol", [2, 4, 5])
@@ -81,7 +81,7 @@ def test_plain_values_are_read(tmp_path: Path, protocol: int) -> None:
     """Numbers, text, lists, tuples, arrays, scalars; tensors become arrays."""
     value = {"a": [1, 2.5, "x", None, True], ("t", 1): np.arange(6.0).reshape(2, 3), "s": np.float64(3.5),
              "t": torch.arange(4.0).reshape(2, 2)}  # fmt: skip
-    found = load(dumped(tmp_path / "a.pkl", value, protocol))
+    found = load_plain(dumped(tmp_path / "a.pkl", value, protocol))
     assert found["a"] == [1, 2.5, "x", None, True] and found["s"] == 3.5
     np.testing.assert_array_equal(found["t", 1], value["t", 1])
     np.testing.assert_array_equal(found["t"], [[0, 1], [2, 3]])

@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.grasping.env.observe import blocks
+from afford.grasping.env.obs_blocks import obs_blocks
 from afford.grasping.evaluate.comparisons import clip_lines, prior_ablation, tracking_metrics
-from afford.grasping.rl import saved
-from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from afford.grasping.rl import policy_files
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from schemas.episodes import ClipsFollowed, GraspEpisodes
 from schemas.files import FileTree
 from schemas.training import TrainingLog
@@ -28,11 +28,11 @@ FAST = imitation_evaluate.Params(engine="mujoco")
 
 def idle(folder: Path, role: str = "prior") -> FileTree:
     """Write a policy that does nothing."""
-    model = ActorCritic(PolicyConfig(sum(block.width for block in blocks("small", "prior")), 24, (8,)))
+    model = ActorCritic(PolicyConfig(sum(block.width for block in obs_blocks("small", "prior")), 24, (8,)))
     for parameter in list(model.actor.parameters())[-2:]:
         torch.nn.init.zeros_(parameter)
     posture = [0.0] * 24
-    saved.write(folder, model, {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2})
+    policy_files.write_policy(folder, model, {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2})
     return tree("prior", folder)
 
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from afford.grasping.candidates.find import SearchParams, find_candidates
 from afford.grasping.candidates.render_view import DepthView, ViewCamera, render_view
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.task import placed
+from afford.grasping.env.task import placed_pose
 from afford.grasping.sim.engine import World, make_world
 from afford.grasping.sim.rest_poses import placed_rest_pose
 from afford.grasping.sim.scene import STRICT, Scene
@@ -92,7 +92,7 @@ def _run_view(subject: Subject, scene: Scene, worlds: list[World], rest: np.ndar
               model: RegionModel | None, trials: Trials, number: int) -> dict[str, np.ndarray]:  # fmt: skip
     """Run one view: method -> (e, k) figures."""
     rng = np.random.default_rng((trials.seed, crc32(f"{subject.mesh.name}/{one.task}".encode()), number))
-    pose = placed(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
+    pose = placed_pose(subject.body, rest, rng.uniform(-trials.xy_m, trials.xy_m, 2), float(rng.uniform(-np.pi, np.pi)))
     seen = render_view(subject.mesh, pose, trials.camera, rng)
     predicted = model(seen.rgb, one.task) if model else None
     all_masks = list(masks(subject.parts, seen, one, predicted))

@@ -8,12 +8,12 @@ from math import ceil
 
 import numpy as np
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, play
-from afford.grasping.env.metrics import MEANING
-from afford.grasping.env.task import of
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.measures import METRICS
+from afford.grasping.env.rollout import EpisodeBatch, rollout
+from afford.grasping.env.task import from_grasp_task
 from afford.grasping.evaluate.human_likeness import CRITERIA, HumanStatistics, human_likeness, human_statistics, log_jerk
-from afford.grasping.policies.acting import load
+from afford.grasping.policies.load_policy import load_policy
 from afford.grasping.sim.engine import check_stage_engine
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspEpisodes, GraspTrace
@@ -21,7 +21,7 @@ from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel, ReferenceSet
 
-FIGURES = (*MEANING, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
+FIGURES = (*METRICS, "hls", *(f"hls_{name}" for name in CRITERIA), "log_jerk")
 """of each episode: metrics.MEANING, human_likeness.py"""
 
 
@@ -49,17 +49,17 @@ class EvaluationParams:
 def evaluate_policy(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, references: ReferenceSet,
                     params: EvaluationParams, progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
     """Play episodes in rounds, each task equally often; ValueError for a policy that does not fit."""
-    policy = load(files, {"base": params.base, "start": params.start})
+    policy = load_policy(files, {"base": params.base, "start": params.start})
     config = policy.config(params.engine, _physics(params), params.poses, params.push_n)
     humans = human_statistics(references.references, 1 / config.control_s)
     rounds = ceil(params.episodes / len(tasks))
     values, depths, names, traces = [], [], [], list[GraspTrace]()
     for first in range(0, len(tasks), params.at_once):
         some = tasks[first : first + params.at_once]
-        grasping = Grasping(hand, [of(one) for one in some], config)
+        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in some], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([params.seed, first + k, number]) for k in range(len(some))]
-            played = play(grasping, policy.actor(grasping), rngs)
+            played = rollout(grasping, policy.actor(grasping), rngs)
             values.append(_figures(played, humans))
             depths.append(played.depth_m)
             names += [one.name for one in some]
@@ -77,11 +77,11 @@ def _physics(params: EvaluationParams) -> Physics:
     return Physics(iterations=params.iterations, rate_hz=params.rate_hz)
 
 
-def _figures(played: Round, humans: HumanStatistics) -> np.ndarray:
+def _figures(played: EpisodeBatch, humans: HumanStatistics) -> np.ndarray:
     """Compute (n, k) figures in the order of FIGURES."""
     human = [_human(played.q[k, : end + 1, 6:], played.palm[k, : end + 1, :3], played.rate_hz, humans)
              for k, end in enumerate(played.ended)]
-    return np.concatenate([np.stack([played.report[name] for name in MEANING], axis=1), np.array(human)], axis=1)
+    return np.concatenate([np.stack([played.report[name] for name in METRICS], axis=1), np.array(human)], axis=1)
 
 
 def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, humans: HumanStatistics) -> list[float]:
@@ -89,7 +89,7 @@ def _human(q: np.ndarray, palm: np.ndarray, rate_hz: float, humans: HumanStatist
     return [score, *parts.tolist(), (log_jerk(q, rate_hz) + log_jerk(palm, rate_hz)) / 2]
 
 
-def _traces(played: Round, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:
+def _traces(played: EpisodeBatch, tasks: Sequence[GraspTask], number: int, first: int, wanted: int, total: int) -> list[GraspTrace]:
     """Return traces of the first round, for tasks spread evenly over all."""
     if number:
         return []
@@ -106,10 +106,10 @@ def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTre
 
     ValueError for files that contain no policy.
     """
-    policy = load(files, {})
-    grasping = Grasping(hand, [of(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    policy = load_policy(files, {})
+    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
     try:
-        played = play(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
+        played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
     finally:
         grasping.close()
     return [played.trace(k, one.name, 0) for k, one in enumerate(tasks)]

@@ -14,7 +14,7 @@ from afford.common.image_files import encode_png
 from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.studio import Episode
+from afford.grasping.env.rendering import DrawableEpisode
 from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
@@ -26,7 +26,7 @@ STILL_S = 0.8
 """time that the last frame of a video stays"""
 
 
-def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
+def sheet(rows: Mapping[str, DrawableEpisode]) -> np.ndarray:
     """Draw the sheet (h, w, 3) uint8: label -> episode, with a column for each of `PHASES`; ValueError without episodes."""
     if not rows:
         raise ValueError("rows: no episodes to show")
@@ -36,12 +36,12 @@ def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
     return np.concatenate([head, *strips])
 
 
-def write_sheet(path: Path, rows: Mapping[str, Episode]) -> None:
+def write_sheet(path: Path, rows: Mapping[str, DrawableEpisode]) -> None:
     """Write `sheet` as a PNG."""
     path.write_bytes(encode_png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
 
 
-def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> None:
+def write_film(path: Path, rows: Mapping[str, DrawableEpisode], columns: int = 3) -> None:
     """Write all episodes in a grid as an MP4, at their own rate; finished episodes stay on their last frame.
 
     ValueError without episodes, or for traces of different rates.
@@ -52,7 +52,7 @@ def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> Non
     write_video(path, _frames(rows, columns, round(STILL_S * min(rates))), CRF, round(min(rates)))
 
 
-def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[np.ndarray]:
+def _frames(rows: Mapping[str, DrawableEpisode], columns: int, still: int) -> Iterator[np.ndarray]:
     words = [(label, one, trace_metrics(one.trace, one.task).success) for label, one in rows.items()]
     longest = max(len(one.trace.q) for one in rows.values())
     wide = min(columns, len(words))
@@ -62,7 +62,7 @@ def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[n
         yield _even(np.concatenate([np.concatenate(tiles[k : k + wide], axis=1) for k in range(0, len(tiles), wide)]))
 
 
-def _strip(label: str, one: Episode) -> np.ndarray:
+def _strip(label: str, one: DrawableEpisode) -> np.ndarray:
     """Draw a row: its label and verdict, then the key frames."""
     tiles = [cv2.copyMakeBorder(one.draw(row), 0, GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=PAPER)
              for row in key_frames(one.trace, one.task)]  # fmt: skip
@@ -71,7 +71,7 @@ def _strip(label: str, one: Episode) -> np.ndarray:
     return np.concatenate([words, *tiles], axis=1)
 
 
-def _verdict(one: Episode) -> list[tuple[str, Colour]]:
+def _verdict(one: DrawableEpisode) -> list[tuple[str, Colour]]:
     """Return the verdict of an episode by the metrics, as lines of text."""
     how, trace = trace_metrics(one.trace, one.task), one.trace
     pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
@@ -81,7 +81,7 @@ def _verdict(one: Episode) -> list[tuple[str, Colour]]:
             (f"{1000 * trace.penetration_m.max():.1f} mm deep at most", FAINT)]  # fmt: skip
 
 
-def _tile(label: str, one: Episode, row: int, success: np.ndarray) -> np.ndarray:
+def _tile(label: str, one: DrawableEpisode, row: int, success: np.ndarray) -> np.ndarray:
     """Draw a step with its label, its task, and a mark when the goal was reached."""
     page = Image.fromarray(one.draw(row))
     draw = ImageDraw.Draw(page)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.measures import TOUCH_N, nearest
-from afford.grasping.env.metrics import as_safe_count, as_violation_pct
+from afford.grasping.env.measures import TOUCH_N, as_safe_count, as_violation_pct, nearest
 from afford.grasping.env.reward import GOAL_M
 from afford.grasping.env.scenery import to_world
-from afford.grasping.env.task import of
+from afford.grasping.env.task import from_grasp_task
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspTask
 
@@ -67,7 +66,7 @@ def key_frames(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
 
 def _to_negative(trace: GraspTrace, task: GraspTask) -> np.ndarray:
     """Return (t, f) distances of fingertips to true negative points."""
-    points = of(task).N_true
+    points = from_grasp_task(task).N_true
     if not len(points):
         return np.full(trace.tips.shape[:2], np.inf)
     return nearest(trace.tips, to_world(trace.body, points[None]))[0]

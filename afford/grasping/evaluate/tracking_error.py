@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.evaluate import Still
-from afford.grasping.env.task import task
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
-from afford.grasping.policies.acting import Policy, load
+from afford.grasping.env.rollout import BaseOnly
+from afford.grasping.env.task import make_task
+from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
+from afford.grasping.policies.load_policy import Policy, load_policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import ClipsFollowed
 from schemas.files import FileTree
@@ -24,7 +24,7 @@ from schemas.hand import HandModel, HandReference
 
 FOLLOWERS = ("prior", "clip", "still")
 FIGURES = ("level_1_m", "level_2_m", "tips_error_m", "followed")
-Follower = Callable[[Rehearsing], np.ndarray]
+Follower = Callable[[GraspImitationWorlds], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ def evaluate_tracking(hand: HandModel, bodies: Sequence[GraspObject], references
 
     ValueError for files that contain no prior, for no clips, or for a clip whose object is not among the bodies.
     """
-    policy, of = load(files, {}), {one.name: task(one) for one in bodies}
+    policy, of = load_policy(files, {}), {one.name: make_task(one) for one in bodies}
     _check(policy, set(of), references)
-    config = Rehearsal(engine=params.engine, physics=Physics(params.rate_hz, params.iterations), steps=int(policy.facts["steps"]),
+    config = GraspImitationConfig(engine=params.engine, physics=Physics(params.rate_hz, params.iterations), steps=int(policy.facts["steps"]),
                        lift_m=float(policy.facts["lift_m"]), tolerance_m=params.tolerance_m)  # fmt: skip
     parts = list[np.ndarray]()
     for first in range(0, len(references), params.at_once):
         some = references[first : first + params.at_once]
-        core = Rehearsing(hand, [of[one.object_name] for one in some], some, config, alone=True)
+        core = GraspImitationWorlds(hand, [of[one.object_name] for one in some], some, config, alone=True)
         parts.append(np.stack([_follow(core, _actor(name, policy, core), params.seed) for name in FOLLOWERS]))
         core.close()
         progress(first + len(some), len(references))
@@ -73,14 +73,14 @@ def _check(policy: Policy, known: set[str], references: Sequence[HandReference])
                          f"got {wrong or ', '.join(unknown)}; use the output of hand_imitation, and clips of those objects")
 
 
-def _actor(name: str, policy: Policy, core: Rehearsing) -> Follower:
+def _actor(name: str, policy: Policy, core: GraspImitationWorlds) -> Follower:
     if name == "clip":
-        return Rehearsing.expert
-    actor = policy.actor(core.grasping) if name == "prior" else Still()
+        return GraspImitationWorlds.expert
+    actor = policy.actor(core.grasping) if name == "prior" else BaseOnly()
     return lambda now: actor.act(now.grasping)
 
 
-def _follow(core: Rehearsing, act: Follower, seed: int) -> np.ndarray:
+def _follow(core: GraspImitationWorlds, act: Follower, seed: int) -> np.ndarray:
     """Return (n, FIGURES) of a full episode in every world, also after a failure."""
     n = len(core.clips.references)
     rngs = [np.random.default_rng([seed, k]) for k in range(n)]

@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, play
-from afford.grasping.env.task import NEGATIVE_POINTS, of, spread_points
-from afford.grasping.policies.acting import Policy
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import EpisodeBatch, rollout
+from afford.grasping.env.task import NEGATIVE_POINTS, from_grasp_task, spread_points
+from afford.grasping.policies.load_policy import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspTrace, TwoTasks
 from schemas.grasp import GraspObject, GraspTask
@@ -64,10 +64,10 @@ def evaluate_task_pairs(hand: HandModel, bodies: Sequence[GraspObject], policy: 
     for first in range(0, len(bodies), at_once):
         some = bodies[first : first + at_once]
         tasks = [one for body in some for one in opposite_end_tasks(body)]
-        grasping = Grasping(hand, [of(one) for one in tasks], config)
+        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([seed, first + k // 2, number]) for k in range(len(tasks))]
-            played = play(grasping, policy.actor(grasping), rngs)
+            played = rollout(grasping, policy.actor(grasping), rngs)
             along.append(_along(played, some, grasping.scenery.palm_offset))
             success.append(played.report["success"].reshape(-1, 2) > 0)
             names += [body.name for body in some]
@@ -80,7 +80,7 @@ def evaluate_task_pairs(hand: HandModel, bodies: Sequence[GraspObject], policy: 
     return made, [one for _, both in best for one in both]
 
 
-def _along(played: Round, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
+def _along(played: EpisodeBatch, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
     """Return (b, 2) positions of the grasp along the long axis, m."""
     rows = np.arange(len(played.ended))
     palm, lies = played.palm[rows, played.ended], played.body[rows, played.ended]
@@ -90,7 +90,7 @@ def _along(played: Round, bodies: Sequence[GraspObject], palm_offset: np.ndarray
     return np.array(each).reshape(-1, 2)
 
 
-def _traces(played: Round, tasks: Sequence[GraspTask], along: np.ndarray,
+def _traces(played: EpisodeBatch, tasks: Sequence[GraspTask], along: np.ndarray,
             success: np.ndarray) -> list[tuple[float, list[tuple[GraspTask, GraspTrace]]]]:  # fmt: skip
     """Return for every body the shift of the hand (m), -inf where it was not lifted twice, and its two traces."""
     moved = np.where(success.all(axis=1), along[:, 1] - along[:, 0], -np.inf)

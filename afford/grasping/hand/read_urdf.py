@@ -14,10 +14,9 @@ import numpy as np
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
 from afford.grasping.hand.tree import GREY, Coupling, Joint, Link, Shape, Tree, ordered
-from afford.surface.meshes.files import URDF, suffix
-from afford.surface.meshes.files import text as file_text
 from afford.surface.meshes.read import read_mesh
-from afford.surface.meshes.surface import Surface, check_triangles, moved
+from afford.surface.meshes.surface import URDF, Surface, check_triangles, suffix, transform_surface
+from afford.surface.meshes.surface import decode_text as file_text
 from afford.surface.meshes.urdf import (
     SIZES,
     colour_of,
@@ -158,7 +157,7 @@ class Meshes:
         file = mesh_file(self.files, self.urdf, mesh)
         scale = tuple(map(float, numbers(mesh, "scale", (1.0, 1.0, 1.0), self.urdf.name)))
         if (file.name, scale) not in self._names:
-            surface = moved(self._surface(file), np.diag([*scale, 1.0]))
+            surface = transform_surface(self._surface(file), np.diag([*scale, 1.0]))
             if not len(surface.faces):
                 raise SourceError(file.name, "triangles", "an empty mesh", "export the mesh again")
             self._triangles += len(surface.faces)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.grasping.motion.plain_pickle import NotPlainError, load
+from afford.common.unpickle import RefusedError, load_plain
 
 PROJECT = Path(__file__).resolve().parents[3]
 FIX = "get the file from the data set's own page"
@@ -90,8 +90,8 @@ def main(arguments: list[str]) -> int:
 def _one(path: Path, out: Path) -> int:
     resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
     try:
-        found = arrays(load(path))
-    except NotPlainError as error:
+        found = arrays(load_plain(path))
+    except RefusedError as error:
         sys.stderr.write(f"{error}, which was not run\n")
         return 1
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
 from afford.common.geometry import farthest_point_sampling, sample_surface
-from afford.surface.meshes.nearest import Nearest
+from afford.surface.meshes.nearest import NearestSurface
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts, ObjectMesh
 
@@ -167,7 +167,7 @@ def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 
 def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
     """Return a function that measures how far a hull stands out of a body: 95th percentile over the hull, 0 inside the body."""
-    nearest = Nearest(solid.vertices, solid.faces)
+    nearest = NearestSurface(solid.vertices, solid.faces)
 
     def stand_out_m(hull: ConvexHull) -> float:
         corner = hull.points[hull.simplices]

@@ -18,8 +18,18 @@ from trimesh.transformations import euler_matrix
 
 from afford.common.bounded import TooLargeError
 from afford.common.errors import SourceError
-from afford.surface.meshes.files import SCHEME, Pictures, locate, target, text
-from afford.surface.meshes.surface import Surface, check_triangles, join, moved, plain
+from afford.surface.meshes.surface import (
+    SCHEME,
+    PictureCache,
+    Surface,
+    check_triangles,
+    decode_text,
+    find_reference,
+    join_surfaces,
+    plain_surface,
+    resolve_reference,
+    transform_surface,
+)
 from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]
@@ -55,7 +65,7 @@ def candidates(base: str, reference: str) -> list[str]:
     A `package://` is looked up in the folder of the URDF and in all folders above it.
     """
     if not reference.startswith(PACKAGE):
-        return [target(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
+        return [resolve_reference(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
     package, _, rest = reference.removeprefix(PACKAGE).partition("/")
     folders, folder = [], posixpath.dirname(base)
     while True:
@@ -66,13 +76,13 @@ def candidates(base: str, reference: str) -> list[str]:
     found = [posixpath.normpath(posixpath.join(f, tail)) for f in folders for tail in (f"{package}/{rest}", rest)]
     inside = [name for name in found if not name.startswith("..") and not SCHEME.match(name)]
     if len(inside) < len(found):
-        target(base, rest)
+        resolve_reference(base, rest)
     return inside
 
 
 def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
     """Read all visual shapes as one surface; the group of a face is the name of its link."""
-    root = parse(text(file), file.name)
+    root = parse(decode_text(file), file.name)
     poses = _poses(root, file.name)
     colours = named_colours(root)
     found: list[Surface] = []
@@ -82,11 +92,11 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
         for visual in link.findall("visual"):
             shape = shapes.read(visual)
             painted = _painted(shape, visual, colours, file.name)
-            found.append(replace(moved(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
+            found.append(replace(transform_surface(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
     if not found:
         raise SourceError(file.name, "a link with a <visual>", "links without visuals", "add the visual meshes")
-    return join(found, "m")
+    return join_surfaces(found, "m")
 
 
 class _Shapes:
@@ -97,7 +107,7 @@ class _Shapes:
         self.files, self.file, self.read_mesh = files, file, read_mesh
         self._uses = Counter(kind.get("filename") for kind in kinds)
         self._meshes: dict[str, Surface] = {}
-        self._pictures = Pictures()
+        self._pictures = PictureCache()
         self._triangles = 0
         self._count(sum(TRIANGLES.get(kind.tag, 0) for kind in kinds))
 
@@ -117,21 +127,21 @@ class _Shapes:
             self._count(len(self._meshes[found.name].faces) * self._uses[kind.get("filename")])
             for image in self._meshes[found.name].images:
                 self._pictures.count(image, self.file.name)
-        return moved(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
+        return transform_surface(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
 
 
 def mesh_file(files: FileTree, file: FileRef, mesh: Xml.Element) -> FileRef:
     """Find the file that a <mesh> names; SourceError when it does not exist."""
     found = (files.find(name) for name in candidates(file.name, filename(mesh, file.name)))
     present = next((f for f in found if f is not None), None)
-    return present or locate(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
+    return present or find_reference(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
 
 
 def _solid(kind: Xml.Element, name: str) -> Surface:
     sizes = dimensions(kind, name)
     made = {"box": lambda: trimesh.creation.box(sizes), "sphere": lambda: trimesh.creation.icosphere(3, float(sizes[0])),
             "cylinder": lambda: trimesh.creation.cylinder(*sizes)}[kind.tag]()  # fmt: skip
-    return plain(made.vertices, made.faces)
+    return plain_surface(made.vertices, made.faces)
 
 
 def _painted(shape: Surface, visual: Xml.Element, colours: dict[str, Xml.Element | None], name: str) -> Surface:
