@@ -32,7 +32,8 @@ def idle(folder: Path, role: str = "prior") -> FileTree:
     for parameter in list(model.actor.parameters())[-2:]:
         torch.nn.init.zeros_(parameter)
     posture = [0.0] * 24
-    policy_files.write_policy(folder, model, {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2})
+    facts = {"role": role, "layout": "small", "base": "prior", "posture": posture, "steps": 40, "lift_m": 0.2}
+    policy_files.write_policy(folder, model, facts)
     return tree("prior", folder)
 
 

@@ -107,7 +107,8 @@ def example_episodes(hand: HandModel, tasks: Sequence[GraspTask], files: FileTre
     ValueError for files that contain no policy.
     """
     policy = load_policy(files, {})
-    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0))
+    config = policy.config("mujoco", Physics(iterations=ITERATIONS), "flat", 0.0)
+    grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], config)
     try:
         played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k]) for k in range(len(tasks))])
     finally:

@@ -48,8 +48,9 @@ def evaluate_tracking(hand: HandModel, bodies: Sequence[GraspObject], references
     """
     policy, of = load_policy(files, {}), {one.name: make_task(one) for one in bodies}
     _check(policy, set(of), references)
-    config = GraspImitationConfig(engine=params.engine, physics=Physics(params.rate_hz, params.iterations), steps=int(policy.facts["steps"]),
-                       lift_m=float(policy.facts["lift_m"]), tolerance_m=params.tolerance_m)  # fmt: skip
+    config = GraspImitationConfig(
+        engine=params.engine, physics=Physics(params.rate_hz, params.iterations), steps=int(policy.facts["steps"]),
+        lift_m=float(policy.facts["lift_m"]), tolerance_m=params.tolerance_m)  # fmt: skip
     parts = list[np.ndarray]()
     for first in range(0, len(references), params.at_once):
         some = references[first : first + params.at_once]

@@ -3,7 +3,7 @@
     python -m afford.grasping.motion.oakink2_import ROOT OUT
 
 ROOT contains anno_preview/<sequence>.pkl and program/program_info/<sequence>.json. A separate process takes each pickle apart with
-an allow list (plain_pickle.py). Written after the data set's toolkit and description; never run on the real set.
+an allow list (afford/common/unpickle.py). Written after the data set's toolkit and description; never run on the real set.
 """
 
 from __future__ import annotations
