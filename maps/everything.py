@@ -1,4 +1,4 @@
-"""The targets of `make all`, chained as one graph: a stage that several of them have is one node."""
+"""The targets of `make all`, chained in one graph; a stage that several targets share is one node."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from runner import Graph
 
 CHAIN = {"dataset": dataset, "train": train, "benchmark": measure, "negative-affordance": negative_affordance, "sor3d": sor3d,
          "grasp": grasp}  # fmt: skip
-"""target -> the lines of its graph, in the order in which they are written"""
+"""target -> function that builds its graph, in order"""
 
 
 def everything(g: Graph, origin: Origin, p: Settings) -> None:
-    """dataset, train, benchmark, negative-affordance, sor3d and grasp, one after the other; stop and go on at will"""
+    """dataset, train, benchmark, negative-affordance, sor3d and grasp in sequence; can be stopped and resumed."""
     for name, lines in CHAIN.items():
         with g.part(name):
             lines(g, origin.of(name), p)

@@ -1,4 +1,4 @@
-"""The parameters of every stage, by system, and where the data come from."""
+"""Parameters of every stage, by system, and the origin of a run's data."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from schemas.scene import RenderedClip, SceneSpec
 
 
 class Origin(NamedTuple):
-    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none; `bare` videos
-    have no masks).
+    """Origin of a run's data: clips to render, or files on disk.
+
+    `truth` is an empty tree where there is no ground truth; `bare` videos have no masks.
     """
 
     name: str
@@ -33,10 +34,10 @@ class Origin(NamedTuple):
     bare: bool = False
     motions: FileTree | None = None
     parts: tuple[tuple[str, Origin], ...] = ()
-    """of several targets that are made together: what each is made of"""
+    """(target, origin) for each of several combined targets"""
 
     def of(self, part: str) -> Origin:
-        """What one of several targets is made of; all of it where there is one alone."""
+        """Origin of one of several combined targets; the whole origin for a single target."""
         return dict(self.parts).get(part, self)
 
 
@@ -45,7 +46,7 @@ __all__ = ["PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameters of every stage, by system; a stage has its name in one system alone."""
+    """Parameters of every stage, by system; a stage name occurs in one system only."""
 
     extraction: Extraction = Extraction()
     twohands: Twohands = Twohands()
@@ -54,15 +55,18 @@ class Settings:
     rgbd: Rgbd = Rgbd()
     synthetic: Synthetic = Synthetic()
     weights: tuple[tuple[str, FileTree], ...] = ()
-    """(stage, files) of every stage whose backend reads weights"""
+    """(stage, files) for every stage whose backend reads weights"""
 
     @classmethod
     def of(cls, **stages: Any) -> Settings:
-        """The defaults but for the parameters of some stages: `Settings.of(mask_densify=mask_densify.Params(radius=3))`."""
+        """Defaults except for the parameters of some stages.
+
+        `Settings.of(mask_densify=mask_densify.Params(radius=3))`.
+        """
         return cls().with_stages(**stages)
 
     def with_stages(self, **stages: Any) -> Settings:
-        """The same with other parameters of some stages. TypeError for a stage that no system has."""
+        """Copy with other parameters of some stages. TypeError for a stage that no system has."""
         unknown = stages.keys() - SYSTEM_OF.keys()
         if unknown:
             raise TypeError(f"Settings: expected names of stages, got {', '.join(sorted(unknown))}")
@@ -70,10 +74,10 @@ class Settings:
         return replace(self, **{system: replace(getattr(self, system), **mine) for system, mine in changed.items() if mine})
 
     def params(self, stage: str) -> Any:
-        """The parameters of a stage, whichever system has it."""
+        """Parameters of a stage of any system."""
         return getattr(getattr(self, SYSTEM_OF[stage]), stage)
 
 
 SYSTEMS: tuple[str, ...] = tuple(field.name for field in fields(Settings) if field.name != "weights")
 SYSTEM_OF: dict[str, str] = {stage.name: system for system in SYSTEMS for stage in fields(getattr(Settings, system))}
-"""stage -> system, in the order of both"""
+"""stage -> system, in the order of systems and stages"""

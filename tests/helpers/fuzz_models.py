@@ -17,8 +17,8 @@ from safetensors.torch import save_file
 
 from afford.common.errors import SourceError
 from afford.common.image_files import read_depth, read_image
-from afford.extraction.hands import network as hands_files
-from afford.extraction.hands.network import Hands, HandsConfig
+from afford.extraction.hands import network as hand_network
+from afford.extraction.hands.network import HandFinder, HandFinderConfig
 from afford.grasping.candidates.read_scene import read_mask
 from afford.models.tensor_files import read_tensors
 from afford.rgbd.model import vgg
@@ -102,11 +102,11 @@ def write_vgg(folder: Path, zipped: bool) -> Path:
 
 def write_config(folder: Path) -> Path:
     """A small trained finder of hands."""
-    model = Hands(HandsConfig(16, 16, (2, 3)))
-    described = {"format": hands_files.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
-    (folder / hands_files.CONFIG).write_text(json.dumps(described))
-    save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hands_files.WEIGHTS)
-    return folder / hands_files.CONFIG
+    model = HandFinder(HandFinderConfig(16, 16, (2, 3)))
+    described = {"format": hand_network.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
+    (folder / hand_network.CONFIG).write_text(json.dumps(described))
+    save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hand_network.WEIGHTS)
+    return folder / hand_network.CONFIG
 
 
 def write_umd(folder: Path, ending: str) -> Path:
@@ -162,7 +162,7 @@ READERS: list[FuzzedReader] = [
     weights("published index", write_index, lambda path: read_weights(path.parent)),
     weights("VGG .pth", partial(write_vgg, zipped=True), lambda path: vgg.fill(encoder(), path)),
     weights("VGG .pth of old", partial(write_vgg, zipped=False), lambda path: vgg.fill(encoder(), path)),
-    weights("config of a finder", write_config, lambda path: hands_files.read(path.parent)),
+    weights("config of a finder", write_config, lambda path: hand_network.read_network(path.parent)),
     source("UMD splits", partial(write_umd, ending="split.txt"), partial(read_static, listed=umd.listed, own=Umd())),
     source("UMD .mat", partial(write_umd, ending=".mat"), partial(read_static, listed=umd.listed, own=Umd())),
     source("UMD depth", partial(write_umd, ending=".png"), partial(read_static, listed=umd.listed, own=Umd())),

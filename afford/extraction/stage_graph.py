@@ -1,4 +1,4 @@
-"""The graph of stages as a picture."""
+"""Picture of the graph of stages."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from matplotlib.text import Text
 from afford.common.figures import Figure
 
 COLUMN, ROW = 2.6, 1.0
-"""distance of the middles of two boxes, in the units of the picture"""
+"""distance between the centres of two boxes, in figure units"""
 COLUMN_IN, ROW_IN = 2.7, 0.75
-"""the same in inches"""
+"""the same distance in inches"""
 LINE = "#7a8794"
 
 
-def draw(stages: list[str], edges: list[tuple[str, str]], path: Path) -> None:
-    """Boxes in columns by depth, arrows from what is read to what reads it; the suffix of `path` gives the format.
+def draw_graph(stages: list[str], edges: list[tuple[str, str]], path: Path) -> None:
+    """Draw boxes in columns by depth, and an arrow from each stage to the stages that read it; the suffix gives the format.
 
     ValueError when the suffix is neither .svg nor .png.
     """
     if path.suffix not in (".svg", ".png"):
-        raise ValueError(f"{path}: expected a name that ends in .svg or .png")
-    figure, _ = drawn(stages, edges)
+        raise ValueError(f"{path}: expected a file name that ends in .svg or .png")
+    figure, _ = graph_figure(stages, edges)
     figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else {"Software": None})
 
 
-def drawn(stages: list[str], edges: list[tuple[str, str]]) -> tuple[Figure, dict[str, Text]]:
-    """The picture, and the box of each stage. Arrows go from the right edge of one box to the left edge of another, below boxes."""
+def graph_figure(stages: list[str], edges: list[tuple[str, str]]) -> tuple[Figure, dict[str, Text]]:
+    """Build the figure, and the box of each stage. Arrows run from the right edge of a box to the left edge of another."""
     depth = _depths(stages, edges)
     columns = {level: [s for s in stages if depth[s] == level] for level in sorted(set(depth.values()))}
     tallest = max(map(len, columns.values()))
@@ -40,7 +40,7 @@ def drawn(stages: list[str], edges: list[tuple[str, str]]) -> tuple[Figure, dict
     axes.axis("off")
     boxes = {stage: _box(axes, stage, COLUMN * level, -ROW * (i - (len(column) - 1) / 2))
              for level, column in columns.items() for i, stage in enumerate(column)}  # fmt: skip
-    figure.draw_without_rendering()  # boxes are as wide as their words, which only a renderer can measure
+    figure.draw_without_rendering()  # boxes are as wide as their text, which only a renderer can measure
     to_units = axes.transData.inverted()
     ends = {stage: to_units.transform_bbox(_patch(box).get_window_extent()) for stage, box in boxes.items()}
     for source, target in edges:
@@ -50,7 +50,7 @@ def drawn(stages: list[str], edges: list[tuple[str, str]]) -> tuple[Figure, dict
 
 
 def _box(axes: Axes, stage: str, x: float, y: float) -> Text:
-    """A stage by its name, in two lines where it is long."""
+    """Draw the box of a stage with its name, in two lines where it is long."""
     fill = "#f0f4f8" if stage.startswith("record") else "#d7e6f5"
     box = {"boxstyle": "round,pad=0.45", "fc": fill, "ec": "#34495e", "lw": 0.9}
     name = stage.replace("_", "\n", 1) if len(stage) > 18 else stage
@@ -64,7 +64,7 @@ def _patch(box: Text) -> FancyBboxPatch:
 
 
 def _arrow(start: tuple[float, float], end: tuple[float, float]) -> FancyArrowPatch:
-    """A curve that leaves and arrives level."""
+    """Curved arrow with horizontal ends."""
     bend = min(0.6, (end[0] - start[0]) / 2)
     points = [start, (start[0] + bend, start[1]), (end[0] - bend, end[1]), end]
     curve = Curve(points, [Curve.MOVETO, Curve.CURVE4, Curve.CURVE4, Curve.CURVE4])
@@ -72,7 +72,7 @@ def _arrow(start: tuple[float, float], end: tuple[float, float]) -> FancyArrowPa
 
 
 def _depths(stages: list[str], edges: list[tuple[str, str]]) -> dict[str, int]:
-    """Length of the longest way to each stage; `stages` is in an order in which sources come first."""
+    """Length of the longest path to each stage; `stages` is in topological order."""
     depth = dict.fromkeys(stages, 0)
     for stage in stages:
         depth[stage] = max((depth[source] + 1 for source, target in edges if target == stage), default=0)
