@@ -1,4 +1,4 @@
-"""Rows of the tables of grasping: known, in an order in which what is stopped early has something of each."""
+"""Training recipes: rows, their order, and their parameters on the map."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pipeline import build
 from stages.grasping import grasp_report, rl_grasp_refinement
 
 
-def test_every_row_with_a_seed_comes_before_the_next_seed() -> None:
+def test_seeds_are_planned_one_after_another() -> None:
     assert planned_runs((TEACHER, "neither"), 2) == ((TEACHER, 0), ("neither", 0), (TEACHER, 1), ("neither", 1))
 
 
-def test_rows_change_parameters_that_there_are() -> None:
+def test_rows_change_existing_parameters() -> None:
     for changes in ROWS.values():
         replace(rl_grasp_refinement.Params(), **changes)
-    asked_for = (POSITIVE, "student_no_negative", "paper_reward")
-    every = (*grasp_report.Params().rows, *asked_for)
+    requested = (POSITIVE, "student_no_negative", "paper_reward")
+    every = (*grasp_report.Params().rows, *requested)
     assert sorted(every) == sorted((*ROWS, *STUDENTS)) and len(planned_runs(every, 1)) == len(every)
 
 
-def test_the_papers_reward_is_the_papers() -> None:
-    """Its four terms with its weights; all rows but it and the transfers learn from ours."""
+def test_reward_of_the_paper() -> None:
+    """Four terms with the paper's weights; all other rows except the transfers use our reward."""
     row = ROWS["paper_reward"]
     assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {
         "hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0}
@@ -36,8 +36,8 @@ def test_the_papers_reward_is_the_papers() -> None:
         "paper_reward", *(name for name in ROWS if name.startswith("transfer_"))}
 
 
-def test_students_learn_from_the_teacher_of_their_row() -> None:
-    """And of their number."""
+def test_students_use_the_teacher_of_their_row() -> None:
+    """The seed is that of the student."""
     rows = (TEACHER, NO_NEGATIVE, "student_no_negative", STUDENT)
     p = Settings()
     g = build("grasp-full", Origin("grasp-full"), p.with_stages(grasp_report=replace(p.grasping.grasp_report, rows=rows, seeds=2)))
@@ -48,15 +48,15 @@ def test_students_learn_from_the_teacher_of_their_row() -> None:
     assert not [node for node in alone.stages() if node.name.startswith("teacher")]
 
 
-def test_what_is_unknown_or_out_of_order_is_refused() -> None:
+def test_unknown_or_unordered_rows_are_rejected() -> None:
     for rows, seeds in ((("teacher", "magic"), 1), ((STUDENT, TEACHER), 1), ((TEACHER,), 0),
                         ((TEACHER, "student_no_negative", NO_NEGATIVE), 1), ((TEACHER, "student_no_negative"), 1)):
         with pytest.raises(ValueError, match="grasp rows"):
             planned_runs(rows, seeds)
 
 
-def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -> None:
-    """The first policy is recorded, and the prior is an output; all others can wait, and so can what they are told."""
+def test_optional_rows_under_a_time_limit() -> None:
+    """The first policy is recorded and the prior is an output; all other rows and their inputs are optional."""
     g = build("grasp-full", Origin("synthetic"), Settings())
     spare = g.spare([g.node_of(handle) for handle in g.targets["grasp-full"]])
     names = {node.name for node in g.stages() if node.id in spare}
@@ -67,14 +67,14 @@ def test_when_time_is_over_rows_are_left_but_what_every_report_shows_is_made() -
 
 @pytest.mark.parametrize(("target", "rows"), [("grasp", (TEACHER,)), ("grasp-full", (TEACHER, STUDENT))])
 def test_the_first_teacher_and_student_are_outputs(target: str, rows: tuple[str, ...]) -> None:
-    """Those that are finished; the run ends without the others."""
+    """Outputs are partial: a run ends without unfinished ones."""
     g = build(target, Origin(target), Settings())
     policies = next(node for node in map(g.node_of, g.targets[target]) if node.name == "policies")
     assert policies.partial and [g.nodes[i].name for _, i in policies.inputs] == [f"{row}_0.files" for row in rows]
 
 
-def test_what_is_set_is_what_runs() -> None:
-    """Clips, how the hand is fitted to them, the first seeds, and times the weight that each row has."""
+def test_settings_reach_all_rows() -> None:
+    """Clips, retargeting, first seeds, and factors of the weight of each row."""
     words = ("motion_synthesise.press=0.5", "hand_retarget.clip_steps=9", "rl_grasp_refinement.lambda_n=3",
              "rl_grasp_refinement.seed=10", "grasp_student.seed=20")  # fmt: skip
     params = {}
@@ -89,7 +89,7 @@ def test_what_is_set_is_what_runs() -> None:
     assert changed["student_1"] == replace(plain["student_1"], name="student-21", seed=21)
 
 
-def test_clips_come_from_above_unless_said() -> None:
+def test_clips_approach_from_above_by_default() -> None:
     assert (Settings.grasping.motion_synthesise, Settings.grasping.hand_retarget) == (MOTION, FITTED)
     made = {node.name: node.params for node in build("grasp", Origin("grasp"), Settings()).stages()}
     assert (made["motion_synthesise"], made["hand_retarget"]) == (MOTION, FITTED)

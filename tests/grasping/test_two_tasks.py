@@ -1,4 +1,4 @@
-"""One object, two tasks: the same start, N_t at either end, and where the hand ends up."""
+"""One object with two tasks: N_t at either end, and the shift of the grasp."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FAST = Physics(iterations=50)
 
 
 class Shy:
-    """Goes to where N_t is not, as far as the policy of a person would who knows the object."""
+    """Policy that moves away from N_t, given the pose of the object."""
 
     def act(self, now: GraspWorlds) -> np.ndarray:
         points = now.scenery.negative_points(now.state()).mean(axis=1) - now.scenery.centre(now.state())
@@ -37,15 +37,15 @@ class Shy:
         return out
 
 
-class Told(Policy):
-    """A policy that is a function."""
+class FunctionPolicy(Policy):
+    """Policy with a given actor."""
 
     def actor(self, grasping: GraspWorlds) -> Actor:
         return Shy()
 
 
-def test_ends_are_beyond_the_middle_and_the_object_is_the_same() -> None:
-    """100 points of either side, none within 2 cm of the centre of mass along the object; nothing else differs."""
+def test_ends_of_the_object() -> None:
+    """100 points on either side, none within 2 cm of the centre of mass along the object; nothing else differs."""
     body = tool("screwdriver")
     first, other = opposite_end_tasks(body)
     for task, side in ((first, 1), (other, -1)):
@@ -56,13 +56,13 @@ def test_ends_are_beyond_the_middle_and_the_object_is_the_same() -> None:
         opposite_end_tasks(short)
 
 
-def test_a_policy_that_does_not_look_does_not_move_and_one_that_does_moves() -> None:
-    """Without a policy both episodes are the same to the bit, whatever N_t; Shy moves away by centimetres, both ways."""
+def test_a_policy_with_negative_points_shifts_its_grasp() -> None:
+    """The base alone plays both episodes with the same bits; Shy moves away by centimetres, both ways."""
     bodies, args = (tool("screwdriver"), tool("spatula")), ("x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
     blind, _ = evaluate_task_pairs(shadow(), bodies, Policy(FACTS, None, None), *args)
     assert np.array_equal(blind.along_m[:, 0], blind.along_m[:, 1]) and blind.success.any()
     assert shifts_m(blind)[1] == pytest.approx(0.0, abs=0)
-    moved, seen = evaluate_task_pairs(shadow(), bodies, Told(FACTS, None, None), *args)
+    moved, seen = evaluate_task_pairs(shadow(), bodies, FunctionPolicy(FACTS, None, None), *args)
     assert (moved.along_m[:, 1] - moved.along_m[:, 0] > 0.02).all() and len(seen) == 2
     assert [task.name.rpartition("/")[2] for task, _ in seen] == ["first_end", "other_end"]
     assert np.array_equal(seen[0][1].body[0], seen[1][1].body[0]) and np.array_equal(seen[0][1].q[0], seen[1][1].q[0])
@@ -72,30 +72,30 @@ def made(along: list[tuple[float, float]], success: list[tuple[int, int]], body:
     return TwoTasks("x-bullet-0", "teacher", "bullet", 0, tuple(body), np.array(along), np.array(success) > 0)
 
 
-def test_figures_are_of_objects_lifted_twice() -> None:
-    """a moved by 10 and 30 mm, b by 40, c was dropped once: mean 30 of two objects."""
+def test_figures_use_objects_lifted_twice() -> None:
+    """a moves by 10 and 30 mm, b by 40, c is dropped once: mean 30 of two objects."""
     pairs = made([(0, 0.01), (-0.01, 0.02), (0, 0.04), (0, 1.0)], [(1, 1), (1, 1), (1, 1), (1, 0)])
     found = pair_figures(pairs)
     assert found["shift_mm"] == pytest.approx(30) and found["objects"] == 2 and found["succ"] == 0.75
     assert found["shift_mm_low"] == pytest.approx(30 - 12.7062 * 10, abs=0.01) and found["away"] == 1
-    said = pair_metrics([pairs, replace(pairs, engine="mujoco", policy="no_negative")])
-    assert said["teacher.two_tasks.shift_mm"] == said["mujoco.no_negative.two_tasks.shift_mm"] == pytest.approx(30)
+    metrics = pair_metrics([pairs, replace(pairs, engine="mujoco", policy="no_negative")])
+    assert metrics["teacher.two_tasks.shift_mm"] == metrics["mujoco.no_negative.two_tasks.shift_mm"] == pytest.approx(30)
     none = made([(0, 0.01)], [(1, 0)], "a")
     assert np.isnan(pair_figures(none)["shift_mm"]) and "| teacher | bullet |  |  |" in pair_lines([none])[-2]
     assert pair_lines([]) == []
 
 
-def test_the_stage_draws_the_object_twice(tmp_path: Path) -> None:
-    """The base alone, small pictures; the red of N_t is on them."""
-    params = grasp_two_tasks.Params("nobody", "mujoco", rounds=1, iterations=20, width=96, height=72, supersample=1)
+def test_stage_draws_both_tasks(tmp_path: Path) -> None:
+    """Base alone, small pictures; N_t is drawn in red."""
+    params = grasp_two_tasks.Params("no_policy", "mujoco", rounds=1, iterations=20, width=96, height=72, supersample=1)
     task = opposite_end_tasks(tool("screwdriver"))[0]
-    nobody = FileTree("none", ())
-    shown = grasp_two_tasks.run(shadow(), (tool("screwdriver"),), nobody, params, Scratch(tmp_path))
+    no_policy = FileTree("none", ())
+    shown = grasp_two_tasks.run(shadow(), (tool("screwdriver"),), no_policy, params, Scratch(tmp_path))
     assert [file.name for file in shown.sheet.files] == ["two_tasks.png"] and shown.pairs.along_m.shape == (1, 2)
     args = (Policy({}, None, None), "x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
     (_, trace), _ = evaluate_task_pairs(shadow(), (task.body,), *args)[1]
     picture = GraspRenderer(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
     red = (picture[..., 0] > 2 * picture[..., 1]) & (picture[..., 0] > 2 * picture[..., 2])
     assert red.sum() > 10 and NEGATIVE[0] > 2 * NEGATIVE[1]
-    with pytest.raises(ValueError, match="an object or more, got none"):
-        grasp_two_tasks.run(shadow(), (), nobody, params, Scratch(tmp_path))
+    with pytest.raises(ValueError, match="no objects to grasp"):
+        grasp_two_tasks.run(shadow(), (), no_policy, params, Scratch(tmp_path))

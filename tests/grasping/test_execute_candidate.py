@@ -1,4 +1,4 @@
-"""Candidates in a physics engine: straight from above they are the script; a leaning one comes along its approach."""
+"""Execution of grasp candidates: from above they equal the scripted grasp; a tilted one moves along its approach."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def scene() -> Scene:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.8, 3.1])
-def test_from_above_a_candidate_is_the_script(scene: Scene, yaw: float) -> None:
-    """Every command, to 1e-9, but for whole turns of the yaw."""
+def test_a_candidate_from_above_equals_the_script(scene: Scene, yaw: float) -> None:
+    """Commands agree to 1e-9, up to whole turns of the yaw."""
     place = (0.03, -0.02, 0.015)
     script = np.array(list(grasp_commands(scene, Aim(np.array(place), yaw), GRASP)))
     T = from_above(yaw, place)
@@ -40,8 +40,8 @@ def test_from_above_a_candidate_is_the_script(scene: Scene, yaw: float) -> None:
     assert np.abs(off).max() < 1e-9
 
 
-def test_a_leaning_candidate_comes_along_its_approach(scene: Scene) -> None:
-    """The grip ends at the candidate's place, and begins 12 cm behind it; all within the gantry's limits."""
+def test_a_tilted_candidate_moves_along_its_approach(scene: Scene) -> None:
+    """The grip starts 12 cm behind the candidate's place; all joints are within the gantry's limits."""
     T = from_above(0.5, (0.0, 0.0, 0.02))
     T[:3, :3] = Rotation.from_rotvec(0.4 * T[:3, 0]).as_matrix() @ T[:3, :3]
     low, high = command_limits(scene.hand.joints)[:6].T
@@ -55,8 +55,8 @@ def test_a_leaning_candidate_comes_along_its_approach(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("engine", sorted(BACKENDS))
-def test_a_candidate_lifts_and_tells_what_is_pressed(engine: str, scene: Scene) -> None:
-    """A grasp of the handle holds it, and the hand presses on the handle, not on the tip; one beside the tool holds nothing."""
+def test_a_candidate_lifts_and_measures_forces_on_parts(engine: str, scene: Scene) -> None:
+    """A grasp of the handle holds the tool and presses on the handle only; a grasp beside the tool holds nothing."""
     body = scene.body
     on_handle = body.points[body.point_part == body.parts.index("handle")]
     made = make_world(engine, scene)

@@ -1,4 +1,4 @@
-"""Dropped things come to lie on the table, any way up."""
+"""Rest poses of dropped objects."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tests.helpers.made_scenes import block, scene
 
 
 @pytest.mark.parametrize("engine", sorted(BACKENDS))
-def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
-    """Six drops: a face down, on the table to a millimetre, near where it fell; more than one face; the same again."""
+def test_a_dropped_block_rests_on_a_side(engine: str) -> None:
+    """Six drops end face down on the table to a millimetre, on several faces; the same seed gives the same pose."""
     used, body = scene(), block()
     made = make_world(engine, used)
     poses = [dropped_rest_pose(made, used, seed) for seed in range(6)]
@@ -30,8 +30,8 @@ def test_a_block_lies_on_one_of_its_sides(engine: str) -> None:
     made.close()
 
 
-def test_what_does_not_lie_still_is_told() -> None:
-    """No time to fall."""
+def test_an_object_that_still_moves_is_reported() -> None:
+    """The time limit is too short to fall."""
     used = scene()
     made = make_world("mujoco", used)
     with pytest.raises(ValueError, match="take another seed"):

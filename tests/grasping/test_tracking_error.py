@@ -1,4 +1,4 @@
-"""A prior beside clips that it has never seen: who copies the clip is near it, who does nothing is not."""
+"""Tracking error of the imitation prior and of its baselines on held-out clips."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FAST = imitation_evaluate.Params(engine="mujoco")
 
 
 def idle(folder: Path, role: str = "prior") -> FileTree:
-    """A policy that does nothing."""
+    """Write a policy that does nothing."""
     model = ActorCritic(PolicyConfig(sum(block.width for block in obs_blocks("small", "prior")), 24, (8,)))
     for parameter in list(model.actor.parameters())[-2:]:
         torch.nn.init.zeros_(parameter)
@@ -53,8 +53,8 @@ def of(found: ClipsFollowed, who: str, name: str) -> np.ndarray:
     return column
 
 
-def test_who_goes_where_the_clip_goes_is_near_it(found: ClipsFollowed) -> None:
-    """Within 3 cm and to the end; a hand that stays does neither, and a policy that does nothing is that hand, to the bit."""
+def test_the_clip_baseline_is_near_and_the_still_baseline_is_far(found: ClipsFollowed) -> None:
+    """An idle prior equals the still baseline to the bit."""
     count = len(targets())
     assert found.clip == tuple(one.name for one in reference_set().references) * 3 and len(found.clip) == 3 * count
     assert (of(found, "clip", "level_1_m") < 0.03).all() and of(found, "clip", "followed").all()
@@ -63,30 +63,30 @@ def test_who_goes_where_the_clip_goes_is_near_it(found: ClipsFollowed) -> None:
         assert np.array_equal(of(found, "prior", name), of(found, "still", name))
 
 
-def test_groups_of_worlds_do_not_matter_but_for_where_objects_lie(found: ClipsFollowed, tmp_path: Path) -> None:
-    """One clip at a time: tracking is of the clip alone, wherever its object lies."""
+def test_batch_size_does_not_matter(found: ClipsFollowed, tmp_path: Path) -> None:
+    """One clip at a time: the error depends on the clip alone, wherever its object lies."""
     alone = followed(tmp_path, at_once=1)
     assert np.array_equal(alone.level_1_m, followed(tmp_path / "again", at_once=1).level_1_m)
     assert of(alone, "clip", "level_1_m") == pytest.approx(of(found, "clip", "level_1_m"), abs=0.005)
 
 
-def test_what_does_not_fit_is_said(tmp_path: Path) -> None:
-    """Another policy than a prior; a clip of an object that is not there; numbers out of range."""
+def test_invalid_inputs_are_reported(tmp_path: Path) -> None:
+    """Another policy than a prior, a clip of an unknown object, numbers out of range."""
     args = (shadow(), tuple(map(tool, TOOLS)), reference_set())
-    with pytest.raises(ValueError, match="got another policy; give it what hand_imitation made"):
+    with pytest.raises(ValueError, match="got another policy; use the output of hand_imitation"):
         imitation_evaluate.run(*args, idle(tmp_path / "t", "teacher"), FAST, Scratch(tmp_path))
-    with pytest.raises(ValueError, match=f", got {tool(TOOLS[1]).name}; give it"):
+    with pytest.raises(ValueError, match=f", got {tool(TOOLS[1]).name}; use"):
         imitation_evaluate.run(args[0], args[1][:1], args[2], idle(tmp_path / "p"), FAST, Scratch(tmp_path))
     with pytest.raises(ValueError, match="at_once and iterations of 1 or more"):
         followed(tmp_path, at_once=0)
 
 
 def test_figures_are_named_by_follower_and_level(found: ClipsFollowed) -> None:
-    said = tracking_metrics([found, replace(found, engine="bullet", level="unseen_object")])
+    metrics = tracking_metrics([found, replace(found, engine="bullet", level="unseen_object")])
     both = (of(found, "prior", "level_1_m") + of(found, "prior", "level_2_m")).mean() / 2
-    assert said["mujoco.hti.tracking_mm"] == said["mujoco.hti.tracking_mm.train"] == pytest.approx(1000 * both)
-    assert said["hti.clip.followed.unseen_object"] == 1 and said["hti.followed.unseen_object"] == 0
-    assert "hti.tracking_mm" not in said and tracking_metrics([]) == {}
+    assert metrics["mujoco.hti.tracking_mm"] == metrics["mujoco.hti.tracking_mm.train"] == pytest.approx(1000 * both)
+    assert metrics["hti.clip.followed.unseen_object"] == 1 and metrics["hti.followed.unseen_object"] == 0
+    assert "hti.tracking_mm" not in metrics and tracking_metrics([]) == {}
     text = "\n".join(clip_lines([found], {}))
     assert text.count("\n| ") == 4 and "With and without" not in text and clip_lines([], {}) == []
 
@@ -97,25 +97,26 @@ def played(policy: str, seed: int, success: list[float], jerk: list[float]) -> G
                          ("success", "log_jerk", "hls", "as_violation_pct"), values, np.full((len(success), 1), np.nan), ())
 
 
-def test_the_prior_is_compared_over_common_seeds_after_equal_training() -> None:
-    """Seed 1 has no row without the prior and does not count; trainings of other lengths are refused."""
+def test_ablation_of_the_prior_uses_common_seeds() -> None:
+    """Seed 1 has no row without the prior and does not count; trainings of different lengths are rejected."""
     runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16])]
     logs = [TrainingLog("teacher-0", (), 200, 200), TrainingLog("naa_only-0", (), 200, 200)]
-    said = prior_ablation(runs, logs)
-    assert (said["hti.succ_with"], said["hti.succ_without"], said["hti.jerk_with"], said["hti.jerk_without"]) == (1, 0.5, 11, 15)
-    assert prior_ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(clip_lines([], said))
+    metrics = prior_ablation(runs, logs)
+    assert (metrics["hti.succ_with"], metrics["hti.succ_without"]) == (1, 0.5)
+    assert (metrics["hti.jerk_with"], metrics["hti.jerk_without"]) == (11, 15)
+    assert prior_ablation(runs[:2], logs) == {} and "| bullet | without | 50.0 | 15.0 |" in "\n".join(clip_lines([], metrics))
     with pytest.raises(ValueError, match="as many updates as teacher-0, got 100 and 200"):
         prior_ablation(runs, [logs[0], TrainingLog("naa_only-0", (), 100, 100)])
 
 
-def test_a_script_instead_of_the_prior_stands_beside_both() -> None:
-    """Alone with the teacher as well; seeds that it does not have count for nobody."""
+def test_the_scripted_baseline_is_compared_with_both() -> None:
+    """The scripted baseline is also compared with the teacher alone; only common seeds count."""
     runs = [played("teacher", 0, [1, 1], [10, 12]), played("teacher", 1, [0, 0], [50, 50]), played("naa_only", 0, [1, 0], [14, 16]),
             played("naa_only", 1, [1, 1], [70, 70]), played("on_script", 0, [0, 1], [20, 22])]  # fmt: skip
     logs = [TrainingLog(f"{row}-{seed}", (), 200, 200) for row in ("teacher", "naa_only", "on_script") for seed in (0, 1)]
-    said = prior_ablation(runs, logs)
-    assert (said["hti.jerk_with"], said["hti.jerk_without"], said["hti.jerk_by_script"]) == (11, 15, 21)
-    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(clip_lines([], said))
+    metrics = prior_ablation(runs, logs)
+    assert (metrics["hti.jerk_with"], metrics["hti.jerk_without"], metrics["hti.jerk_by_script"]) == (11, 15, 21)
+    assert "| bullet | a script instead | 50.0 | 21.0 |" in "\n".join(clip_lines([], metrics))
     alone = prior_ablation([runs[0], runs[-1]], logs)
     assert alone["hti.succ_by_script"] == 0.5 and "hti.succ_without" not in alone
     assert "without |" not in "\n".join(clip_lines([], alone))

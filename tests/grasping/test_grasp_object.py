@@ -1,4 +1,4 @@
-"""Objects that can be grasped: hulls that keep parts and close in on the surface, exact mass, points on the surface."""
+"""Physics models of objects: convex decomposition, mass and inertia, surface points."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def unlabelled(mesh: ObjectMesh) -> MeshParts:
 
 
 @pytest.mark.parametrize("category", ["hammer", "knife", "mug"])
-def test_hulls_cover_the_surface_and_keep_within_limits(category: str) -> None:
-    """Every corner of a part's faces lies in a hull of that part, to what reduced corners leave out (2 mm)."""
+def test_hulls_cover_the_surface(category: str) -> None:
+    """Corners of a part lie in a hull of that part, up to 2 mm of corner reduction."""
     mesh, parts, body = solids(category)
     assert body.parts == parts.names
     assert set(body.hull_part) == set(parts.part)
@@ -42,8 +42,8 @@ def test_hulls_cover_the_surface_and_keep_within_limits(category: str) -> None:
         assert outside.max() < 0.002
 
 
-def test_a_convex_body_is_one_hull_with_its_own_mass() -> None:
-    """A box of 4 x 6 x 10 cm: one hull of eight corners, the textbook's inertia."""
+def test_a_convex_body_is_one_hull() -> None:
+    """A box of 4 x 6 x 10 cm is one hull of eight corners with the textbook inertia."""
     mesh = as_object(trimesh.creation.box((0.04, 0.06, 0.10)).subdivide())
     body = object_solids.run(mesh, unlabelled(mesh), PARAMS)
     assert body.parts == ("unnamed",)
@@ -54,8 +54,8 @@ def test_a_convex_body_is_one_hull_with_its_own_mass() -> None:
     assert np.diag(body.inertia_kgm2) == pytest.approx(body.mass_kg / 12 * np.array([0.0136, 0.0116, 0.0052]), rel=1e-5)
 
 
-def test_a_ring_is_cut_until_its_hole_is_free() -> None:
-    """One hull would fill the hole; the pieces leave a rod of 80 % of its radius alone."""
+def test_decomposition_of_a_ring() -> None:
+    """The pieces leave a rod of 80 % of the hole's radius free."""
     ring = trimesh.creation.annulus(0.04, 0.05, 0.02, sections=64)
     pieces = convex_decomposition(ring, np.zeros(len(ring.faces), int), 0.002, 24)
     assert 6 <= len(pieces) <= 24
@@ -66,8 +66,8 @@ def test_a_ring_is_cut_until_its_hole_is_free() -> None:
         assert (rod @ planes[:, :3].T + planes[:, 3]).max(axis=1).min() > 0
 
 
-def test_points_lie_on_the_surface_with_its_normals_and_parts() -> None:
-    """Each point on its face, and every part that has area has points."""
+def test_surface_points() -> None:
+    """Points lie on their faces, and every part has points."""
     mesh, parts, body = solids("hammer")
     face, _, away = NearestSurface(mesh.vertices, mesh.faces)(body.points.astype(float))
     assert away.max() < 1e-6
@@ -76,8 +76,8 @@ def test_points_lie_on_the_surface_with_its_normals_and_parts() -> None:
     assert set(body.point_part) == set(range(len(parts.names)))
 
 
-def test_an_open_mesh_says_so() -> None:
-    """A box without its lid holds no volume that a mesh could give: it is walls, and weighs what their hulls weigh."""
+def test_an_open_mesh() -> None:
+    """A box without a lid has no volume; its mass is that of the hulls of its walls."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     box.update_faces(box.face_normals[:, 2] < 0.5)
     mesh = as_object(box)
@@ -87,15 +87,15 @@ def test_an_open_mesh_says_so() -> None:
     assert np.linalg.eigvalsh(body.inertia_kgm2).min() > 0
 
 
-def test_the_same_mesh_gives_the_same_body() -> None:
-    """All arrays, to the bit."""
+def test_determinism() -> None:
+    """Arrays agree to the bit."""
     one, two = solids("mug")[2], solids("mug")[2]
     for name in ("corners", "hull_start", "hull_part", "inertia_kgm2", "points", "point_part", "stand_out_m"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
-def test_what_cannot_be_is_said() -> None:
-    """Too few hulls for the parts; a density of nothing; a mesh that is flat."""
+def test_invalid_meshes_and_parameters() -> None:
+    """Too few hulls for the parts, zero density, and an empty mesh are rejected."""
     with pytest.raises(ValueError, match="at least the 4 parts"):
         solids("hammer", object_solids.Params(hulls=2))
     with pytest.raises(ValueError, match="density_kg_m3"):

@@ -1,4 +1,4 @@
-"""Forward kinematics is MuJoCo's and PyBullet's; the Jacobian is the derivative."""
+"""Forward kinematics agrees with MuJoCo and PyBullet; the Jacobian is the derivative."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from tests.helpers.made_hands import COUPLED, PINCER, SHARED, hand_of, poses, sh
 
 @pytest.fixture(scope="module")
 def original() -> mujoco.MjModel:
-    """The hand as the package itself loads it."""
+    """Load the hand as its package does."""
     robot = next(file.path for file in shadow_files().files if file.name == "hand/robot.xml")
     return mujoco.MjModel.from_xml_path(str(robot.with_name("reach.xml")))
 
 
 def at(model: mujoco.MjModel, data: mujoco.MjData, hand: HandModel, q: np.ndarray) -> None:
-    """Put MuJoCo's fingers where ours are."""
+    """Set MuJoCo's finger joints to q."""
     for k, value in zip(moving_joints(hand.joints), q, strict=True):
         if hand.joints.role[k] in ("actuated", "coupled"):
             data.joint(f"robot0:{hand.joints.name[k]}").qpos = value
@@ -46,8 +46,8 @@ def pose(body: object) -> np.ndarray:
     return T
 
 
-def test_links_and_fingertips_are_where_mujoco_has_them(original: mujoco.MjModel) -> None:
-    """100 random configurations: every link's frame and every fingertip within a micrometre, seen from the palm."""
+def test_mujoco_agrees(original: mujoco.MjModel) -> None:
+    """100 random configurations: every link and every fingertip agrees to a micrometre, relative to the palm."""
     hand = shadow()
     data, q = mujoco.MjData(original), poses(hand, 100, seed=1)
     T = forward_kinematics(hand.joints, q)
@@ -64,7 +64,7 @@ def test_links_and_fingertips_are_where_mujoco_has_them(original: mujoco.MjModel
 
 
 def check_against_pybullet(hand: HandModel, folder: Path, count: int) -> None:
-    """Every link of the URDF within 10 micrometres and 1e-5 of a rotation matrix's entry; limits as PyBullet read them."""
+    """Compare every link to 10 micrometres and 1e-5 per entry of its rotation, and all limits."""
     client, q = pybullet.connect(pybullet.DIRECT), poses(hand, count, seed=2)
     try:
         body = pybullet.loadURDF(str(save_hand(hand, folder)), useFixedBase=True, physicsClientId=client)
@@ -86,24 +86,24 @@ def check_against_pybullet(hand: HandModel, folder: Path, count: int) -> None:
 
 
 def test_pybullet_agrees(tmp_path: Path) -> None:
-    """The Shadow Hand on its gantry, loaded from the URDF that we wrote."""
+    """The Shadow Hand on its gantry is loaded from our URDF."""
     check_against_pybullet(shadow(), tmp_path, 20)
 
 
 def test_pybullet_agrees_on_capsules_in_parts(tmp_path: Path) -> None:
-    """Standard URDF is read as well."""
+    """Capsules in parts are standard URDF."""
     check_against_pybullet(shadow(capsules="parts"), tmp_path, 2)
 
 
 def test_pybullet_agrees_on_a_hand_with_turned_joints(tmp_path: Path) -> None:
-    """Another hand, whose axes and origins are oblique."""
+    """Axes and origins of this hand are oblique."""
     check_against_pybullet(hand_of(written(tmp_path, PINCER)), tmp_path / "saved", 20)
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/data/hands")
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_pybullet_agrees_on_the_hands_of_others(side: str, tmp_path: Path) -> None:
-    """Hands as their maker's URDF has them, with meshes."""
+def test_pybullet_agrees_on_the_makers_urdf(side: str, tmp_path: Path) -> None:
+    """The URDFs of the maker have meshes."""
     hand = hand_of(tree(SHARED, f"shadow_hand_{side}.urdf"), coupled=COUPLED)
     check_against_pybullet(hand, tmp_path, 5)
     roles = [hand.joints.role.count(role) for role in ("wrist", "actuated", "coupled")]
@@ -111,7 +111,7 @@ def test_pybullet_agrees_on_the_hands_of_others(side: str, tmp_path: Path) -> No
 
 
 def test_the_jacobian_is_the_derivative() -> None:
-    """Central differences, tips and keypoints, all joints; a joint that does not carry a point does not move it."""
+    """Central differences for tips and keypoints and all joints; a joint moves only points that it carries."""
     hand = shadow()
     q, step = poses(hand, 3, seed=3), 1e-6
     links = np.concatenate([hand.fingers.tip_link, hand.fingers.middle_link])
@@ -127,8 +127,8 @@ def test_the_jacobian_is_the_derivative() -> None:
     assert np.abs(found).max() > 0.05
 
 
-def test_coupled_joints_follow() -> None:
-    """24 commands become 28 positions, in which the last joint of a finger equals the one before it."""
+def test_coupling_matrix() -> None:
+    """24 commands become 28 positions; the last joint of a finger equals the one before it."""
     hand = shadow()
     A, b = coupling_matrix(hand.joints)
     u = np.random.default_rng(4).uniform(-1, 1, (7, 24))
@@ -141,7 +141,7 @@ def test_coupled_joints_follow() -> None:
     assert (q[:, commanded] == u).all()
 
 
-def test_q_of_another_length_is_refused() -> None:
-    """One sentence says how many columns there should be."""
+def test_q_of_a_wrong_length_is_rejected() -> None:
+    """The error states the number of columns."""
     with pytest.raises(ValueError, match=r"expected \(n, 28\)"):
         forward_kinematics(shadow().joints, np.zeros((1, 24)))

@@ -1,4 +1,4 @@
-"""The Shadow Hand has the joints, limits, masses and shapes of its source; it closes towards its palm."""
+"""The built Shadow Hand: joints, limits, masses, shapes and palm axes equal those of its source."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def source() -> mujoco.MjModel:
     return mjcf.compile_hand(shadow_files())
 
 
-def test_joints_are_those_of_the_paper() -> None:
-    """6 of the wrist, 22 of the fingers: 18 with a motor and 4 that follow the joint before them."""
+def test_number_of_joints() -> None:
+    """AffordDex: 6 of the wrist, 22 of the fingers, of which 18 have a motor and 4 follow the joint before them."""
     joints = shadow().joints
     assert [joints.role.count(role) for role in ("wrist", "actuated", "coupled", "fixed")] == [6, 18, 4, 0]
     pairs = {joints.name[k]: joints.name[joints.driver[k]] for k, role in enumerate(joints.role) if role == "coupled"}
@@ -34,8 +34,8 @@ def test_joints_are_those_of_the_paper() -> None:
     assert per_finger == {"TH": 5, "FF": 3, "MF": 3, "RF": 3, "LF": 4}
 
 
-def test_limits_and_torques_are_exact(source: mujoco.MjModel) -> None:
-    """To the last bit, in the table and in the URDF."""
+def test_limits_and_torques(source: mujoco.MjModel) -> None:
+    """Values agree to the last bit, in the table and in the URDF."""
     joints = shadow().joints
     urdf = {joint.get("name"): joint.find("limit").attrib for joint in Xml.fromstring(shadow().urdf).findall("joint")}
     for k, name in enumerate(joints.name):
@@ -48,7 +48,7 @@ def test_limits_and_torques_are_exact(source: mujoco.MjModel) -> None:
 
 
 def test_masses_and_inertia(source: mujoco.MjModel) -> None:
-    """Every link weighs something; the hand weighs what MuJoCo's palm and all below it weigh; inertia is positive."""
+    """Links have a mass, the sum equals MuJoCo's subtree mass, and inertia is positive definite."""
     hand = shadow()
     palm = source.body("robot0:palm").id
     assert (hand.mass_kg > 0).all()
@@ -65,8 +65,8 @@ def read_urdf_links(urdf: str) -> list[read_urdf.Link]:
     return list(read_text(Xml.tostring(root, encoding="unicode")).links)
 
 
-def test_collision_shapes_are_the_models_own(source: mujoco.MjModel) -> None:
-    """18 boxes and capsules of the same volume; with `parts` a cylinder and two spheres for each of the 15 capsules."""
+def test_collision_shapes(source: mujoco.MjModel) -> None:
+    """18 boxes and capsules of the same volume; with `parts`, a cylinder and two spheres for each of 15 capsules."""
     links = read_urdf_links(shadow().urdf)
     found = sorted(volume(shape.kind, shape.size_m) for link in links for shape in link.collisions)
     palm = source.body("robot0:palm").id
@@ -86,8 +86,8 @@ def volume(kind: str, size: np.ndarray | tuple[float, ...]) -> float:
     return float(np.pi * radius**2 * (length + 4 / 3 * radius))
 
 
-def test_pairs_that_may_touch_are_the_models_own(source: mujoco.MjModel) -> None:
-    """The <pair> elements, each once, and no link with its own parent."""
+def test_contact_pairs(source: mujoco.MjModel) -> None:
+    """Pairs equal the <pair> elements; no link touches its own parent."""
     hand = shadow()
     found = {frozenset(hand.links[k] for k in pair) for pair in hand.contacts}
     wanted = {frozenset(source.body(int(source.geom_bodyid[g])).name.removeprefix("robot0:")
@@ -97,8 +97,8 @@ def test_pairs_that_may_touch_are_the_models_own(source: mujoco.MjModel) -> None
     assert not parents & {frozenset(pair) for pair in hand.contacts}
 
 
-def test_it_is_a_right_hand_that_closes_towards_its_palm() -> None:
-    """Palm axes are the model's own; bent fingers move their tips out of the palm's side; the thumb opposes them."""
+def test_side_and_palm_axes() -> None:
+    """Palm axes equal the model's; bent fingers move out of the palm's side; the thumb opposes them."""
     hand = shadow()
     np.testing.assert_allclose(hand.R_palm_grip, np.eye(3), atol=1e-9)
     assert (hand.side, hand.links[hand.palm]) == ("right", "palm")
@@ -114,8 +114,8 @@ def test_it_is_a_right_hand_that_closes_towards_its_palm() -> None:
     assert np.linalg.norm(closed_tips[0] - closed_tips[1]) < 0.6 * np.linalg.norm(open_tips[0] - open_tips[1])
 
 
-def test_keypoints_are_knuckles() -> None:
-    """Base joints where the finger leaves the palm, middle joints a phalanx further (AffordDex, HTI)."""
+def test_links_of_keypoints() -> None:
+    """Base joints where fingers leave the palm, middle joints one phalanx further (AffordDex, HTI)."""
     hand, fingers = shadow(), shadow().fingers
     assert fingers.name == ("thumb", "index", "middle", "ring", "little")
     names = [[hand.links[k] for k in links] for links in (fingers.base_link, fingers.middle_link, fingers.tip_link)]
@@ -124,14 +124,14 @@ def test_keypoints_are_knuckles() -> None:
     assert names[2] == ["thdistal", "ffdistal", "mfdistal", "rfdistal", "lfdistal"]
 
 
-def test_same_bytes_twice() -> None:
-    """Built again it has the same digest."""
+def test_determinism() -> None:
+    """A second build has the same digest."""
     again = hand_model.run(shadow_files(), hand_model.Params())
     assert CODEC.digest(again) == CODEC.digest(shadow())
 
 
 def test_the_urdf_reads_back_to_the_same_hand(tmp_path: Path) -> None:
-    """Through the door for other hands: same joints, couplings and places."""
+    """The backend `urdf` reads the same joints, couplings and poses."""
     hand = shadow(wrist="none")
     save_hand(hand, tmp_path)
     tips = tuple(f"{name}={hand.links[link]}" for name, link in zip(hand.fingers.name, hand.fingers.tip_link, strict=True))
@@ -144,7 +144,7 @@ def test_the_urdf_reads_back_to_the_same_hand(tmp_path: Path) -> None:
 
 
 def test_a_hand_with_its_forearm(source: mujoco.MjModel) -> None:
-    """Two more joints, which belong to the wrist, and a forearm."""
+    """The forearm adds two joints, which belong to the wrist."""
     hand = shadow(root="forearm", wrist="none")
     assert hand.links[0] == "forearm"
     assert [name for name, role in zip(hand.joints.name, hand.joints.role, strict=True) if role == "wrist"] == ["WRJ1", "WRJ0"]

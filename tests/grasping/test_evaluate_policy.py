@@ -1,4 +1,4 @@
-"""Examinations: the same beginnings for everybody, figures of each episode, traces that say what happened."""
+"""Evaluation of policies: initial states, figures of episodes, traces, and the report."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.helpers.made_hands import shadow
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_scenes import tool
 
-NOBODY = FileTree("none", ())
+NO_POLICY = FileTree("none", ())
 FAST = grasp_evaluate.Params(policy="script", engine="mujoco", episodes=4, start="part", traces=2)
 
 
@@ -39,34 +39,34 @@ def tasks() -> tuple[GraspTask, ...]:
     return tuple(grasp_tasks.run(one, tool(one.category, 12), grasp_tasks.Params(within_m=1.0))[0] for one in specs)
 
 
-def people() -> ReferenceSet:
+def humans() -> ReferenceSet:
     kept = tuple(reference(shadow(), 60, seed) for seed in range(3))
-    return ReferenceSet("people", kept, RetargetReport("people", (), 3, ()))
+    return ReferenceSet("humans", kept, RetargetReport("humans", (), 3, ()))
 
 
-def examined(context: Context, **params: object) -> GraspEpisodes:
-    return grasp_evaluate.run(shadow(), (tasks(),), NOBODY, people(), replace(FAST, **params), context)  # type: ignore[arg-type]  # named
+def evaluated(context: Context, **params: object) -> GraspEpisodes:
+    return grasp_evaluate.run(shadow(), (tasks(),), NO_POLICY, humans(), replace(FAST, **params), context)  # type: ignore[arg-type]  # named
 
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory: pytest.TempPathFactory) -> GraspEpisodes:
-    return examined(Scratch(tmp_path_factory.mktemp("script")))
+    return evaluated(Scratch(tmp_path_factory.mktemp("script")))
 
 
-def test_the_script_holds_what_it_can(script: GraspEpisodes) -> None:
+def test_the_script_holds_most_tools(script: GraspEpisodes) -> None:
     assert script.values.shape == (4, len(FIGURES)) and set(script.task) == {one.name for one in tasks()}
     assert script.figure("held").mean() >= 0.75 and (script.figure("success") >= script.figure("held")).all()
     assert ((script.figure("hls") >= 0) & (script.figure("hls") <= 10)).all()
 
 
-def test_the_seed_says_how_episodes_begin(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
-    again, other = examined(Scratch(tmp_path_factory.mktemp("a"))), examined(Scratch(tmp_path_factory.mktemp("b")), seed=1)
+def test_the_seed_fixes_initial_states(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    again, other = evaluated(Scratch(tmp_path_factory.mktemp("a"))), evaluated(Scratch(tmp_path_factory.mktemp("b")), seed=1)
     assert np.array_equal(again.values, script.values, equal_nan=True)
     assert np.array_equal(again.depth_m, script.depth_m, equal_nan=True)
     assert not np.array_equal(other.values, script.values, equal_nan=True)
 
 
-def test_a_trace_agrees_with_the_figures(script: GraspEpisodes) -> None:
+def test_traces_agree_with_figures(script: GraspEpisodes) -> None:
     assert len(script.traces) == 2
     for trace in script.traces:
         k = script.task.index(trace.task)
@@ -87,9 +87,9 @@ def test_an_episode_that_ended_keeps_its_figures() -> None:
     grasping.close()
 
 
-def test_no_tasks_is_said(tmp_path_factory: pytest.TempPathFactory) -> None:
-    with pytest.raises(ValueError, match="expected tasks, got none"):
-        grasp_evaluate.run(shadow(), ((),), NOBODY, people(), FAST, Scratch(tmp_path_factory.mktemp("none")))
+def test_missing_tasks_are_rejected(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="grasp_evaluate: no tasks"):
+        grasp_evaluate.run(shadow(), ((),), NO_POLICY, humans(), FAST, Scratch(tmp_path_factory.mktemp("none")))
 
 
 def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
@@ -109,18 +109,18 @@ def test_the_report_names_engines_levels_and_policies(script: GraspEpisodes, tmp
     assert [file.name for file in files.files] == ["metrics.json", "report.md", "scores.json"]
 
 
-def test_scores_are_told_seed_by_seed(script: GraspEpisodes) -> None:
-    """Where the report has their mean; what cannot be told of one seed is not there."""
+def test_scores_are_listed_by_seed(script: GraspEpisodes) -> None:
+    """The report has their mean; figures that one seed cannot have are left out."""
     both = [script, replace(script, seed=7, values=script.values * [0.0 if name == "success" else 1.0 for name in FIGURES])]
-    told = result_cells.scores(both)
+    found = result_cells.scores(both)
     (row,) = result_cells.result_rows(group_cells(both))
-    assert list(told) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
-    assert [one["succ"] for one in told.values()] == [2 * row.figures["succ"], 0.0]
-    assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in told.values())
+    assert list(found) == [f"script-{seed}-train-mujoco" for seed in (0, 7)] and row.seeds == 2
+    assert [one["succ"] for one in found.values()] == [2 * row.figures["succ"], 0.0]
+    assert all("succ_sd" not in one and one["penetration_mm.p95"] == row.figures["penetration_mm.p95"] for one in found.values())
 
 
-def test_what_was_planned_and_is_not_finished_is_marked(script: GraspEpisodes, tmp_path: Path) -> None:
-    """A row of two seeds with one done, one without any; figures are of what is there."""
+def test_unfinished_seeds_are_marked(script: GraspEpisodes, tmp_path: Path) -> None:
+    """A row with one of two seeds, and one with none; figures are of finished seeds."""
     planned = tuple(GraspExam(f"{policy}-{seed}", policy, script.level, script.engine)
                     for policy in (script.policy, "student") for seed in range(2))  # fmt: skip
     found = metrics([script], planned)
@@ -134,7 +134,7 @@ def test_what_was_planned_and_is_not_finished_is_marked(script: GraspEpisodes, t
     assert "0 of 2, not finished" in files.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
 
 
-def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:
+def test_figure_as_over_successes_and_all(script: GraspEpisodes) -> None:
     values = script.values.copy()
     for name, column in (("success", [1, 0, 1, 0]), ("as_violation_pct", [20, 80, 0, 60])):
         values[:, FIGURES.index(name)] = column
@@ -142,17 +142,17 @@ def test_as_is_over_successes_and_all(script: GraspEpisodes) -> None:
     assert found["teacher.as_violation_pct"] == 10 and found["teacher.as_violation_pct.all"] == 40
 
 
-def test_rows_of_a_group_share_its_name_and_trainings_show_their_last(script: GraspEpisodes, tmp_path: Path) -> None:
+def test_group_names_and_last_figures_of_trainings(script: GraspEpisodes, tmp_path: Path) -> None:
     found = metrics([replace(script, policy="transfer_hti"), replace(script, policy="lambda_half", engine="bullet")])
     assert "mujoco.transfer.hti.succ.train" in found and "lambda.half.as_violation_pct" in found
     curve = Curve("train.as_violation_pct", np.arange(3), np.array([9.0, 5.0, 4.0]))
     logs = tuple(TrainingLog(name, (curve,), 3, 3) for name in ("prior", "teacher-0", "teacher-1"))
     files = grasp_report.run((script,), logs, (), (), (), (), grasp_report.Params(), Scratch(tmp_path))
-    said = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
-    assert said["hti.train.as_violation_pct"] == said["training.teacher-1.train.as_violation_pct"] == 4.0
+    figures = json.loads(files.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there
+    assert figures["hti.train.as_violation_pct"] == figures["training.teacher-1.train.as_violation_pct"] == 4.0
     assert files.find("curves.png") and set(logs_by_row(logs)) == {"teacher"}
 
 
-def test_a_report_of_nothing_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
-    with pytest.raises(ValueError, match="expected episodes"):
+def test_an_empty_report_is_rejected(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with pytest.raises(ValueError, match="no episodes to report"):
         grasp_report.run((), (), (), (), (), (), grasp_report.Params(), Scratch(tmp_path_factory.mktemp("empty")))

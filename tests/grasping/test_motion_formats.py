@@ -1,4 +1,4 @@
-"""Motions as files: nothing is lost, every clip has a line, the command brings each format through."""
+"""Motion files: written references, verdicts and reports, and the command for every input format."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def clip(name: str, **changes: object) -> HandMotion:
 
 @pytest.fixture(scope="module")
 def references() -> ReferenceSet:
-    """One clip that is kept, and one that is too short."""
+    """Retarget one clip that is kept and one that is too short."""
     short = clip("short", keypoints_m=clip("").keypoints_m[:5], phase=np.zeros(5, np.uint8))
     found = tuple(hand_retarget.run(one, shadow(), FEW) for one in (clip("a/kept"), short))
     return motion_report.run(found, motion_report.Params())
@@ -45,16 +45,16 @@ def text(files: FileTree, name: str) -> str:
     return files.find(name).path.read_text()  # type: ignore[union-attr]  # it is there
 
 
-def test_arrays_are_those_of_the_reference(references: ReferenceSet, written: FileTree) -> None:
-    """To the last bit, without any pickle."""
+def test_written_arrays(references: ReferenceSet, written: FileTree) -> None:
+    """Arrays equal the reference to the last bit, without pickle."""
     with np.load(written.find("references/a_kept.npz").path, allow_pickle=False) as found:  # type: ignore[union-attr]  # it is there
         for field in dataclasses.fields(HandReference):
             assert np.array_equal(found[field.name], getattr(references.references[0], field.name)), field.name
         assert found["phases"][0] == "unknown"
 
 
-def test_every_clip_has_a_line(references: ReferenceSet, written: FileTree) -> None:
-    """Kept or not, with its reason; figures that were not reached are empty."""
+def test_written_tables(references: ReferenceSet, written: FileTree) -> None:
+    """Kept and dropped clips are listed with a reason; unknown figures are empty."""
     rows = list(csv.DictReader(text(written, "verdicts.csv").splitlines()))
     assert [(row["name"], row["kept"], row["reason"]) for row in rows] == [("a/kept", "True", ""), ("short", "False", "too short")]
     assert float(rows[0]["error_mean_m"]) == references.report.verdicts[0].error_mean_m and rows[1]["error_mean_m"] == ""
@@ -64,20 +64,20 @@ def test_every_clip_has_a_line(references: ReferenceSet, written: FileTree) -> N
     assert "1 of 2 clips" in text(written, "report.md") and "| too short | 1 |" in text(written, "report.md")
 
 
-def test_the_same_bytes_twice(references: ReferenceSet, written: FileTree, tmp_path: Path) -> None:
+def test_determinism(references: ReferenceSet, written: FileTree, tmp_path: Path) -> None:
     again = motion_files.run(references, motion_files.Params("mine"), Scratch(tmp_path))
     assert [(file.name, file.digest) for file in again.files] == [(file.name, file.digest) for file in written.files]
 
 
-def test_nothing_to_write_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="mine: expected a motion that can be imitated, got none of 0"):
+def test_empty_sets_are_rejected(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="mine: no motion of 0 can be imitated"):
         nothing = ReferenceSet("shadow", (), RetargetReport("shadow", (), 0, ()))
         motion_files.run(nothing, motion_files.Params("mine"), Scratch(tmp_path))
 
 
 @pytest.mark.parametrize("backend", ["keypoints", "dexycb", "oakink2"])
-def test_the_command_brings_every_format_through(backend: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file or a folder in, references and a report out; a second run does no work."""
+def test_command_reads_every_format(backend: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file or a folder gives references and a report; a second run is cached."""
     source = recorded(tmp_path)[backend].files[0].path
     source = source.parent if backend == "oakink2" else source
     sets = (f"motion_read.backend={backend}", "motion_retarget.frame_steps=10", "motion_retarget.clip_steps=3",
@@ -85,14 +85,14 @@ def test_the_command_brings_every_format_through(backend: str, tmp_path: Path, c
             "motion_retarget.max_palm_m_s=1e9")  # fmt: skip
     request = Request("motions", source, sets=sets, jobs=0, store=tmp_path / "store", json=True)
     assert run(request) == 0
-    said = json.loads(capsys.readouterr().out.splitlines()[-1])
-    made = Path(said["outputs"]["report"])
+    summary = json.loads(capsys.readouterr().out.splitlines()[-1])
+    made = Path(summary["outputs"]["report"])
     assert made == tmp_path / "store" / "motions" / (source.name if source.is_dir() else source.stem)
-    assert len(list((made / "references").glob("*.npz"))) == said["metrics"]["kept"] >= 1
+    assert len(list((made / "references").glob("*.npz"))) == summary["metrics"]["kept"] >= 1
     assert run(request) == 0 and json.loads(capsys.readouterr().out.splitlines()[-1])["ran"] == {}
 
 
 @pytest.mark.parametrize("source", [None, "nothing.npz"])
-def test_a_source_is_needed(source: str | None, tmp_path: Path) -> None:
+def test_a_source_is_required(source: str | None, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="expected"):
         run(Request("motions", tmp_path / source if source else None, store=tmp_path / "store"))

@@ -1,4 +1,4 @@
-"""Rows of ours beside published ones: only those that both have, with the figures of either."""
+"""Report tables: rows compared with published figures."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from schemas.episodes import GraspEpisodes, GraspExam
 
 FIGURES = ("success", "hls", "as_violation_pct")
 OTHERS = ("held", "log_jerk", "as_safe_count", "negative_contact_end", "negative_contact_any")
-"""without them there is no report"""
+"""further figures that a report requires"""
 
 
 def episodes(policy: str, level: str, engine: str = "bullet", seed: int = 0, success: tuple[float, ...] = (1, 0)) -> GraspEpisodes:
-    """HLS of 4; AS of 20 where it succeeds and of 80 where it does not."""
+    """Build episodes with HLS 4, and AS 20 for successes and 80 for failures."""
     values = np.array([[one, 4.0, 20.0 if one else 80.0, *np.zeros(len(OTHERS))] for one in success])
     name, tasks = f"{policy}-{seed}-{level}-{engine}", ("a/cut",) * len(success)
     return GraspEpisodes(name, policy, level, engine, seed, tasks, FIGURES + OTHERS, values, np.zeros((len(success), 4)), ())
 
 
 def beside(found: list[ResultRow]) -> Iterator[list[str]]:
-    """The words of each line of the table."""
+    """Yield the cells of each row of the comparison."""
     table = "\n".join(published_lines(found)).partition("## Beside the published")[2].partition("## Published")[0]
     shown = [line for line in table.splitlines() if line.startswith("| ") and "theirs" not in line]
     return ([word.strip() for word in line.split("|")[1:-1]] for line in shown)
 
 
-def test_both_know_the_rows() -> None:
-    """A name that either lacks would never be met."""
+def test_compared_rows_exist() -> None:
+    """Names in SAME exist in our recipes and in the published tables."""
     published = {(one.table, one.row) for one in PUBLISHED}
     assert all(ours in {*TRAININGS, *STUDENTS} and (table, row) in published for ours, table, row in SAME)
     assert len(set(SAME)) == len(SAME)
 
 
-def test_ours_and_theirs_stand_in_one_line() -> None:
-    """Succ over seeds in percent, AS over successes, theirs as it is published."""
+def test_a_row_shows_both_figures() -> None:
+    """Succ over seeds in percent, AS over successes, and the published figures."""
     found = result_rows(group_cells([episodes("student", "train"), episodes("student", "train", seed=1, success=(1, 1))]))
     assert list(beside(found)) == [
         ["vision", "AffordDex", "student", "train", "bullet", "87", "75.0", "8.3", "4.0", "10", "20.0", "2"]]
@@ -51,15 +51,15 @@ def test_ours_and_theirs_stand_in_one_line() -> None:
     ("no_negative", "train", ["HTI"]), ("no_negative", "unseen_object", []), ("neither", "train", ["none"]),
     ("lambda_half", "train", ["-5"]), ("lambda_double", "train", ["-20"]), ("on_script", "train", []), ("prior", "train", []),
     ("student_no_negative", "train", ["two of HTI, distillation, NAA", "another two of them"])])  # fmt: skip
-def test_only_levels_that_both_have(policy: str, level: str, expected: list[str]) -> None:
-    """In every engine."""
+def test_common_levels_are_compared(policy: str, level: str, expected: list[str]) -> None:
+    """Rows of both engines are listed."""
     found = result_rows(group_cells([episodes(policy, level), episodes(policy, level, "mujoco")]))
     assert [theirs.row for _, theirs in same_pairs(found)] == [one for one in expected for _ in range(2)]
     assert all(theirs.level == row.level == level for row, theirs in same_pairs(found))
 
 
-def test_nothing_stands_beside_what_is_not_finished() -> None:
-    """No table without a line; the published rows are there all the same."""
+def test_unfinished_rows_are_not_compared() -> None:
+    """The table is left out when it is empty; the published rows remain."""
     found = result_rows(group_cells([episodes("on_script", "train")], [GraspExam("teacher-0", "teacher", "train", "bullet")]))
     text = "\n".join(published_lines(found))
     assert "Beside" not in text and text.count("\n| ") == len(PUBLISHED) + 1
