@@ -21,7 +21,17 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from afford.common.geometry import sample_surface
 from afford.common.image_files import jpeg
 from afford.common.palette import Colour
-from afford.grasping.env.studio import GOAL, NEGATIVE, Episode, colour_of, hand_colour, matrix, pieces, ring, view
+from afford.grasping.env.rendering import (
+    GOAL,
+    NEGATIVE,
+    DrawableEpisode,
+    camera_of,
+    colour_of,
+    goal_ring,
+    hand_colour,
+    hull_pieces,
+    pose_matrix,
+)
 from afford.grasping.evaluate.trace_metrics import TraceMetrics, trace_metrics
 from afford.grasping.hand.kinematics import forward_kinematics, moving_joints
 from afford.grasping.hand.link_meshes import LinkMesh, link_meshes
@@ -43,7 +53,7 @@ SPACING_M = 0.003
 """between points of the hand"""
 
 
-def record(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Recording:
+def record(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Recording:
     """The traces of `found`, in their order; `seed` draws points on the hand. ValueError for a trace that is not of this hand."""
     for one in episodes:
         _fits(one.trace, hand)
@@ -62,7 +72,7 @@ def _fits(trace: GraspTrace, hand: HandModel) -> None:
                          f"{trace.q.shape[1]} and {trace.force.shape[1]}; give the hand that was evaluated")
 
 
-def _channels(episodes: Sequence[Episode], hand: HandModel) -> tuple[Channel, ...]:
+def _channels(episodes: Sequence[DrawableEpisode], hand: HandModel) -> tuple[Channel, ...]:
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, PALM: PoseInFrame, OBJECT: PoseInFrame, STATE: GraspState,
              FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document,
              SAID: Log}  # fmt: skip
@@ -72,7 +82,7 @@ def _channels(episodes: Sequence[Episode], hand: HandModel) -> tuple[Channel, ..
     return (image_channel(IMAGE), *(channel(topic, kind) for topic, kind in kinds.items()))
 
 
-def _messages(found: GraspEpisodes, episodes: Sequence[Episode], hand: HandModel, seed: int) -> Iterator[Message]:
+def _messages(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Iterator[Message]:
     start, colour = EPOCH_NS, hand_colour(hand)
     yield stamped(FIGURES, start, Document(name=found.name, media_type="application/json", text=_figures(found)))
     yield from _hand(hand, colour, start, seed)
@@ -95,11 +105,11 @@ def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[
         yield cloud(_points(hand, skin), time_ns, _frame(hand, skin.link), points, _rgba([colour] * len(points)))
 
 
-def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
+def _begin(one: DrawableEpisode, hand: HandModel, time_ns: int) -> Iterator[Message]:
     """The object, its goal and the camera, at the beginning of an episode."""
     task, trace = one.task, one.trace
-    meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in pieces(task.body)]
-    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(ring(trace.goal), GOAL)])])
+    meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in hull_pieces(task.body)]
+    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(goal_ring(trace.goal), GOAL)])])
     colours = _rgba([colour_of(task, part) for part in task.body.point_part.tolist()])
     yield cloud(POINTS, time_ns, THING, task.body.points, colours)
     yield cloud(N_T, time_ns, THING, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
@@ -107,13 +117,13 @@ def _begin(one: Episode, hand: HandModel, time_ns: int) -> Iterator[Message]:
     yield log(SAID, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
 
 
-def _rows(one: Episode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
+def _rows(one: DrawableEpisode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
     trace, how, T = one.trace, trace_metrics(one.trace, one.task), forward_kinematics(hand.joints, one.trace.q)
     height, width = one.draw(0).shape[:2]
-    camera = view(trace, hand, width, height)
+    camera = camera_of(trace, hand, width, height)
     for row, time_ns in enumerate(rows):
         frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
-        yield transforms(TRANSFORMS, time_ns, {**frames, THING: matrix(trace.body[row]), CAMERA: camera.T_world_cam})
+        yield transforms(TRANSFORMS, time_ns, {**frames, THING: pose_matrix(trace.body[row]), CAMERA: camera.T_world_cam})
         yield calibration(LENS, time_ns, CAMERA, camera.K, camera.width, camera.height)
         yield image(IMAGE, time_ns, jpeg(one.draw(row)), "jpeg")
         yield pose(PALM, time_ns, trace.palm[row])

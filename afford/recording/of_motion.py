@@ -18,8 +18,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from afford.common.image_files import jpeg
-from afford.grasping.env.motion_studio import CHAINS, PERSON, MotionStudio, keypoints_of
-from afford.grasping.env.studio import hand_colour
+from afford.grasping.env.rendering import CHAINS, PERSON, MotionRenderer, hand_colour, placed_keypoints
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import link_meshes
 from afford.recording.content import EPOCH_NS, Channel, Message, Recording
@@ -43,7 +42,7 @@ class Clip(NamedTuple):
     fitted: Retargeted
 
 
-def record(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_hz: float) -> Recording:
+def record(stage: str, clips: Sequence[Clip], studio: MotionRenderer, pictures_hz: float) -> Recording:
     """The clips in their order; `stage` read or made the motions, `pictures_hz` is the rate of pictures at most."""
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, SAID: Log, ERROR: Scalar, BONES: Scalar,
              f"/{stage}/keypoints": PointCloud, f"/{stage}/bones": SceneUpdate, f"/{stage}/log": Log}  # fmt: skip
@@ -54,7 +53,7 @@ def record(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_hz:
     return Recording((*channels, *pictures), _messages(stage, clips, studio, pictures_hz))
 
 
-def _messages(stage: str, clips: Sequence[Clip], studio: MotionStudio, pictures_hz: float) -> Iterator[Message]:
+def _messages(stage: str, clips: Sequence[Clip], studio: MotionRenderer, pictures_hz: float) -> Iterator[Message]:
     yield _links(studio.hand)
     start = EPOCH_NS
     for clip in clips:
@@ -94,8 +93,9 @@ def _verdict(clip: Clip, start: int) -> Message:
     return log(SAID, start, f"{one.name}: {text}", one.source, "INFO" if one.kept else "WARNING")
 
 
-def _robot(motion: HandMotion, reference: HandReference, studio: MotionStudio, pictures_hz: float, start: int) -> Iterator[Message]:
-    hand, theirs = studio.hand, keypoints_of(motion, reference)
+def _robot(motion: HandMotion, reference: HandReference, studio: MotionRenderer, pictures_hz: float,
+           start: int) -> Iterator[Message]:  # fmt: skip
+    hand, theirs = studio.hand, placed_keypoints(motion, reference)
     T, every = forward_kinematics(hand.joints, reference.q), max(1, round(reference.rate_hz / pictures_hz))
     for row in range(len(reference.q)):
         time_ns = start + round(row * SECOND_NS / reference.rate_hz)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from afford.common.image_files import jpeg
-from afford.grasping.env.studio import Episode
+from afford.grasping.env.rendering import DrawableEpisode
 from afford.grasping.evaluate.trace_metrics import trace_metrics
 from afford.recording.content import Recording
 from afford.recording.of_grasp import times
@@ -17,12 +17,12 @@ GAP_NS = SECOND_NS // 2
 """between the last step and the first episode, and between episodes"""
 
 
-def policy(curves: TrainingLog, stage: str, episodes: Sequence[Episode]) -> Recording:
+def policy(curves: TrainingLog, stage: str, episodes: Sequence[DrawableEpisode]) -> Recording:
     """The recording of the training `stage`; the episodes follow its last step."""
     return record(curves, stage, _frames(curves, episodes))
 
 
-def _frames(curves: TrainingLog, episodes: Sequence[Episode]) -> Iterator[Shown]:
+def _frames(curves: TrainingLog, episodes: Sequence[DrawableEpisode]) -> Iterator[Shown]:
     start = at(curves.steps) + GAP_NS
     for one in episodes:
         rows = times(one.trace, start)
@@ -31,7 +31,7 @@ def _frames(curves: TrainingLog, episodes: Sequence[Episode]) -> Iterator[Shown]
         start = rows[-1] + GAP_NS
 
 
-def _words(one: Episode) -> str:
+def _words(one: DrawableEpisode) -> str:
     """What the episode is about, and how it ends."""
     how = trace_metrics(one.trace, one.task)
     bad = ", ".join(one.task.negative) or "nothing"

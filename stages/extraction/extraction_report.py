@@ -33,4 +33,4 @@ def run(scores: tuple[ClipScores, ...], params: Params, ctx: Context) -> FileTre
     """Merge the scores of all clips into one report."""
     from afford.extraction import quality_report
 
-    return quality_report.write(scores, ctx.scratch)
+    return quality_report.write_report(scores, ctx.scratch)

@@ -56,13 +56,13 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Train
     from afford.common.files import tree
     from afford.extraction.hands import network
     from afford.extraction.hands import train as finder
-    from afford.extraction.hands.network import HandsConfig
+    from afford.extraction.hands.network import HandFinderConfig
     from afford.training import curves
     from afford.training.loop import derive_seed, deterministic, train
 
     with deterministic(THREADS, "cpu"):
-        model = finder.seeded(HandsConfig(), derive_seed(params.seed))
-        task = finder.task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
+        model = finder.init_model(HandFinderConfig(), derive_seed(params.seed))
+        task = finder.make_task(model, lessons, params.seed, params.batch, (params.height_px, params.width_px), params.judged)
         state = train(task, _plan(params), ctx.scratch, ctx.progress)
     root = network.write_network(ctx.scratch, model, finder.card_text(lessons, state))
     return Trained(tree("hands-finder", root), curves.training_log("hands-finder", state.points, state.best_step, state.step))

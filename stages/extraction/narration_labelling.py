@@ -21,7 +21,7 @@ MEMORY_GIB = 0.5
 POLICIES = {
     "last": "afford.extraction.labels:last",
     "shortest": "afford.extraction.labels:shortest",
-    "all": "afford.extraction.labels:every",
+    "all": "afford.extraction.labels:all_narrations",
 }
 
 

@@ -24,7 +24,7 @@ THREADS = 1
 MEMORY_GIB = 1.5
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
-BACKENDS = {"vlm": "afford.grasping.judge:judge_by_model", "endpoint": "afford.grasping.judge:judge_by_server"}
+BACKENDS = {"vlm": "afford.grasping.judge.vlm:judge", "endpoint": "afford.grasping.judge.endpoint:judge"}
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     import numpy as np
 
     from afford.common.registry import block, load
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.models.weights import with_weights
 
     own = block(params, params.backend)
@@ -70,8 +70,8 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
             raise ValueError(f"grasp_judge, {episodes.name}: expected the tasks of its traces, got none named {trace.task}; "
                              "give it the tasks that the policy was examined on")
         rows = np.linspace(0, len(trace.q) - 1, params.frames).round().astype(int)
-        studio = Studio(hand, known[trace.task], params.width, params.height)
-        frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
+        renderer = GraspRenderer(hand, known[trace.task], params.width, params.height)
+        frames = np.stack([renderer.render(trace, row).rgb for row in rows.tolist()])
         scores.append(judge(trace.name, frames, rows / trace.rate_hz, given))
     return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, own.model,
                           tuple(trace.name for trace in episodes.traces), np.array(scores, np.float64))  # fmt: skip

@@ -67,49 +67,50 @@ class Params:
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train the student in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
-    from afford.grasping.env.core import Grasping
-    from afford.grasping.env.task import of
-    from afford.grasping.policies import acting, teach
-    from afford.grasping.policies.lessons import Lessons
+    from afford.grasping.env.grasp_worlds import GraspWorlds
+    from afford.grasping.env.task import from_grasp_task
+    from afford.grasping.policies.load_policy import load_policy
+    from afford.grasping.policies.train_student import DistillationEnv, export_student, train_student
     from afford.training import curves
     from afford.training.loop import deterministic
 
-    expert = acting.load(teacher, {})
-    mine = [of(one) for some in tasks for one in some]
-    if not mine or expert.teacher is None:
-        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(mine)} tasks and "
+    policy = load_policy(teacher, {})
+    train_tasks = [from_grasp_task(one) for some in tasks for one in some]
+    if not train_tasks or policy.teacher is None:
+        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(train_tasks)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
+    sensors = _sensors(params)
     with deterministic(THREADS, "cpu"):
-        chosen = [mine[k % len(mine)] for k in range(max(params.worlds, len(mine)))]
-        core = Grasping(hand, chosen, _config(params, expert))
+        chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
+        core = GraspWorlds(hand, chosen, _env_config(params, policy))
         try:
-            lessons = Lessons(core, expert.actor(core), _senses(params), params.seed)
-            model, state = teach.train(lessons, params.size, _plan(params), ctx.scratch, ctx.progress)
+            envs = DistillationEnv(core, policy.actor(core), sensors, params.seed)
+            model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress)
         finally:
             core.close()
-    root = teach.write(ctx.scratch, model, _senses(params), {**expert.facts, "seed": params.seed})
+    root = export_student(ctx.scratch, model, sensors, {**policy.facts, "seed": params.seed})
     return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
-def _config(p: Params, expert):  # type: ignore[no-untyped-def]  # Policy and Config are leafs' types, and leafs load inside `run`
+def _env_config(p: Params, policy):  # type: ignore[no-untyped-def]  # types of leaf modules, which are imported inside functions
     from dataclasses import replace
 
     from afford.grasping.sim.scene import Physics
 
-    return replace(expert.config("mujoco", Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed)
+    return replace(policy.config("mujoco", Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed)
 
 
-def _senses(p: Params):  # type: ignore[no-untyped-def]  # Senses is a leaf's type, and leafs load inside `run`
-    from afford.grasping.policies.cameras import Rig
-    from afford.grasping.policies.sight import Eyes
-    from afford.grasping.policies.student import Senses
+def _sensors(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.policies.depth_cameras import CameraRig
+    from afford.grasping.policies.student import StudentSensors
+    from afford.grasping.policies.student_obs import CloudSampling
 
-    return Senses(Rig(p.views, p.size_px), Eyes(p.points, p.sampling, p.layout), p.n_t)
+    return StudentSensors(CameraRig(p.views, p.size_px), CloudSampling(p.points, p.sampling, p.layout), p.n_t)
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # Config is a leaf's type, and leafs load inside `run`
-    from afford.grasping.rl.dagger import Config
+def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.rl.dagger import DaggerConfig
 
-    return Config(p.rounds, p.updates, p.batch, p.buffer, p.led, p.lr, seed=p.seed)
+    return DaggerConfig(p.rounds, p.updates, p.batch, p.buffer, p.led, p.lr, seed=p.seed)

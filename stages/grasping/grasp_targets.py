@@ -36,10 +36,10 @@ class Params:
 
 def run(body: GraspObject, hand: HandModel, params: Params) -> tuple[GraspTarget, ...]:
     """All places of one object."""
-    from afford.grasping.env.targets import targets
+    from afford.grasping.env.task import grasp_targets
 
     low, high = params.thick_m
     if params.places < 1 or not params.reach_m >= 0 or not 0 < low <= high:
         raise ValueError(f"grasp_targets: expected places of 1 or more, reach_m of 0 or more and two rising thick_m above 0, got "
                          f"{params.places}, {params.reach_m} and {params.thick_m}")
-    return tuple(targets(hand, body, params.engine, params.places, params.reach_m, params.thick_m, params.seed))
+    return tuple(grasp_targets(hand, body, params.engine, params.places, params.reach_m, params.thick_m, params.seed))

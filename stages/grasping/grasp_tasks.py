@@ -41,14 +41,14 @@ class Params:
 
 def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask, ...]:
     """The tasks of one object; none where no use can be held."""
-    from afford.grasping.env.uses import scaled, uses
+    from afford.grasping.env.task_rules import scaled, tasks_of
 
     for field in ("scales", "ballast"):
         if not getattr(params, field) or min(getattr(params, field)) <= 0:
             raise ValueError(f"grasp_tasks.{field}: expected numbers above 0, got {getattr(params, field)}")
     level = params.level or {"train": "train", "val": "val", "seen": "unseen_object", "unseen": "unseen_category"}[spec.split]
     return tuple(one for scale in params.scales for heavy in params.ballast
-                 for one in uses(scaled(body, scale), spec.category, level, _label("x", scale) + _label("+", heavy),
+                 for one in tasks_of(scaled(body, scale), spec.category, level, _label("x", scale) + _label("+", heavy),
                                  params.least_length_m, params.thickness_m, params.within_m, heavy))  # fmt: skip
 
 

@@ -30,12 +30,12 @@ class Params:
 def run(tasks: tuple[GraspTask, ...], mesh: ObjectMesh, params: Params, negatives: NegativeAffordances | None = None,
         positives: PositiveAffordances | None = None) -> tuple[GraspTask, ...]:  # fmt: skip
     """Every task of the object, in order."""
-    from afford.grasping.env.predicted import same, told_negative, told_positive
+    from afford.grasping.env.task_rules import check_same_object, with_predicted_negative, with_predicted_positive
 
     for one in tasks:
-        same(one.body, mesh)
+        check_same_object(one.body, mesh)
     if negatives is not None:
-        tasks = tuple(told_negative(one, negatives) for one in tasks)
+        tasks = tuple(with_predicted_negative(one, negatives) for one in tasks)
     if positives is not None:
-        tasks = tuple(told_positive(one, positives) for one in tasks)
+        tasks = tuple(with_predicted_positive(one, positives) for one in tasks)
     return tasks

@@ -53,20 +53,20 @@ class Params:
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], policy: FileTree, params: Params, ctx: Context) -> TwoTasksShown:
     """Grasp every object twice, and draw some of it."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.grasp_sheet import write_sheet
     from afford.grasping.evaluate.two_tasks import evaluate_task_pairs
-    from afford.grasping.policies.acting import load
+    from afford.grasping.policies.load_policy import load_policy
     from afford.grasping.sim.scene import Physics
 
     if min(params.rounds, params.at_once, params.shown) < 1:
         raise ValueError(f"grasp_two_tasks: expected rounds, at_once and shown of 1 or more, got {params.rounds}, {params.at_once} "
                          f"and {params.shown}")
     physics = Physics(params.rate_hz, params.iterations)
-    pairs, seen = evaluate_task_pairs(hand, bodies, load(policy, {}), params.policy, params.engine, physics, params.rounds,
+    pairs, seen = evaluate_task_pairs(hand, bodies, load_policy(policy, {}), params.policy, params.engine, physics, params.rounds,
                               params.at_once, params.shown, params.seed, ctx.progress)
     root = empty_folder(ctx.scratch / "sheet")
-    rows = {f"{params.policy} {k}": Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
+    rows = {f"{params.policy} {k}": GraspRenderer(hand, task, params.width, params.height, params.supersample).episode(trace)
             for k, (task, trace) in enumerate(seen, 1)}  # fmt: skip
     write_sheet(root / "two_tasks.png", rows)
     return TwoTasksShown(pairs, tree(pairs.name, root))

@@ -78,38 +78,38 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
         params: Params, ctx: Context) -> Trained:  # fmt: skip
     """Train in the scratch folder, where a killed training goes on."""
     from afford.common.files import tree
-    from afford.grasping.imitation import prior_files
-    from afford.grasping.imitation.prior import train
+    from afford.grasping.imitation.clip_filter import prior_data
+    from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
     from afford.training import curves
     from afford.training.loop import deterministic
 
     _check(params)
     with deterministic(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
-        lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
-                                      params.proof_engines, params.worlds, params.seed)
-        model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
-        points = [*lessons.points, *train(lessons.core, model, _plan(params), ctx.scratch, ctx.progress)]
-        lessons.core.close()
-    root = prior_files.write(ctx.scratch / "out", model, lessons)
+        data = prior_data(hand, bodies, targets, references.references, _env_config(params), params.proofs, params.proof_engines,
+                          params.worlds, params.seed)
+        model = new_prior(data.core, params.hidden, params.std, params.seed)
+        points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress)]
+        data.core.close()
+    root = export_prior(ctx.scratch / "out", model, data.facts)
     curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
-    return Trained(tree("prior", root), curves.training_log("prior", points, best_step=done, steps=done))
+    return Trained(tree("prior", root), curves.training_log("prior", points, done, done))
 
 
-def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a leaf's type, and leafs load inside `run`
-    from afford.grasping.imitation.rehearse import Rehearsal
+def _env_config(p: Params):  # type: ignore[no-untyped-def]  # its type is in a leaf module, which is imported inside functions
+    from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig
 
-    return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray,
-                     threads=THREADS)
+    return GraspImitationConfig(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m,
+                                astray=p.astray, threads=THREADS)  # fmt: skip
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # as above
-    from afford.grasping.imitation.prior import Plan
-    from afford.grasping.rl import ppo
+def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.imitation.train_prior import PriorTrainingConfig
+    from afford.grasping.rl.ppo import PPOConfig
 
-    return Plan(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch, lr=p.lr,
-                nudged=p.nudged, noise=p.noise, critic=p.critic,
-                ppo=ppo.Config(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
+    return PriorTrainingConfig(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch,
+                               lr=p.lr, nudged=p.nudged, noise=p.noise, critic=p.critic,
+                               ppo=PPOConfig(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
 
 
 def _check(p: Params) -> None:

@@ -47,7 +47,7 @@ class Params:
     size: str = "small"
     """of the networks: small, or paper (1024-1024-512-512)"""
     layout: str = "small"
-    """of observations: small, paper or points (afford/grasping/env/observe.py)"""
+    """of observations: small, paper or points (afford/grasping/env/obs_blocks.py)"""
     start_m: float = 0.06
     """the hand begins over a place along the object that is at most so far from the centre of mass, blind to parts"""
     steps: int = 40
@@ -70,46 +70,43 @@ class Params:
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[FileTree, ...], params: Params,
         ctx: Context) -> Trained:  # fmt: skip
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train the teacher in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
-    from afford.grasping.env.task import of
-    from afford.grasping.policies import refine, residual
-    from afford.grasping.rl import saved
+    from afford.grasping.env.task import from_grasp_task
+    from afford.grasping.policies.train_teacher import FrozenPrior, export_teacher, train_teacher
+    from afford.grasping.rl.policy_files import read_policy
     from afford.training import curves
     from afford.training.loop import deterministic
 
-    mine = [of(one) for some in tasks for one in some]
-    if not mine or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
+    train_tasks = [from_grasp_task(one) for some in tasks for one in some]
+    if not train_tasks or params.lambda_n < 0 or (params.base == "prior") != bool(prior):
         raise ValueError(f"rl_grasp_refinement: expected a task or more, lambda_n of 0 or more, and a prior where base=prior and "
-                         f"none elsewhere, got {len(mine)} tasks, {params.lambda_n:g}, base={params.base} and {len(prior)} priors")
-    known, facts = saved.read(prior[0]) if prior else (None, {})
-    config = _config(params, tuple(facts.get("posture", ())))
+                         f"none elsewhere, got {len(train_tasks)} tasks, {params.lambda_n:g}, base={params.base} and "
+                         f"{len(prior)} priors")
+    network, facts = read_policy(prior[0]) if prior else (None, {})
+    config = _env_config(params, tuple(facts.get("posture", ())))
     with deterministic(THREADS, "cpu"):
-        first = residual.Prior(known, params.layout) if known else None
-        model, state = refine.train(hand, mine, first, config, _plan(params, len(mine)), ctx.scratch, ctx.progress)
-    root = refine.write(ctx.scratch, model, first, config, params.seed)
+        frozen = FrozenPrior(network, params.layout) if network else None
+        plan = _training_config(params, len(train_tasks))
+        model, state = train_teacher(hand, train_tasks, frozen, config, plan, ctx.scratch, ctx.progress)
+    root = export_teacher(ctx.scratch, model, frozen, config, params.seed)
     return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
-def _config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # Config is a leaf's type
-    from afford.grasping.env.config import Config
+def _env_config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyped-def]  # types of leaf modules, imported inside
+    from afford.grasping.env.config import GraspEnvConfig
+    from afford.grasping.env.reward import scaled_negative_weights
     from afford.grasping.sim.scene import Physics
 
-    return Config(physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout, reward=p.reward,
-                  start="anywhere", weights=_weights(p), steps=p.steps, start_m=p.start_m,
-                  wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
+    weights = {**scaled_negative_weights(p.reward, p.lambda_n), **({"positive": p.positive} if p.positive else {})}
+    return GraspEnvConfig(physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout, reward=p.reward,
+                          start="anywhere", weights=weights, steps=p.steps, start_m=p.start_m,
+                          wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
 
 
-def _weights(p: Params) -> dict[str, float]:
-    """What a row changes in the set of rewards."""
-    from afford.grasping.env.reward import negative_times
+def _training_config(p: Params, tasks: int):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.policies.train_teacher import TeacherTrainingConfig
+    from afford.grasping.rl.ppo import PPOConfig
 
-    return {**negative_times(p.reward, p.lambda_n), **({"positive": p.positive} if p.positive else {})}
-
-
-def _plan(p: Params, tasks: int):  # type: ignore[no-untyped-def]  # Plan is a leaf's type, and leafs load inside `run`
-    from afford.grasping.policies.refine import Plan
-    from afford.grasping.rl import ppo
-
-    return Plan(p.seed, max(p.worlds, tasks), p.size, p.std, p.std_along,
-                ppo.Config(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))  # fmt: skip
+    return TeacherTrainingConfig(p.seed, max(p.worlds, tasks), p.size, p.std, p.std_along,
+                                 PPOConfig(updates=p.updates, steps=p.steps, epochs=p.epochs, lr=p.lr, gamma=p.gamma))  # fmt: skip

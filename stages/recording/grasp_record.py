@@ -41,7 +41,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         ctx: Context) -> FileTree:  # fmt: skip
     """Draw each row of each trace once, and write all three."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet
     from afford.recording.files import write
     from afford.recording.of_grasp import record
@@ -52,7 +52,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     if missing or not episodes.traces:
         raise ValueError(f"grasp_record, {episodes.name}: expected traces of the tasks that are given, got "
                          f"{'no trace' if not episodes.traces else f'task {missing[0]}'}; evaluate with traces=6, give its tasks")
-    studios = {name: Studio(hand, known[name], params.width, params.height, params.supersample)
+    studios = {name: GraspRenderer(hand, known[name], params.width, params.height, params.supersample)
                for name in sorted({trace.task for trace in episodes.traces})}  # fmt: skip
     shown = {f"{episodes.policy} {k}": studios[trace.task].episode(trace) for k, trace in enumerate(episodes.traces, 1)}
     root = empty_folder(ctx.scratch / "grasps")

@@ -43,7 +43,7 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
     """Draw some of the clips and write the recording."""
     import numpy as np
 
-    from afford.grasping.env.motion_studio import MotionStudio
+    from afford.grasping.env.rendering import MotionRenderer
     from afford.recording.files import as_tree, write
     from afford.recording.of_motion import Clip, record
     from afford.recording.provenance import of_value, with_parameters
@@ -56,7 +56,7 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
                          f" {params.clips} and {params.pictures_hz:g}")
     chosen = np.linspace(0, len(motions) - 1, min(params.clips or len(motions), len(motions))).round().astype(int)
     shown = [Clip(motions[k], fitted[motions[k].name]) for k in dict.fromkeys(chosen.tolist())]
-    recording = record(params.stage, shown, MotionStudio(hand, params.width, params.height), params.pictures_hz)
+    recording = record(params.stage, shown, MotionRenderer(hand, params.width, params.height), params.pictures_hz)
     recording = of_value(recording, "hand_model", hand)
     for clip in shown:
         recording = of_value(recording, params.stage, clip.motion, clip.motion.name)

@@ -46,7 +46,7 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
     """Let the policy act, draw it, and write the recording."""
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.evaluate_policy import example_episodes, spread
     from afford.recording.files import as_tree, write
     from afford.recording.of_policy import policy
@@ -58,7 +58,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: Training
                          f"{len(known)} tasks")
     chosen = spread(known, params.episodes)
     traces = example_episodes(hand, chosen, files, params.seed) if chosen else []
-    shown = [Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
+    shown = [GraspRenderer(hand, task, params.width, params.height, params.supersample).episode(trace)
              for task, trace in zip(chosen, traces, strict=True)]  # fmt: skip
     path = ctx.scratch / f"{log.name}.mcap"
     write(path, with_parameters(of_files(policy(log, params.stage, shown), params.stage, files), params.parameters))

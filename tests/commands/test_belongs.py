@@ -13,19 +13,19 @@ from tests.helpers.command import Made, call
 
 @pytest.mark.parametrize(("words", "said"), [
     (("explain", "model_train", "--target", "dataset"),
-     "stage 'model_train' is none of dataset; it belongs to train, benchmark, ablation"),
+     "dataset has no stage 'model_train'; it belongs to train, benchmark, ablation"),
     (("explain", "model-train", "--target", "dataset"), "it belongs to train"),
     (("explain", "rl_grasp_refinement", "--target", "dataset"), "it belongs to grasp (as teacher_0, "),
     (("run", "dataset", "--only", "model_train"), "it belongs to train"),
     (("run", "dataset", "--force", "model_train"), "it belongs to train"),
     (("run", "dataset", "--dry-run", "--force", "model_train"), "it belongs to train"),
     (("run", "dataset", "--set", "model_train.steps=5"),
-     "--set model_train.steps=5: dataset has no use for model_train; it belongs to train, benchmark, ablation"),
-    (("run", "dataset", "--set", "model-train.steps=4500"), "dataset has no use for model_train"),
+     "--set model_train.steps=5: dataset does not use model_train; it belongs to train, benchmark, ablation"),
+    (("run", "dataset", "--set", "model-train.steps=4500"), "dataset does not use model_train"),
     (("run", "dataset", "--dry-run", "--set", "sor3d_train.steps=5"), "it belongs to sor3d, sor3d-ablation"),
     (("status", "--set", "sor3d_train.steps=5"), "it belongs to sor3d"),
     (("explain", "--set", "sor3d_train.steps=5"), "it belongs to sor3d"),
-    (("run", "dataset", "--set", "scene_render.seed=1"), "dataset has no use for scene_render with this source; it belongs to "),
+    (("run", "dataset", "--set", "scene_render.seed=1"), "dataset does not use scene_render with this source; it belongs to "),
 ])  # fmt: skip
 def test_what_belongs_to_other_targets_is_refused_with_their_names(words: tuple[str, ...], said: str, made: Made) -> None:
     """Exit 2, one sentence, and nothing is run."""

@@ -72,7 +72,7 @@ def test_a_run_without_the_clips_that_failed_is_a_part(mine: Made) -> None:
         name.unlink()
     said = mine.run("dataset")
     assert said.code == 1 and said.json["outputs"]["dataset"] == f"{data}-part"
-    assert "1 task(s) that it is made from failed" in said.words
+    assert "1 of the tasks behind it failed" in said.words
 
 
 # -- what is a part ----------------------------------------------------------------------------------------------------
@@ -116,8 +116,8 @@ def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tm
 def test_outputs_that_stand_side_by_side_are_parts_together(runner: Runner, tmp_path: Path) -> None:
     """As the columns of a comparison, one of which failed."""
     folder, stages = tmp_path / "set-compare", ("report_flow", "report_nearest")
-    to = Publisher(runner, {"report_nearest": "1 task(s) that it is made from failed"})
-    assert to.together(stages, folder) == tmp_path / "set-compare-part" and "set-compare-part is a part" in to.notes[0]
+    to = Publisher(runner, {"report_nearest": "1 of the tasks behind it failed"})
+    assert to.together(stages, folder) == tmp_path / "set-compare-part" and "set-compare-part is partial" in to.notes[0]
     assert Publisher(runner, to.why, replace=True).together(stages, folder) == Publisher(runner).together(stages, folder) == folder
 
 
@@ -128,4 +128,4 @@ def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
         report = RunReport("some", failures=[Failure(stage, "", "no")], outputs={"dataset_pack": []})
         assert bool(partial_outputs(g, report, (), 0)) is is_part
     report = RunReport("some", outputs={"dataset_pack": []})
-    assert partial_outputs(g, report, ("P96_01",), 0) == {"dataset_pack": "made of P96_01 alone"}
+    assert partial_outputs(g, report, ("P96_01",), 0) == {"dataset_pack": "made from P96_01 alone"}

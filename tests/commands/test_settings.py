@@ -80,13 +80,13 @@ def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("word", "said"), [
-    ("mask_densify.model=DIR", "mask_densify.model is a parameter of the backend sam2; write mask_densify.sam2.model"),
-    ("mask_densify.search_px=2", "mask_densify.search_px is a parameter of the backend flow; write mask_densify.flow.search_px"),
-    ("hand_inpaint.batch=2", "hand_inpaint.batch is a parameter of the backends vidm and lama; write hand_inpaint.vidm.batch or "
+    ("mask_densify.model=DIR", "mask_densify.model belongs to the backend sam2; write mask_densify.sam2.model"),
+    ("mask_densify.search_px=2", "mask_densify.search_px belongs to the backend flow; write mask_densify.flow.search_px"),
+    ("hand_inpaint.batch=2", "hand_inpaint.batch belongs to the backends vidm and lama; write hand_inpaint.vidm.batch or "
      "hand_inpaint.lama.batch"),
     ("mask_propose.grid=32", "mask_propose.grid holds the parameters of the backend grid; write mask_propose.grid.windows or "
-     "mask_propose.grid.least_window; what was mask_propose.grid is mask_propose.sam.grid"),
-    ("part_describe.url=http://me:secret@host", "part_describe.url is a parameter of the backend endpoint; write "
+     "mask_propose.grid.least_window; the former mask_propose.grid is now mask_propose.sam.grid"),
+    ("part_describe.url=http://me:secret@host", "part_describe.url belongs to the backend endpoint; write "
      "part_describe.endpoint.url"),
     ("mask_densify.sam2.modle=x", "unknown parameter of mask_densify.sam2 'modle'; did you mean 'model'? Valid: cache_frames, "
      "device, dtype, memory_keys, model"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.grasping.env.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasping.env.measures import Measures
-from afford.grasping.env.task import Task, task
+from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 from afford.grasping.motion.retarget import smoothed_rate, twist
 from schemas.hand import HandModel, HandReference
@@ -20,7 +20,7 @@ from tests.helpers.made_scenes import tool
 def held_by_handle(category: str = "spatula", seed: int = 12) -> Task:
     """A tool of which only the handle may be touched."""
     body = tool(category, seed)
-    return task(body, [part for part in body.parts if part != "handle"])
+    return make_task(body, [part for part in body.parts if part != "handle"])
 
 
 def env(one: Task | None = None, **config: Any) -> AffordanceGrasp:

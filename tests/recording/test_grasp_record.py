@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.grasping.env.measures import nearest
-from afford.grasping.env.studio import matrix
+from afford.grasping.env.rendering import pose_matrix
 from afford.grasping.hand.link_meshes import link_meshes
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
@@ -162,4 +162,4 @@ def _pose(found: Any) -> list[float]:
 
 def _matrix(one: Any) -> np.ndarray:
     t, q = one.translation, one.rotation
-    return matrix(np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]))
+    return pose_matrix(np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]))

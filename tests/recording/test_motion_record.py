@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.motion_studio import keypoints_of
+from afford.grasping.env.rendering import placed_keypoints
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.moments import moments
@@ -59,7 +59,7 @@ def test_both_hands_move_and_what_was_dropped_is_a_warning(motions: tuple[HandMo
 def test_the_persons_points_lie_where_the_reference_is(motions: tuple[HandMotion, ...], clips: tuple[Retargeted, ...]) -> None:
     """Turned and shifted as retargeting did it: fingertips of both hands are near each other."""
     (reference,) = clips[0].references
-    theirs = keypoints_of(motions[0], reference)
+    theirs = placed_keypoints(motions[0], reference)
     assert theirs.shape == (len(reference.q), 21, 3)
     assert np.linalg.norm(theirs[:, 8] - reference.tips_m[:, 1], axis=-1).mean() < 0.05
 
