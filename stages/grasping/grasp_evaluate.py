@@ -58,7 +58,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileT
 
     mine = tuple(one for some in tasks for one in some)
     if not mine:
-        raise ValueError("grasp_evaluate: expected tasks, got none; see grasp_tasks for what can be held")
+        raise ValueError("grasp_evaluate: no tasks; grasp_tasks lists the parts that can be held")
     wanted = EvaluationParams(params.policy, params.engine, params.episodes, params.at_once, params.iterations, params.rate_hz,
                          params.poses, params.push_n, params.base, params.start, params.traces,
                          params.seed)  # fmt: skip

@@ -58,8 +58,8 @@ def run(files: FileTree, params: Params) -> HandModel:
     gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)
     own = block(params, params.backend)
     fingers, pairs = (own.fingers, own.coupled) if own else ((), ())
-    wishes = HandOptions(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
-    return build_hand(couple_joints(load(BACKENDS, params.backend)(files), pairs), wishes)
+    options = HandOptions(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
+    return build_hand(couple_joints(load(BACKENDS, params.backend)(files), pairs), options)
 
 
 def _check(params: Params) -> None:

@@ -32,5 +32,6 @@ def run(references: ReferenceSet, params: Params, ctx: Context) -> FileTree:
     from afford.grasping.motion.reference_files import write_references
 
     if not references.references:
-        raise ValueError(f"{params.name}: expected a motion that can be imitated, got none of {len(references.report.verdicts)}")
+        raise ValueError(f"{params.name}: no motion of {len(references.report.verdicts)} can be imitated; see the reasons in their "
+                         "verdicts")  # fmt: skip
     return tree(params.name, write_references(empty_folder(ctx.scratch / "motions"), params.name, references))

@@ -32,5 +32,5 @@ def run(clips: tuple[Retargeted, ...], params: Params) -> ReferenceSet:
     dropped = tuple(f"{reason}: {number}" for reason, number in sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
     references = tuple(sorted((one for clip in clips for one in clip.references), key=lambda reference: reference.name))
     if not references:
-        raise ValueError(f"motion_report: expected a clip that can be imitated, got none of {len(clips)}; {', '.join(dropped)}")
+        raise ValueError(f"motion_report: no clip of {len(clips)} can be imitated; {', '.join(dropped)}")
     return ReferenceSet(params.name, references, RetargetReport(params.name, verdicts, len(references), dropped))
