@@ -1,4 +1,4 @@
-"""How well negative surfaces agree with exact part truth."""
+"""Score negative surfaces of all methods against exact part labels."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from schemas.surface import NegativeAffordances, NegativeScore, PartCandidates, 
 
 NAN = float("nan")
 POINTS = 2048
-"""points of the visible surface whose recall is counted"""
+"""points of the visible surface for point recall"""
 METHODS = ("afford", "paper_recipe", "coarse_box", "clip_relevance", "whole_object", "random_candidate")
 
 
 class ScoredMasks(NamedTuple):
-    """Masks in views of an object, and how well they fit what is said of its parts."""
+    """Masks in the views of an object, and their scores for the described parts."""
 
     masks: PartCandidates
     scores: PartScores
 
 
 class PartTruth(NamedTuple):
-    """What is true of an object: its parts, and task -> names of its negative parts."""
+    """Ground truth of an object: part labels, and task -> names of its negative parts."""
 
     parts: MeshParts
     truth: dict[str, frozenset[str]]
@@ -34,7 +34,7 @@ class PartTruth(NamedTuple):
 
 def score(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, candidates: ScoredMasks, windows: ScoredMasks,
           found: NegativeAffordances, known: PartTruth, threshold: float, seed: int) -> tuple[NegativeScore, ...]:  # fmt: skip
-    """Rows of all methods and tasks. Faces without a label do not count."""
+    """Score all methods and tasks. Faces without a label do not count."""
     area = np.where(known.parts.part >= 0, views.visible_area, 0).astype(np.float64)
     face = sample_surface(mesh.vertices, mesh.faces, area, POINTS, np.random.default_rng(seed))[1]
     rows = list[NegativeScore]()

@@ -1,4 +1,4 @@
-"""Segment Anything is asked at a grid of points over every view, as AffordDex has it."""
+"""Part masks from Segment Anything, prompted with a grid of points in every view, as in AffordDex."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-
 
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates:
-    """See `Propose`."""
+    """Prompt the model in every view and suppress duplicate masks (`Propose`)."""
     model = load_model(params.model, params.device, params.dtype)
     grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
     points = grid_points(grid.points, *views.face.shape[1:])
