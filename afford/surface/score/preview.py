@@ -1,4 +1,4 @@
-"""What a scorer of parts says of candidates, to look at: each as it sees it, with the part that it names and the true one."""
+"""Preview of a part scorer: candidates with the predicted and the true part."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from schemas.surface import PartLessons
 
 COLUMNS, ROWS, SCALE, WORDS_PX = 6, 3, 3, 11
 RIGHT, WRONG = (0, 158, 115), (213, 94, 0)
-"""colours of the mask where the named part is the true one, and where it is not (Okabe and Ito)"""
+"""colours of the mask for a correct and a wrong prediction (Okabe and Ito)"""
 OPACITY = 0.45
 GREY, MASK = CHANNELS.index("brightness"), CHANNELS.index("mask")
 
 
 def preview_sheet(model: PartScorer, one: PartLessons) -> np.ndarray:
-    """(h, w, 3) uint8: candidates of one object, spread over all; `model` is in its mode of evaluation."""
+    """Draw evenly spaced candidates of one object: (h, w, 3) uint8; `model` is in evaluation mode."""
     said = predict_shares(model, one)
     chosen = np.linspace(0, len(said) - 1, min(COLUMNS * ROWS, len(said))).round().astype(int)
     tiles = [_tile(one, int(n), said[n]) for n in chosen]
@@ -29,7 +29,7 @@ def preview_sheet(model: PartScorer, one: PartLessons) -> np.ndarray:
 
 
 def predict_shares(model: PartScorer, one: PartLessons) -> np.ndarray:
-    """(m, p) which share of each candidate shows each part, as the scorer says."""
+    """Predict the share (m, p) of each candidate that shows each part."""
     phrases = tuple(part_phrase(one.category, part) for part in one.parts)
     with torch.inference_mode():
         logits = model(torch.tensor(one.crops).float() / 255, torch.tensor(one.traits), phrases)
@@ -38,12 +38,12 @@ def predict_shares(model: PartScorer, one: PartLessons) -> np.ndarray:
 
 
 def part_accuracy(said: np.ndarray, one: PartLessons) -> float:
-    """Share of candidates of which the part that shows most is named."""
+    """Return the share of candidates whose main part is predicted correctly."""
     return float((said.argmax(1) == one.share.argmax(1)).mean())
 
 
 def _tile(one: PartLessons, n: int, said: np.ndarray) -> np.ndarray:
-    """The candidate close by, its mask in colour, and below it what was said and what is true."""
+    """Draw the close crop of a candidate with its mask, and predicted and true part below it."""
     named, true = int(said.argmax()), int(one.share[n].argmax())
     grey, mask = one.crops[n, 0, GREY], one.crops[n, 0, MASK, ..., None] / 255
     colour = np.array(RIGHT if named == true else WRONG)
@@ -56,7 +56,7 @@ def _tile(one: PartLessons, n: int, said: np.ndarray) -> np.ndarray:
 
 
 def _fitting(text: str) -> str:
-    """As much of it as is not wider than a tile."""
+    """Cut text to the width of a tile."""
     while font(WORDS_PX).getlength(text) > SIZE * SCALE - 6:
         text = text[:-1]
     return text
