@@ -65,8 +65,8 @@ def parse_task(text: str) -> ParsedTask:
     The last state word decides: "pour the hot tea from the cold kettle" is about a cold kettle.
     """
     words = re.findall(r"[a-z]+(?:-[a-z]+)?", text.lower())
-    said = " ".join(words)
-    fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{said} ".startswith(f"{phrase} ")]
+    line = " ".join(words)
+    fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{line} ".startswith(f"{phrase} ")]
     states = [STATES[word] for word in words if word in STATES]
     return ParsedTask(max(fits)[1] if fits else "", states[-1] if states else "")
 
@@ -312,8 +312,8 @@ TASKS: dict[str, tuple[str, ...]] = {
 
 def rule(category: str, task: str) -> Rule:
     """Return the row for a task in words; KeyError for a category outside the lexicon."""
-    said, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
-    wanted = ((said.verb, said.state), (said.verb, ""), ("", said.state), ("", ""))
+    parsed, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
+    wanted = ((parsed.verb, parsed.state), (parsed.verb, ""), ("", parsed.state), ("", ""))
     return next(rows[key] for key in wanted if key in rows)
 
 

@@ -49,39 +49,39 @@ class FinishedMesh:
     deviation_m: float = 0.0
 
 
-def read_repaired(files: FileTree, wishes: MeshSettings) -> ReadMesh:
+def read_repaired(files: FileTree, settings: MeshSettings) -> ReadMesh:
     """Read one object with parts and report; SourceError gives the file."""
     source = main_file(files).name
     surface = read_surface(files)
     labels = read_labels(files, source, surface)
     used = surface.vertices[np.unique(surface.faces)]
-    unit = infer_unit(float(np.linalg.norm(np.ptp(used, axis=0))), wishes.unit, surface.unit, source)
+    unit = infer_unit(float(np.linalg.norm(np.ptp(used, axis=0))), settings.unit, surface.unit, source)
     try:
-        net, counts = repair(surface.vertices * METRES[unit], surface.faces, wishes.limits)
-        seen, halved = face_colours(surface, net.corner, wishes.texture_px)
+        net, counts = repair(surface.vertices * METRES[unit], surface.faces, settings.limits)
+        seen, halved = face_colours(surface, net.corner, settings.texture_px)
         done = (*surface.notes, *counts, *((("images halved", halved),) if halved else ()))
-        piece, simplified = _simplify_painted(net, seen, labels.part[net.corner[:, 0] // 3], wishes)
+        piece, simplified = _simplify_painted(net, seen, labels.part[net.corner[:, 0] // 3], settings)
     except MeshError as error:
         raise SourceError(source, error.expected, error.got, error.fix) from error
-    category = labels.category or category_of(files.name, wishes.categories)
-    decided = "the user" if wishes.unit != "auto" else "the format" if surface.unit else "its size"
+    category = labels.category or category_of(files.name, settings.categories)
+    decided = "the user" if settings.unit != "auto" else "the format" if surface.unit else "its size"
     report = _report(files.name, source, (unit, decided), (*done, *simplified), piece)
     mesh = ObjectMesh(files.name, category, piece.vertices.astype(np.float32), piece.faces.astype(np.int32),
                       np.ascontiguousarray(piece.uv, np.float32), np.ascontiguousarray(piece.texture))
     return ReadMesh(mesh, MeshParts(files.name, labels.names, piece.part.astype(np.int16)), report)
 
 
-def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, wishes: MeshSettings) -> tuple[FinishedMesh, Counts]:
+def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, settings: MeshSettings) -> tuple[FinishedMesh, Counts]:
     """Texture the mesh, simplified if it has too many faces."""
-    if len(net.faces) <= wishes.faces:
-        uv, texture = bake_colours(net.vertices, net.faces, seen, wishes.texture_px)
+    if len(net.faces) <= settings.faces:
+        uv, texture = bake_colours(net.vertices, net.faces, seen, settings.texture_px)
         return FinishedMesh(net.vertices, net.faces, uv, texture, part), ()
-    vertices, faces = simplify(net.vertices, net.faces, wishes.faces)
+    vertices, faces = simplify(net.vertices, net.faces, settings.faces)
     nearest = NearestSurface(net.vertices, net.faces)
     face, _, away = nearest(np.concatenate([vertices[faces].mean(axis=1), vertices]))
     middle = face[: len(faces)]
     plain = seen.texture.shape[:2] == (1, 1) and not seen.cornered.any()
-    side = min(wishes.texture_px, BAKED_PX)
+    side = min(settings.texture_px, BAKED_PX)
     uv = np.full((len(faces), 3, 2), 0.5, np.float32) if plain else unwrap(vertices, faces, side)
     texture = seen.texture if plain else bake_texture(uv, side, _painter(vertices[faces], nearest, seen))
     piece = FinishedMesh(vertices, faces, uv, texture, part[middle], float(away.max()))
@@ -129,12 +129,12 @@ def category_of(name: str, categories: Iterable[str]) -> str:
 
     The last match counts ('kettle_brush' is a brush), and the longest of those that end there.
     """
-    said = name_words(name)
+    given = name_words(name)
     best = (0, 0, "")
     for category in categories:
         wanted = name_words(category)
-        for k in range(len(said) - len(wanted) + 1):
-            if wanted and said[k : k + len(wanted)] == wanted:
+        for k in range(len(given) - len(wanted) + 1):
+            if wanted and given[k : k + len(wanted)] == wanted:
                 best = max(best, (k + len(wanted), len(wanted), category))
     return best[2]
 

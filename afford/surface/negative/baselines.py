@@ -27,13 +27,13 @@ def coarse_box(windows: np.ndarray, fit: np.ndarray) -> Box:
     return box(windows[fit >= LEAST * fit.max()].any(0))
 
 
-def mask_in_box(asked: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
+def mask_in_box(target: Box, masks: np.ndarray, on: np.ndarray) -> np.ndarray:
     """Choose the mask (h, w) bool whose bounding box has the largest IoU with a box.
 
     Choices are the masks (m, h, w) of a view and the silhouette `on` (h, w); the first one wins a tie.
     """
     offered = [*masks, on]
-    return np.asarray(offered[int(np.argmax([box_iou(asked, box(mask)) for mask in offered]))])
+    return np.asarray(offered[int(np.argmax([box_iou(target, box(mask)) for mask in offered]))])
 
 
 def box_iou(a: Box, b: Box) -> float:
@@ -102,8 +102,8 @@ def coarse_box_recipe(views: ObjectViews, candidates: PartCandidates, windows: P
         return taken
     for view in sorted({*windows.view.tolist()}):
         mine = _of(windows, view)
-        asked = coarse_box(windows.masks[mine], fits.share[mine, note])
-        taken[view] = mask_in_box(asked, candidates.masks[_of(candidates, view)], views.face[view] >= 0)
+        target = coarse_box(windows.masks[mine], fits.share[mine, note])
+        taken[view] = mask_in_box(target, candidates.masks[_of(candidates, view)], views.face[view] >= 0)
     return taken
 
 

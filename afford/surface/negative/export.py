@@ -20,13 +20,13 @@ POINT = "".join([f"property float {axis}\n" for axis in "xyz"] + [f"property uch
 def write_files(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, scratch: Path) -> FileTree:
     """Write a folder for each task: surface.glb, surface.ply, points.ply, N_t.ply, distance.npz, negative.json."""
     root = empty_folder(scratch / "out")
-    for number, (one, told) in enumerate(zip(found.tasks, descriptions.descriptions, strict=True)):
+    for number, (one, description) in enumerate(zip(found.tasks, descriptions.descriptions, strict=True)):
         folder = root / f"{number}_{task_slug(one.task)}"
         folder.mkdir()
         _surface(mesh, one, folder)
         _points(found.points, one, folder)
         _distances(one, folder)
-        write_json(folder / "negative.json", affordance_record(one, told))
+        write_json(folder / "negative.json", affordance_record(one, description))
     return tree(found.name, root)
 
 
@@ -35,10 +35,10 @@ def task_slug(task: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", task.lower()).strip("_") or "any_use"
 
 
-def affordance_record(one: NegativeAffordance, told: PartDescription) -> dict[str, object]:
+def affordance_record(one: NegativeAffordance, description: PartDescription) -> dict[str, object]:
     """Build the content of negative.json: parts, roles, reasons, N_t."""
-    parts = {note.part: {"role": note.role, "reason": note.reason, "confidence": note.confidence} for note in told.notes}
-    return {"task": one.task, "category": told.category, "parts": parts, "negative_points": len(one.N_t),
+    parts = {note.part: {"role": note.role, "reason": note.reason, "confidence": note.confidence} for note in description.notes}
+    return {"task": one.task, "category": description.category, "parts": parts, "negative_points": len(one.N_t),
             "unit": "m", "frame": "object", "N_t": np.round(one.N_t.astype(float), 7).tolist()}  # fmt: skip
 
 

@@ -49,8 +49,8 @@ def vote_on_faces(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces
     on = face >= 0
     index, w = face[on], weight[on].astype(np.float64)
     total = np.bincount(index, w, faces)
-    said = np.bincount(index, w * value[on], faces)
-    return np.divide(said, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
+    weighted = np.bincount(index, w * value[on], faces)
+    return np.divide(weighted, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
 
 
 def cos_incidence(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
@@ -95,11 +95,11 @@ def pixel_probability(candidates: PartCandidates, scores: PartScores, descriptio
 def weighted_pixel_mean(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
            shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Average the values (m,) of candidates at every pixel: (n, h, w) float32, and the sum of the weights (m,)."""
-    said, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    mean, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     for view, mask, v, w in zip(candidates.view, candidates.masks, value, weight, strict=True):
-        said[view][mask] += v * w
+        mean[view][mask] += v * w
         total[view][mask] += w
-    return np.divide(said, total, out=said, where=total > 0), total
+    return np.divide(mean, total, out=mean, where=total > 0), total
 
 
 def split_by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
@@ -205,14 +205,15 @@ class ProjectionSettings:
 
 
 def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
-            wish: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
+            settings: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
     """Compute the negative affordance of every described task."""
-    points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
+    rng = np.random.default_rng(settings.seed)
+    points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, settings.points, rng)
     square, tasks = cos_incidence(mesh, views), []
-    for one, said in split_by_task(descriptions, scores):
-        value, weight = pixel_probability(candidates, said, one, views.face)
+    for one, own in split_by_task(descriptions, scores):
+        value, weight = pixel_probability(candidates, own, one, views.face)
         probability, evidence = project_to_faces(mesh, views, value, weight * square)
-        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, wish))
+        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, settings))
     return NegativeAffordances(mesh.name, points, tuple(tasks))
 
 
@@ -226,11 +227,12 @@ def project_to_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, we
 
 
 def label_surface(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
-             wish: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
+             settings: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
     """Convert face probabilities (f,) to labels, N_t and distance field; `face` (n,) belongs to the object's points."""
-    bad = probability > wish.threshold
-    rng = np.random.default_rng((wish.seed, 1))
-    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
-    N_t = dense[farthest_point_sampling(dense, wish.negative_points)]
-    grid = distance_field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
+    bad = probability > settings.threshold
+    rng = np.random.default_rng((settings.seed, 1))
+    area = np.where(bad, views.visible_area, 0)
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, area, DENSE * settings.negative_points, rng)
+    N_t = dense[farthest_point_sampling(dense, settings.negative_points)]
+    grid = distance_field(mesh.name, N_t, mesh.vertices, settings.spacing_m, settings.margin_m)
     return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

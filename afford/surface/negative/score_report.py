@@ -31,7 +31,7 @@ Row = tuple[str, str, list[NegativeScores], str]
 def write_report(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
     """Write metrics.json, report.md and sheet.jpg; ValueError without scores."""
     if not scores:
-        raise ValueError("negative_affordance_report: expected scored objects, got none")
+        raise ValueError("negative_affordance_report: no scored object")
     folder = empty_folder(scratch / "negative_affordance")
     measured = metrics(scores)
     write_json(folder / "metrics.json", measured)

@@ -23,25 +23,25 @@ class ProjectionSettings:
     seed: int
 
 
-def hand_probability(said: Sequence[Prediction]) -> np.ndarray:
+def hand_probability(predictions: Sequence[Prediction]) -> np.ndarray:
     """Return the probability (2, n, h, w) float32 of each hand's likeliest region in each view; 0 for an unused hand."""
-    best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in said] for side in (0, 1)]
+    best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in predictions] for side in (0, 1)]
     return np.array(best, np.float32)
 
 
-def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Prediction],
-            wish: ProjectionSettings) -> PositiveAffordance:  # fmt: skip
+def project(mesh: ObjectMesh, views: ObjectViews, task: str, predictions: Sequence[Prediction],
+            settings: ProjectionSettings) -> PositiveAffordance:  # fmt: skip
     """Compute the positive affordance of one task from one prediction for each view."""
-    each = hand_probability(said)
+    each = hand_probability(predictions)
     square = cos_incidence(mesh, views)
     hands = [project_to_faces(mesh, views, value, square) for value in each]
     probability, evidence = project_to_faces(mesh, views, 1 - (1 - each).prod(0), square)
-    good = probability > wish.threshold
-    rng = np.random.default_rng((wish.seed, 2))
-    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
-    taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
+    good = probability > settings.threshold
+    rng = np.random.default_rng((settings.seed, 2))
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * settings.points, rng)
+    taxonomy = np.asarray(np.mean([one.taxonomy for one in predictions], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
-                              dense[farthest_point_sampling(dense, wish.points)])
+                              dense[farthest_point_sampling(dense, settings.points)])
 
 
 DEFAULT_VERB = "use"

@@ -21,8 +21,8 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates
     found: list[tuple[int, np.ndarray, float]] = []
     for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):
         on = face >= 0
-        asked = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
-        masks, quality = everything(model, rgb, grid, asked) if len(asked) else (np.zeros((0, *on.shape), bool), np.zeros(0))
+        prompts = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
+        masks, quality = everything(model, rgb, grid, prompts) if len(prompts) else (np.zeros((0, *on.shape), bool), np.zeros(0))
         masks &= on
         size = masks.sum((1, 2))
         fit = (size >= params.least_px) & (size <= params.most_share * on.sum())

@@ -38,9 +38,9 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
     with torch.inference_mode():
         texts = [f"a photo of a {note.phrase.partition(',')[0].removeprefix('the ')}" for note in descriptions.notes]
         ids, keep = (one.to(model.device) for one in text_batch(tokens, model.config.text_config, texts))
-        said = _unit(model.text_projection(model.text_model(ids, attention_mask=keep).pooler_output))
+        phrases = _unit(model.text_projection(model.text_model(ids, attention_mask=keep).pooler_output))
         batches = [slice(at, at + params.batch) for at in range(0, count[0], params.batch)]
-        cosine = torch.cat([_unit(_seen(model, views, candidates, some)) @ said.T for some in batches])
+        cosine = torch.cat([_unit(_seen(model, views, candidates, some)) @ phrases.T for some in batches])
         fits = cosine.max(1, keepdim=True).values >= params.least_cosine
         share = (_competing(cosine * model.logit_scale.exp().float(), descriptions) * fits).cpu()
     return PartScores(mesh.name, share.numpy().astype(np.float32), ((cosine + 1) / 2).cpu().numpy().astype(np.float32))

@@ -61,22 +61,22 @@ class PartScorer(nn.Module):
 
     def forward(self, crops: Tensor, traits: Tensor, phrases: tuple[str, ...]) -> Tensor:
         """Score (b, 2, 6, s, s) crops 0..1 with (b, TRAITS) features against k phrases: (b, k, 2) logits."""
-        return self.fit(self.seen(crops, traits), self.said(phrases))
+        return self.logits(self.encode_masks(crops, traits), self.encode_phrases(phrases))
 
-    def seen(self, crops: Tensor, traits: Tensor) -> Tensor:
+    def encode_masks(self, crops: Tensor, traits: Tensor) -> Tensor:
         """Embed candidates: (b, 2, width)."""
         found = [trunk(crops[:, k] - 0.5).mean((2, 3)) for k, trunk in enumerate((self.close, self.whole))]
         return _unit(self.image(torch.cat([*found, traits], -1)))
 
-    def said(self, phrases: tuple[str, ...]) -> Tensor:
+    def encode_phrases(self, phrases: tuple[str, ...]) -> Tensor:
         """Embed phrases by the mean over their words: (k, 2, width)."""
         vectors, real = self.words(phrases)
         mean = (vectors * real[..., None]).sum(1) / real.sum(1, keepdim=True)
         return _unit(self.text(mean))
 
-    def fit(self, seen: Tensor, said: Tensor) -> Tensor:
+    def logits(self, masks: Tensor, phrases: Tensor) -> Tensor:
         """Compute (b, k, 2) logits of every pair as scaled cosines (sigmoid loss, Zhai et al. 2023)."""
-        return torch.einsum("bhw,khw->bkh", seen, said) * self.scale.exp() + self.bias
+        return torch.einsum("bhw,khw->bkh", masks, phrases) * self.scale.exp() + self.bias
 
 
 def _unit(both: Tensor) -> Tensor:
@@ -146,7 +146,7 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
         with torch.inference_mode():
             for at in range(0, len(crops), AT_ONCE):
                 some = slice(at, at + AT_ONCE)
-                shown = model.seen(torch.from_numpy(crops[some]).float() / 255, torch.from_numpy(traits[some]))
-                logits = [model.fit(shown, model.said(words)) for words in (phrases, looks)]
+                shown = model.encode_masks(torch.from_numpy(crops[some]).float() / 255, torch.from_numpy(traits[some]))
+                logits = [model.logits(shown, model.encode_phrases(words)) for words in (phrases, looks)]
                 found[some] = torch.stack(logits).mean(0).sigmoid().numpy()
     return PartScores(mesh.name, np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1]))

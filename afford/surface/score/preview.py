@@ -21,9 +21,9 @@ GREY, MASK = CHANNELS.index("brightness"), CHANNELS.index("mask")
 
 def preview_sheet(model: PartScorer, one: PartLessons) -> np.ndarray:
     """Draw evenly spaced candidates of one object: (h, w, 3) uint8; `model` is in evaluation mode."""
-    said = predict_shares(model, one)
-    chosen = np.linspace(0, len(said) - 1, min(COLUMNS * ROWS, len(said))).round().astype(int)
-    tiles = [_tile(one, int(n), said[n]) for n in chosen]
+    shares = predict_shares(model, one)
+    chosen = np.linspace(0, len(shares) - 1, min(COLUMNS * ROWS, len(shares))).round().astype(int)
+    tiles = [_tile(one, int(n), shares[n]) for n in chosen]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     return np.vstack([np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)])
 
@@ -37,20 +37,20 @@ def predict_shares(model: PartScorer, one: PartLessons) -> np.ndarray:
     return found
 
 
-def part_accuracy(said: np.ndarray, one: PartLessons) -> float:
+def part_accuracy(shares: np.ndarray, one: PartLessons) -> float:
     """Return the share of candidates whose main part is predicted correctly."""
-    return float((said.argmax(1) == one.share.argmax(1)).mean())
+    return float((shares.argmax(1) == one.share.argmax(1)).mean())
 
 
-def _tile(one: PartLessons, n: int, said: np.ndarray) -> np.ndarray:
+def _tile(one: PartLessons, n: int, shares: np.ndarray) -> np.ndarray:
     """Draw the close crop of a candidate with its mask, and predicted and true part below it."""
-    named, true = int(said.argmax()), int(one.share[n].argmax())
+    named, true = int(shares.argmax()), int(one.share[n].argmax())
     grey, mask = one.crops[n, 0, GREY], one.crops[n, 0, MASK, ..., None] / 255
     colour = np.array(RIGHT if named == true else WRONG)
     mixed = grey[..., None] * (1 - OPACITY * mask) + colour * OPACITY * mask
     large = cv2.resize(mixed.astype(np.uint8), (SIZE * SCALE, SIZE * SCALE), interpolation=cv2.INTER_NEAREST)
     words = np.zeros((2 * WORDS_PX + 10, SIZE * SCALE, 3), np.uint8)
-    for row, text in enumerate((f"{one.parts[named]} {said[named]:.2f}", f"true: {one.parts[true]} {one.share[n, true]:.2f}")):
+    for row, text in enumerate((f"{one.parts[named]} {shares[named]:.2f}", f"true: {one.parts[true]} {one.share[n, true]:.2f}")):
         draw_label(words, _fitting(text), (3, 2 + row * (WORDS_PX + 4)), WORDS_PX)
     return np.vstack([large, words])
 

@@ -104,7 +104,7 @@ def part_samples(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: Ob
             seed: int) -> PartLessons:  # fmt: skip
     """Build training samples from at most `most` random candidates; ValueError without candidates."""
     if not len(candidates.view):
-        raise ValueError(f"{mesh.name}: expected candidates to learn from, got none")
+        raise ValueError(f"{mesh.name}: no candidate masks; check mask_propose")
     rng = np.random.default_rng((seed, spec.seed))
     chosen = np.sort(rng.permutation(len(candidates.view))[:most])
     some = replace(candidates, view=candidates.view[chosen], masks=candidates.masks[chosen], quality=candidates.quality[chosen])

@@ -35,12 +35,12 @@ def init_scorer(config: PartScorerConfig, seed: int) -> PartScorer:
         return PartScorer(config)
 
 
-def scorer_task(model: PartScorer, lessons: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> ScorerTask:
+def scorer_task(model: PartScorer, samples: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> ScorerTask:
     """Create the training task; ValueError without training or validation objects."""
-    parts = {split: [one for one in lessons if one.split == split] for split in ("train", "val")}
+    parts = {split: [one for one in samples if one.split == split] for split in ("train", "val")}
     for split, found in parts.items():
         if not found:
-            raise ValueError(f"scorer_train: expected objects of the split {split}, got none; see object_plan")
+            raise ValueError(f"scorer_train: no object of the split {split}; see object_plan")
     return ScorerTask(model, parts["train"], parts["val"], part_phrase, seed, objects, candidates)
 
 
@@ -93,8 +93,8 @@ class ScorerTask:
     def validate(self) -> dict[str, float]:
         """Compute accuracy of the main part, and mean error of the shares, over objects."""
         found = [self._answer(one) for one in self._judged]
-        right = [float((said.argmax(1) == one.share.argmax(1)).mean()) for said, one in zip(found, self._judged, strict=True)]
-        error = [float(np.abs(said - one.share).mean()) for said, one in zip(found, self._judged, strict=True)]
+        right = [float((shares.argmax(1) == one.share.argmax(1)).mean()) for shares, one in zip(found, self._judged, strict=True)]
+        error = [float(np.abs(shares - one.share).mean()) for shares, one in zip(found, self._judged, strict=True)]
         return {"right": float(np.mean(right)), "error": float(np.mean(error))}
 
     def preview(self, folder: Path, step: int) -> None:
@@ -150,11 +150,11 @@ def _pair_targets(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) ->
     return truth, weight
 
 
-def model_card(lessons: Sequence[PartLessons], state: TrainingState) -> str:
+def model_card(samples: Sequence[PartLessons], state: TrainingState) -> str:
     """Write the model card in Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
-    counts = Counter(one.split for one in lessons)
-    kinds = ", ".join(sorted({one.category.replace("_", " ") for one in lessons}))
+    counts = Counter(one.split for one in samples)
+    kinds = ", ".join(sorted({one.category.replace("_", " ") for one in samples}))
     return f"""# Scorer of parts
 
 Learned from {counts["train"]} procedural objects, judged by {counts["val"]} of the same categories in other shapes: {kinds}.
