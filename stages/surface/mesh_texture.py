@@ -22,7 +22,7 @@ MEMORY_GIB = 1.0
 
 BACKENDS = {
     "procedural": "afford.surface.texture.procedural:texture",
-    "keep": "afford.surface.texture:keep",
+    "keep": "afford.surface.texture.procedural:keep",
 }
 
 

@@ -36,8 +36,3 @@ class Texture(Protocol[Own]):
         are not an input.
         """
         ...
-
-
-def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
-    """Return the mesh itself (`Texture`)."""
-    return mesh

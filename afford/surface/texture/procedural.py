@@ -101,3 +101,8 @@ def texture(mesh: ObjectMesh, params: Procedural) -> ObjectMesh:
     """Return the mesh with procedural materials (`Texture`)."""
     uv, image = paint_regions(mesh.vertices, mesh.faces, params.regions, params.side_px, params.seed)
     return replace(mesh, uv=uv, texture=image)
+
+
+def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
+    """Return the mesh itself (`Texture`)."""
+    return mesh
