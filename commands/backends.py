@@ -116,7 +116,8 @@ def _declared(name: str, entry: str, shared: bool) -> dict[str, Any]:
     requirements in dicts by name.
     """
     module, _, attribute = entry.partition(":")
-    tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))
+    found = _modules().get(module)
+    tree = ast.parse(Path(found.path).read_text(encoding="utf-8") if found else "")
     own = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == attribute]
     module_text = ast.get_docstring(tree) or ""
     constants = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
