@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 
 from afford.recording.moments import Moment, moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, SURE, TRUTH, WORDS
-from afford.rgbd.evaluate.drawn import COLOURS
+from afford.rgbd.prediction import COLOURS
 from schemas.interaction import AFFORDANCES
 
 PLACES = {"said": SAID, "confident": SURE, "truth": TRUTH}

@@ -6,8 +6,7 @@ model sees it; at the first frame nothing has moved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from collections.abc import Sequence as Listed
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -18,8 +17,7 @@ from afford.dataset.packed_sequences import PackedSequence
 from afford.recording.content import EPOCH_NS, Message, Recording
 from afford.recording.own_types import ActionState
 from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
-from afford.rgbd.evaluate.drawn import COLOURS, heat
-from afford.rgbd.model.found import Found, likeliest
+from afford.rgbd.prediction import COLOURS, Prediction, attention_heat, likeliest_action
 from schemas.interaction import AFFORDANCES
 
 IMAGE, DEPTH, DEPTH_COLOUR = "/interaction_read/image", "/interaction_read/depth", "/interaction_read/depth_colour"
@@ -29,7 +27,7 @@ ACTION, WORDS = "/sor3d/action", "/sor3d/log"
 PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 
-def record(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Recording:
+def record(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Recording:
     """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
     fit.
     """
@@ -45,7 +43,7 @@ def record(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshol
     return Recording(tuple(channels), _messages(shown, found, rate_hz, threshold))
 
 
-def _messages(shown: PackedSequence, found: Listed[Found], rate_hz: float, threshold: float) -> Iterator[Message]:
+def _messages(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Iterator[Message]:
     height, width = shown.label.shape
     still = np.broadcast_to(shown.still, (1, height, width, 3))
     span = _span(shown.depth_m)
@@ -58,11 +56,12 @@ def _messages(shown: PackedSequence, found: Listed[Found], rate_hz: float, thres
         yield image(SAID, time_ns, _overlay(said.label))
         yield image(SURE, time_ns, _overlay(said.confident(threshold)))
         if said.attention.size:
-            yield image(ATTENTION, time_ns, _png(heat(said.attention, height, width)))
+            yield image(ATTENTION, time_ns, _png(attention_heat(said.attention, height, width)))
         yield stamped(ACTION, time_ns, ActionState(
-            step=n, said=likeliest(said.action), **{name: float(p) for name, p in zip(AFFORDANCES, said.action, strict=True)}))
+            step=n, said=likeliest_action(said.action),
+            **{name: float(p) for name, p in zip(AFFORDANCES, said.action, strict=True)}))
     yield image(TRUTH, time_ns, _overlay(shown.label))
-    yield log(WORDS, time_ns, f"{shown.object_type}: {shown.affordance} is done, {likeliest(found[-1].action)} was said",
+    yield log(WORDS, time_ns, f"{shown.object_type}: {shown.affordance} is done, {likeliest_action(found[-1].action)} was said",
               shown.name)  # fmt: skip
 
 

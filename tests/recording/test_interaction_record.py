@@ -18,7 +18,7 @@ from afford.recording.moments import moments
 from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, TRUTH, WORDS
 from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
-from afford.rgbd.model.predictor import Predictor, sequence_of, until
+from afford.rgbd.model.predictor import Predictor, first_frames, sequence_of
 from pipeline import main
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND
@@ -64,10 +64,10 @@ def test_it_is_whole_and_complete(recorded: Path) -> None:
 def test_every_frame_has_what_was_seen_and_said(recorded: Path, model: Path) -> None:
     """Depth in millimetres, the motion that led to the frame, the labels and the action of the sequence that ends there."""
     predictor, shown = Predictor(model / "model"), list(moments(recorded))
-    seen = predictor.seen(CLIP, MOTION)
+    seen = predictor.inputs_of_clip(CLIP, MOTION)
     assert [moment.time_ns for moment in shown] == [n * 100_000_000 for n in range(FRAMES)]
     for n, moment in enumerate(shown):
-        found = predictor.predict(until(seen, n + 1))
+        found = predictor.predict(first_frames(seen, n + 1))
         depth = cv2.imdecode(np.frombuffer(moment.one(DEPTH).data, np.uint8), cv2.IMREAD_UNCHANGED)
         assert depth.dtype == np.uint16 and np.array_equal(depth, (1000 * CLIP.depth_m[n]).round())
         expected = MOTION.colour[n - 1] if n else np.full((SIZE, SIZE, 3), 128)

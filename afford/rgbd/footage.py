@@ -1,6 +1,6 @@
-"""What a sequence model is asked about: a picture, a video or a folder of frames, with depth where there is any.
+"""Input of a sequence model: a picture, a video or a folder of frames, with optional depth.
 
-Everything is cut to its middle square and resized here, so that motion is found on the grid that the model sees.
+Everything is cropped to its middle square and resized here, so that motion is estimated on the grid that the model sees.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from afford.common.video.probe import probe
 from schemas.interaction import BACKGROUND, InteractionClip
 
 FOCAL_SHARE = 365.0 / 300
-"""focal length over the side of the square where nothing is said: a Kinect 2 cut to 300 px, as in training"""
+"""default focal length relative to the side of the square: a Kinect 2 cropped to 300 px, as in training"""
 DEPTHS = (".png", ".npy")
 MASKS = "target_"
-"""how the files of SOR3D-AFF's layout begin that are no frames"""
+"""prefix of files in SOR3D-AFF's layout that are not frames"""
 FITS = "depth must lie on the grid of the colours"
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which frames of a video are shown to the model."""
+    """Choice of the frames of a video."""
 
     rate_hz: float = 10.0
     frames: int = 10
-    """so many at most, the last ones"""
+    """maximum number of frames, the last ones"""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What is known of the camera: a file with its matrix, a focal length in px of the picture, or neither."""
+    """Camera parameters: a file with the intrinsic matrix, a focal length in px of the picture, or neither."""
 
     intrinsics: Path | None = None
     focal_px: float | None = None
@@ -47,21 +47,21 @@ class Lens:
 
 @dataclass(frozen=True)
 class Footage:
-    """A sequence at the size of a model, and its last picture as it was."""
+    """A sequence at the size of a model, and its last picture in full."""
 
     clip: InteractionClip
     """without label; depth is 0 where there is none"""
     rgb: np.ndarray
-    """(h, w, 3) uint8, the last picture whole"""
+    """(h, w, 3) uint8, the whole last picture"""
     square: tuple[int, int, int]
-    """top, left, side of what the model sees of it, px"""
+    """top, left, side of the model's square in it, px"""
     frame: int | None
-    """of a video, the number of the last frame, from 1"""
+    """number of the last frame of a video, from 1"""
     has_depth: bool
 
 
-def read(path: Path, depth: Path | None, lens: Lens, sampling: Sampling, size_px: int) -> Footage:
-    """The sequence. SourceError when a file cannot be read, or depth and colours do not fit."""
+def read_footage(path: Path, depth: Path | None, lens: Lens, sampling: Sampling, size_px: int) -> Footage:
+    """Read a sequence. SourceError when a file cannot be read, or when depth and colours differ in size."""
     if path.suffix.lower() in VIDEO_SUFFIXES and not path.is_dir():
         frames, numbers, of = _video(path, sampling)
     else:
@@ -78,7 +78,7 @@ def read(path: Path, depth: Path | None, lens: Lens, sampling: Sampling, size_px
 
 
 def _video(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[int], int]:
-    """The last frame and those at whole steps of 1 / rate before it; their numbers from 0, and how many there are in all."""
+    """Frames at whole steps of 1 / rate before and including the last one, their numbers from 0, and the count of all frames."""
     try:
         times_s = probe(path).times_s
         before = np.arange(sampling.frames)[::-1] / sampling.rate_hz
@@ -94,7 +94,7 @@ def _video(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[int],
 
 
 def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[int], int]:
-    """One picture, or the frames of a folder in the order of their numbers."""
+    """One picture, or the frames of a folder in numeric order."""
     listed = [path]
     if path.is_dir():
         listed = _numbered(path, IMAGES, (MASKS, "."))
@@ -102,20 +102,20 @@ def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[in
         raise SourceError(str(path), f"frames of one sequence ({', '.join(IMAGES)})", "none", "give the folder of the frames")
     numbers = list(range(len(listed)))[-sampling.frames :]
     frames = [read_image(listed[n]) for n in numbers]
-    strange = next((n for n, frame in zip(numbers, frames, strict=True) if frame.shape != frames[-1].shape), None)
-    if strange is not None:
-        raise SourceError(str(listed[strange]), "frames of one size", "another one", "give a folder of one sequence")
+    unknown = next((n for n, frame in zip(numbers, frames, strict=True) if frame.shape != frames[-1].shape), None)
+    if unknown is not None:
+        raise SourceError(str(listed[unknown]), "frames of one size", "another one", "give a folder of one sequence")
     return frames, numbers, len(listed)
 
 
 def _numbered(folder: Path, suffixes: tuple[str, ...], without: tuple[str, ...]) -> list[Path]:
-    """Files of a folder but those that begin so, in the order of the numbers in their names."""
+    """Files of a folder in the numeric order of their names, without those with an excluded prefix."""
     found = [one for one in folder.iterdir() if one.suffix.lower() in suffixes and not one.name.startswith(without)]
     return sorted(found, key=lambda one: natural_key(one.name))
 
 
 def _depths(path: Path, numbers: list[int], of: int, shape: tuple[int, ...]) -> list[np.ndarray]:
-    """Depth of the frames `numbers` of `of`: one file, or a folder with one for each frame in the order of their numbers."""
+    """Depth of the frames `numbers` of `of`: one file, or a folder with one file per frame in numeric order."""
     files = [path]
     if path.is_dir():
         files = _numbered(path, DEPTHS, (".",))
@@ -141,7 +141,7 @@ def _camera(lens: Lens, shape: tuple[int, ...]) -> tuple[np.ndarray, tuple[int, 
 
 
 def _scaled(K: np.ndarray, square: tuple[int, int, int], size_px: int) -> np.ndarray:
-    """K of the square at the model's size; pixel centres lie at whole numbers."""
+    """K of the square at the model's size; pixel centres are at integer coordinates."""
     top, left, side = square
     scale = size_px / side
     moved = K.astype(np.float64).copy()
@@ -157,5 +157,5 @@ def _square(image: np.ndarray, square: tuple[int, int, int], size_px: int, how: 
 
 
 def _how(how: int, side: int, size_px: int) -> int:
-    """Averages are for pictures that shrink."""
+    """Interpolation: area averaging only for pictures that shrink."""
     return cv2.INTER_LINEAR if how == cv2.INTER_AREA and size_px > side else how

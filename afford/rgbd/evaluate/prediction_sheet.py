@@ -1,6 +1,6 @@
-"""Answers to look at: the last frame, what is true, what was said of the video and of the picture, and where attention went.
+"""Sheet of predictions: last frame, truth, prediction of the video and of the picture, attention.
 
-Labels have the colours of the data set, where the model is sure of them by more than the 0.75 that the paper draws.
+Labels have the colours of the data set; they are shown where the model's confidence exceeds the paper's 0.75.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ CONFIDENCE = 0.75
 OPACITY = 0.65
 SIDE_PX, HEAD_PX, WORDS_PX, GAP_PX, LETTERS_PX = 150, 26, 20, 4, 13
 WIDE = 2
-"""sequences side by side"""
+"""sequences in a row"""
 
 
-def draw(scores: InteractionScores) -> np.ndarray:
-    """(h, w, 3) uint8 RGB: a strip for each answer that was kept. ValueError when none was."""
+def draw_sheet(scores: InteractionScores) -> np.ndarray:
+    """Draw a strip for each kept answer, (h, w, 3) uint8 RGB. ValueError without any."""
     if not scores.shown:
         raise ValueError(f"{scores.name}: expected answers to show, got none")
     strips = [_strip(one, scores) for one in scores.shown]
@@ -30,8 +30,8 @@ def draw(scores: InteractionScores) -> np.ndarray:
     return np.concatenate([head, *(np.concatenate(strips[n : n + WIDE], axis=1) for n in range(0, len(strips), WIDE))])
 
 
-def tinted(rgb: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 RGB, grey, with the data set's colours over what affords something."""
+def tint_regions(rgb: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Grey picture (h, w, 3) uint8 RGB with the data set's colours over its affordances."""
     colours = np.zeros((BACKGROUND + 1, 3), np.float32)
     colours[:BACKGROUND] = [COLOURS_BGR[name][::-1] for name in AFFORDANCES]
     weight = OPACITY * (label != BACKGROUND)[..., None].astype(np.float32)
@@ -39,8 +39,8 @@ def tinted(rgb: np.ndarray, label: np.ndarray) -> np.ndarray:
     return np.round(grey * (1 - weight) + colours[label] * weight).astype(np.uint8)
 
 
-def heated(rgb: np.ndarray, attention: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 RGB: bright where attention is; the frame in grey where there is none."""
+def overlay_attention(rgb: np.ndarray, attention: np.ndarray) -> np.ndarray:
+    """Heat of the attention over a grey frame, (h, w, 3) uint8 RGB; the grey frame without attention."""
     grey = rgb.mean(-1, keepdims=True).repeat(3, -1)
     if not attention.size:
         return grey.astype(np.uint8)
@@ -50,17 +50,18 @@ def heated(rgb: np.ndarray, attention: np.ndarray) -> np.ndarray:
 
 
 def _strip(one: ShownAnswer, scores: InteractionScores) -> np.ndarray:
-    sure = np.where(one.confidence > CONFIDENCE, one.label, BACKGROUND)
-    tiles = [one.rgb, tinted(one.rgb, one.truth), *(tinted(one.rgb, label) for label in sure), heated(one.rgb, one.attention[0])]
+    confident = np.where(one.confidence > CONFIDENCE, one.label, BACKGROUND)
+    labels = [tint_regions(one.rgb, label) for label in (one.truth, *confident)]
+    tiles = [one.rgb, *labels, overlay_attention(one.rgb, one.attention[0])]
     shown = [_framed(cv2.resize(tile, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_NEAREST)) for tile in tiles]
     return np.concatenate([np.concatenate(shown, axis=1), _band(_words(one, scores), WORDS_PX)])
 
 
 def _words(one: ShownAnswer, scores: InteractionScores) -> list[str]:
-    """Thing, true action, and the actions that were said."""
+    """Object, true action, and the predicted actions."""
     at = scores.clip.index(one.clip)
-    said = [AFFORDANCES[int(k)] for k in scores.action[at].argmax(-1)]
-    return [scores.object_type[at], scores.affordance[at], *said, ""]
+    predicted = [AFFORDANCES[int(k)] for k in scores.action[at].argmax(-1)]
+    return [scores.object_type[at], scores.affordance[at], *predicted, ""]
 
 
 def _framed(tile: np.ndarray) -> np.ndarray:
@@ -68,7 +69,7 @@ def _framed(tile: np.ndarray) -> np.ndarray:
 
 
 def _band(words: list[str], height: int) -> np.ndarray:
-    """Words above or below the pictures of a strip."""
+    """Row of texts above or below the pictures of a strip."""
     image = Image.new("RGB", (len(words) * (SIDE_PX + GAP_PX), height), PAPER)
     pen = ImageDraw.Draw(image)
     for n, word in enumerate(words):
