@@ -45,17 +45,16 @@ OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage
 
 
 class Server:
-    """A process of `tests/helpers/purity_probe.py` in an environment."""
+    """A process of `tests/helpers/purity_probe.py` in an environment, and a folder for its compiled kernels."""
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
+    def __init__(self, environment: Mapping[str, str], kernels: Path) -> None:
+        self._kernels = kernels
         command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py")]
         self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def do(self, folder: Path, store: Path, **job: Any) -> Path:
-        """Do a job with the compiled code and fonts of a store, and return its answer."""
-        kernels = store / ".cache" / "numba" / "purity"
-        kernels.mkdir(parents=True, exist_ok=True)
-        environment = {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
+        """Do a job with the fonts of a store, and return its answer."""
+        environment = {"NUMBA_CACHE_DIR": str(self._kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
         (folder / "job.json").write_text(json.dumps({"root": str(ROOT), "store": str(store), "environment": environment, **job}))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
@@ -69,17 +68,23 @@ class Server:
 
 
 @pytest.fixture(scope="module")
-def probe() -> Iterator[Server]:
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for compiled kernels, so that each is compiled once."""
+    return shared(tmp_path_factory, "kernels", lambda folder: None)
+
+
+@pytest.fixture(scope="module")
+def probe(kernels: Path) -> Iterator[Server]:
     """The server that replays stages, in another environment than that of the first run."""
-    server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ})
+    server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}, kernels)
     yield server
     server.close()
 
 
 @pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Maker], Path]]:
+def filled(tmp_path_factory: pytest.TempPathFactory, kernels: Path) -> Iterator[Callable[[Maker], Path]]:
     """The store that a maker fills when it is first needed."""
-    server = Server(os.environ)
+    server = Server(os.environ, kernels)
 
     def store(maker: Maker) -> Path:
         def fill(folder: Path) -> None:
