@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from afford.render.camera import intrinsics, look_at
 from afford.render.draw import render
 from afford.render.materials import wood
-from afford.render.mesh import solid
+from afford.render.mesh import has_area
 from afford.render.raster import View, depth
 from afford.render.scene import BACKGROUND, Camera, Instance, Light, Textures, batch
 from afford.render.solids import patch
@@ -80,7 +80,7 @@ def _table(rng: np.random.Generator) -> Instance:
 
 def _faces(mesh: ObjectMesh, instances: tuple[Instance, ...], textures: Textures, camera: Camera) -> np.ndarray:
     """Return the (h, w) int32 face of the mesh at each pixel centre, else -1; the renderer skips faces without area."""
-    kept = np.flatnonzero(solid(mesh.vertices, mesh.faces)).astype(np.int32)
+    kept = np.flatnonzero(has_area(mesh.vertices, mesh.faces)).astype(np.int32)
     view = View.of(batch(instances, textures), camera)
     seen, near = view.seen(1)[1]
     mine = (seen >= 0) & (seen < len(kept)) & (depth(near) > 0)
