@@ -15,38 +15,29 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from afford.common.drawing import TILE_BACKGROUND, TILE_INK, TILE_W, pad_tile, title_row, write_page
-from afford.recording import (
-    grasp_strips,
-    interaction_strips,
-    object_sheet,
-    of_affordances,
-    of_complete,
-    of_frames,
-    of_inpainted,
-    of_labels,
-    of_tracks,
-    picture_strips,
-)
+from afford.recording.extraction_results import AFFORDANCE, COMPLETION_OVERLAY, INPAINTED, TRACKS_OVERLAY
+from afford.recording.extraction_sources import FRAME_IMAGE, FRAME_STATE, NARRATION
+from afford.recording.interactions import interaction_strips, is_interaction
 from afford.recording.moments import Moment, moments, tile_of
+from afford.recording.strips import grasp_strips, is_grasp, is_object, object_strips, picture_strips
 
 TEXT_W = 250
 FAINT = (150, 156, 164)
 WORDS_PER_LINE = 30
-INPAINTED = f"{of_inpainted.ROOM}/image"
 COLUMNS = (
-    ("frame", of_frames.IMAGE, ""),
-    ("hands and objects", of_frames.IMAGE, of_tracks.OVERLAY),
-    ("hands removed", INPAINTED, ""),
-    ("complete objects", INPAINTED, of_complete.OVERLAY),
-    ("affordance", INPAINTED, f"{of_affordances.ROOM}/overlay"),
+    ("frame", FRAME_IMAGE, ""),
+    ("hands and objects", FRAME_IMAGE, TRACKS_OVERLAY),
+    ("hands removed", f"{INPAINTED}/image", ""),
+    ("complete objects", f"{INPAINTED}/image", COMPLETION_OVERLAY),
+    ("affordance", f"{INPAINTED}/image", f"{AFFORDANCE}/overlay"),
 )
 """title, picture, overlay"""
-STATE = f"{of_affordances.ROOM}/state"
+STATE = f"{AFFORDANCE}/state"
 Strips = Callable[[Path], list[np.ndarray]]
 OWN_STRIPS: tuple[tuple[Callable[[Path], bool], Strips], ...] = (
-    (object_sheet.is_object, object_sheet.strips_of),
-    (grasp_strips.is_grasp, grasp_strips.strips_of),
-    (interaction_strips.is_interaction, interaction_strips.strips_of),
+    (is_object, object_strips),
+    (is_grasp, grasp_strips),
+    (is_interaction, interaction_strips),
 )
 """what tells a recording that is no clip, and its strips; sheets of what stands first hold nothing of the others"""
 
@@ -58,17 +49,17 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
             return write_page(out, [strip for path in own for strip in strips_of(path)])
     each = max(1, rows // len(paths))
     found = [(path, moment) for path in paths for moment in _chosen(path, each)]
-    if not found and (strips := [strip for path in paths for strip in picture_strips.strips_of(path)]):
+    if not found and (strips := [strip for path in paths for strip in picture_strips(path)]):
         return write_page(out, strips)
     if not found:
-        raise ValueError(f"{paths[0]}: expected pictures on {of_frames.IMAGE}, got none")
+        raise ValueError(f"{paths[0]}: expected pictures on {FRAME_IMAGE}, got none")
     strips = [_row(path.stem, moment) for path, moment in found]
     write_page(out, [title_row([title for title, _, _ in COLUMNS] + ["task"], strips[0].shape[1]), *strips])
 
 
 def _chosen(path: Path, rows: int) -> list[Moment]:
     """Moments spread evenly over the frames that become samples, or over all frames where those are too few."""
-    times = [m.time_ns for m in moments(path, [of_frames.IMAGE])]
+    times = [m.time_ns for m in moments(path, [FRAME_IMAGE])]
     good = [m.time_ns for m in moments(path, [STATE]) if m.one(STATE).accepted]
     pool = good if len(good) >= rows else times
     picked = sorted({pool[int(i)] for i in np.linspace(0, len(pool) - 1, min(rows, len(pool)))}) if pool else []
@@ -96,9 +87,9 @@ def _words(name: str, moment: Moment, height: int) -> np.ndarray:
 
 
 def _lines(name: str, moment: Moment, state: Any) -> list[tuple[str, int, tuple[int, int, int]]]:
-    frame = getattr(moment.one(of_frames.STATE), "frame", "?")
+    frame = getattr(moment.one(FRAME_STATE), "frame", "?")
     said = [(f"{name}  frame {frame}  {moment.time_ns / 1e9:.2f} s", 12, FAINT)]
-    narrations = moment.values.get(of_labels.NARRATION, [])
+    narrations = moment.values.get(NARRATION, [])
     said += [(n.text, 17, TILE_INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
     said += [(f"{n.verb} / {n.noun}", 12, FAINT) for n in narrations[:1]]
     if state is not None:

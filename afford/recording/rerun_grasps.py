@@ -10,11 +10,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from afford.recording.grasps import FORCE, GRASPS, IMAGE, LENS, LOG, N_T, SCENE, STATE, TRANSFORMS
+from afford.recording.messages import CAMERA, PRESSING
 from afford.recording.moments import Moment, moments
-from afford.recording.of_grasp import FORCE, IMAGE, LENS, N_T, ROOM, SAID, SCENE, STATE, TRANSFORMS
-from afford.recording.own_types import PRESSING
 from afford.recording.spatial import POINT, WORLD
-from afford.recording.topics import CAMERA
 
 EYE = f"{WORLD}/{CAMERA}"
 HOW = ("goal_m", "height_m")
@@ -22,7 +21,7 @@ AFFORDANCE = ("as_violation_pct", "penetration_mm")
 POINT_M = 0.0015
 
 
-def layout() -> rrb.Blueprint:
+def grasp_blueprint() -> rrb.Blueprint:
     """The room, beside it the camera's picture, curves and words."""
     beside = rrb.Vertical(
         rrb.Spatial2DView(origin=EYE, name="camera"),
@@ -38,7 +37,7 @@ def layout() -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Horizontal(room, beside, column_shares=[3, 2]), collapse_panels=True)
 
 
-def log(path: Path, stream: rr.RecordingStream) -> None:
+def log_grasps(path: Path, stream: rr.RecordingStream) -> None:
     """Everything, moment by moment, on the recording's own clock."""
     stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for moment in moments(path):
@@ -47,7 +46,7 @@ def log(path: Path, stream: rr.RecordingStream) -> None:
         _camera(moment, stream)
         for name, number in _numbers(moment):
             stream.log(f"plots/{name}", rr.Scalars(number))
-        for line in moment.values.get(SAID, []):
+        for line in moment.values.get(LOG, []):
             stream.log("log", rr.TextLog(line.message))
 
 
@@ -109,5 +108,5 @@ def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
         yield from ((f"{group}/{one}", getattr(force, f"{one}{what}_n"))
                     for group, what in (("force", ""), ("negative", "_negative")) for one in PRESSING)  # fmt: skip
     for topic, values in moment.values.items():
-        if topic.startswith(f"{ROOM}/reward/"):
-            yield topic.removeprefix(f"{ROOM}/"), values[-1].value
+        if topic.startswith(f"{GRASPS}/reward/"):
+            yield topic.removeprefix(f"{GRASPS}/"), values[-1].value

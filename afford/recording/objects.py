@@ -16,30 +16,38 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from afford.common.image_files import PNG, encode_png, jpeg, overlay_png
-from afford.common.palette import Palette
-from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.own_types import Document
+from afford.common.palette import LEFT, RIGHT, Palette
+from afford.recording.mcap_files import EPOCH_NS, Channel, Message, Recording
+from afford.recording.messages import Document, channel, image, image_channel, log, stamped
 from afford.recording.spatial import cloud, entity, scene, triangles
-from afford.recording.topics import channel, image, image_channel, log, stamped
 from afford.surface.negative.export import probability_colours, task_slug
+from schemas.affordance import TAXONOMY
 from schemas.mesh import ObjectMesh, ObjectViews
-from schemas.surface import NegativeAffordance, NegativeAffordances, PartCandidates, PartDescriptions, PartScores
+from schemas.surface import (
+    NegativeAffordance,
+    NegativeAffordances,
+    PartCandidates,
+    PartDescriptions,
+    PartScores,
+    PositiveAffordance,
+    PositiveAffordances,
+)
 
 VIEW, CANDIDATES, SCORES = "/view_render/image", "/mask_propose/overlay", "/mask_score/scores"
 NOTES, NOTES_LOG = "/part_describe/notes", "/part_describe/log"
-ROOM = "/negative_affordance"
+NEGATIVE = "/negative_affordance"
 STEP_NS = 1_000_000
-SHOWN: Palette = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0), (204, 121, 167))
+COLOURS: Palette = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0), (204, 121, 167))
 """candidates in one picture, the most striking first (Okabe and Ito's colours)"""
 OPACITY = 150
 FRAME = "object"
 """frame_id of clouds: the frame of the mesh, metres"""
 
 
-def record(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
+def record_negative(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
            found: NegativeAffordances, mesh: ObjectMesh | None = None, made_by: str = "mesh_read") -> Recording:  # fmt: skip
     """Everything about one object; its mesh, where it is given, below the stage that made it."""
-    rooms = [f"{ROOM}/{number}_{task_slug(one.task)}" for number, one in enumerate(found.tasks)]
+    rooms = [f"{NEGATIVE}/{number}_{task_slug(one.task)}" for number, one in enumerate(found.tasks)]
     channels: list[Channel] = [image_channel(VIEW, views=list(views.views)), image_channel(CANDIDATES), channel(SCORES, Document),
                                channel(NOTES, Document), channel(NOTES_LOG, Log)]  # fmt: skip
     for room, one in zip(rooms, found.tasks, strict=True):
@@ -47,10 +55,10 @@ def record(views: ObjectViews, candidates: PartCandidates, told: PartDescription
                      channel(f"{room}/N_t", PointCloud)]  # fmt: skip
     shape = [] if mesh is None else [_shape(f"/{made_by}/mesh", mesh)]
     channels += [channel(one.topic, SceneUpdate) for one in shape]
-    return Recording(tuple(channels), chain(shape, _messages(views, candidates, told, scores, found, rooms)))
+    return Recording(tuple(channels), chain(shape, _negative_messages(views, candidates, told, scores, found, rooms)))
 
 
-def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
+def _negative_messages(views: ObjectViews, candidates: PartCandidates, told: PartDescriptions, scores: PartScores,
               found: NegativeAffordances, rooms: list[str]) -> Iterator[Message]:  # fmt: skip
     yield from _words(told)
     for room, one in zip(rooms, found.tasks, strict=True):
@@ -59,10 +67,11 @@ def _messages(views: ObjectViews, candidates: PartCandidates, told: PartDescript
     for view in range(len(views.views)):
         time_ns, mine = EPOCH_NS + view * STEP_NS, np.flatnonzero(candidates.view == view)
         yield image(VIEW, time_ns, jpeg(views.rgb[view]), "jpeg")
-        yield image(CANDIDATES, time_ns, overlay_png(candidates.masks[mine[: len(SHOWN)]][::-1], SHOWN[: len(mine)][::-1]))
+        masks, colours = candidates.masks[mine[: len(COLOURS)]], COLOURS[: len(mine)]
+        yield image(CANDIDATES, time_ns, overlay_png(masks[::-1], colours[::-1]))
         yield _document(SCORES, time_ns, views.views[view], _scored(mine, candidates, told, scores))
         for room, one in zip(rooms, found.tasks, strict=True):
-            yield image(f"{room}/overlay", time_ns, _overlay(views.face[view], one))
+            yield image(f"{room}/overlay", time_ns, _negative_overlay(views.face[view], one))
 
 
 def _shape(topic: str, mesh: ObjectMesh) -> Message:
@@ -95,8 +104,47 @@ def _document(topic: str, time_ns: int, name: str, value: object) -> Message:
     return stamped(topic, time_ns, Document(name=name, media_type="application/json", text=json.dumps(value, sort_keys=True)))
 
 
-def _overlay(face: np.ndarray, one: NegativeAffordance) -> bytes:
+def _negative_overlay(face: np.ndarray, one: NegativeAffordance) -> bytes:
     """Transparent beside the object; on it from green to red."""
     paint = probability_colours(np.append(one.probability, np.float32(0)))
     paint[:, 3], paint[-1] = OPACITY, 0
+    return encode_png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()
+
+
+POSITIVE = "/positive_affordance"
+
+
+def record_positive(views: ObjectViews, found: PositiveAffordances) -> Recording:
+    """Everything about one object."""
+    rooms = [f"{POSITIVE}/{number}_{task_slug(one.task)}" for number, one in enumerate(found.tasks)]
+    channels: list[Channel] = [image_channel(VIEW, views=list(views.views))]
+    for room, one in zip(rooms, found.tasks, strict=True):
+        channels += [image_channel(f"{room}/overlay", task=one.task, palette={"left": list(LEFT), "right": list(RIGHT)}),
+                     channel(f"{room}/A_t", PointCloud), channel(f"{room}/state", Document)]  # fmt: skip
+    return Recording(tuple(channels), _positive_messages(views, found, rooms))
+
+
+def _positive_messages(views: ObjectViews, found: PositiveAffordances, rooms: list[str]) -> Iterator[Message]:
+    for room, one in zip(rooms, found.tasks, strict=True):
+        yield cloud(f"{room}/A_t", EPOCH_NS, FRAME, one.A_t, np.tile(np.array([*RIGHT, 255], np.uint8), (len(one.A_t), 1)))
+        yield stamped(f"{room}/state", EPOCH_NS, Document(name=one.task, media_type="application/json", text=_positive_state(one)))
+    for view in range(len(views.views)):
+        time_ns = EPOCH_NS + view * STEP_NS
+        yield image(VIEW, time_ns, jpeg(views.rgb[view]), "jpeg")
+        for room, one in zip(rooms, found.tasks, strict=True):
+            yield image(f"{room}/overlay", time_ns, _positive_overlay(views.face[view], one))
+
+
+def _positive_state(one: PositiveAffordance) -> str:
+    taxonomy = {name: round(float(share), 4) for name, share in zip(TAXONOMY, one.taxonomy, strict=True)}
+    return json.dumps({"task": one.task, "taxonomy": taxonomy, "points": len(one.A_t)}, sort_keys=True)
+
+
+def _positive_overlay(face: np.ndarray, one: PositiveAffordance) -> bytes:
+    """Transparent beside the object and where no hand belongs; the colour of the likelier hand shows through elsewhere."""
+    left, right = one.hand.astype(np.float64)
+    share = (right / np.maximum(left + right, 1e-9))[:, None]
+    paint = np.zeros((len(left) + 1, 4), np.uint8)
+    paint[:-1, :3] = ((1 - share) * np.array(LEFT) + share * np.array(RIGHT)).round()
+    paint[:-1, 3] = (OPACITY * np.maximum(left, right).clip(0, 1)).round()
     return encode_png(paint[:, [2, 1, 0, 3]][face], PNG).tobytes()

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.recording.content import EPOCH_NS, Message, Recording
-from afford.recording.own_types import Scalar
-from afford.recording.topics import PAPER, channel, image, image_channel, log, stamped
+from afford.recording.mcap_files import EPOCH_NS, Message, Recording
+from afford.recording.messages import PAPER, Scalar, channel, image, image_channel, log, stamped
 from schemas.files import FileTree
 from schemas.training import TrainingLog
 
@@ -22,7 +21,7 @@ STEP_NS = 1_000_000
 PICTURE = re.compile(r"previews/step_(\d+)\.jpg")
 
 
-class Shown(NamedTuple):
+class Preview(NamedTuple):
     """A sample frame, JPEG."""
 
     time_ns: int
@@ -32,7 +31,7 @@ class Shown(NamedTuple):
     """a line of the log that goes with it"""
 
 
-def record(curves: TrainingLog, stage: str, shown: Iterable[Shown]) -> Recording:
+def record_training(curves: TrainingLog, stage: str, shown: Iterable[Preview]) -> Recording:
     """One topic per curve (`train.total` is /<stage>/train/total), one for sample frames where there are any, and a log."""
     pictures = list(shown)
     channels = [channel(_topic(stage, curve.name), Scalar) for curve in curves.curves]
@@ -40,27 +39,27 @@ def record(curves: TrainingLog, stage: str, shown: Iterable[Shown]) -> Recording
     return Recording(tuple(channels), sorted(_messages(curves, stage, pictures), key=lambda message: message.time_ns))
 
 
-def previews(files: FileTree) -> list[Shown]:
+def previews(files: FileTree) -> list[Preview]:
     """The pictures that a training drew on its way, each at its step."""
     found = [(int(step[1]), file) for file in files.files if (step := PICTURE.fullmatch(file.name))]
-    return [Shown(at(step), file.path.read_bytes()) for step, file in found]
+    return [Preview(step_time_ns(step), file.path.read_bytes()) for step, file in found]
 
 
-def at(step: int) -> int:
+def step_time_ns(step: int) -> int:
     """Log time of a step."""
     return EPOCH_NS + step * STEP_NS
 
 
-def _messages(curves: TrainingLog, stage: str, shown: list[Shown]) -> Iterator[Message]:
+def _messages(curves: TrainingLog, stage: str, shown: list[Preview]) -> Iterator[Message]:
     for curve in curves.curves:
         for step, value in zip(curve.step.tolist(), curve.value.tolist(), strict=True):
-            yield stamped(_topic(stage, curve.name), at(step), Scalar(step=step, value=value))
+            yield stamped(_topic(stage, curve.name), step_time_ns(step), Scalar(step=step, value=value))
     for one in shown:
         yield image(f"/{stage}/preview", one.time_ns, one.jpeg, "jpeg", PAPER)
         if one.words:
             yield log(f"/{stage}/log", one.time_ns, one.words, curves.name)
-    yield log(f"/{stage}/log", at(curves.steps), f"{curves.steps} steps; the weights of step {curves.best_step} were kept",
-              curves.name)  # fmt: skip
+    text = f"{curves.steps} steps; the weights of step {curves.best_step} were kept"
+    yield log(f"/{stage}/log", step_time_ns(curves.steps), text, curves.name)
 
 
 def _topic(stage: str, name: str) -> str:

@@ -35,17 +35,30 @@ from afford.grasping.env.rendering import (
 from afford.grasping.evaluate.trace_metrics import TraceMetrics, trace_metrics
 from afford.grasping.hand.kinematics import forward_kinematics, moving_joints
 from afford.grasping.hand.link_meshes import LinkMesh, link_meshes
-from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.own_types import Document, GraspForce, GraspState, Scalar
+from afford.recording.mcap_files import EPOCH_NS, Channel, Message, Recording
+from afford.recording.messages import (
+    CAMERA,
+    SECOND_NS,
+    Document,
+    GraspForce,
+    GraspState,
+    Scalar,
+    channel,
+    image,
+    image_channel,
+    log,
+    stamped,
+)
 from afford.recording.spatial import WORLD, calibration, cloud, entity, loop, pose, scene, transforms, triangles
-from afford.recording.topics import CAMERA, SECOND_NS, channel, image, image_channel, log, stamped
+from afford.recording.trainings import Preview, record_training, step_time_ns
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.hand import FINGERS, HandModel
+from schemas.training import TrainingLog
 
-ROOM = "/grasp_evaluate"
-IMAGE, LENS, TRANSFORMS, SCENE = f"{ROOM}/image", f"{ROOM}/calibration", f"{ROOM}/transforms", f"{ROOM}/scene"
-PALM, OBJECT, STATE, FORCE = f"{ROOM}/palm", f"{ROOM}/object", f"{ROOM}/state", f"{ROOM}/force"
-POINTS, N_T, FIGURES, SAID = f"{ROOM}/points/object", f"{ROOM}/points/N_t", f"{ROOM}/figures", f"{ROOM}/log"
+GRASPS = "/grasp_evaluate"
+IMAGE, LENS, TRANSFORMS, SCENE = f"{GRASPS}/image", f"{GRASPS}/calibration", f"{GRASPS}/transforms", f"{GRASPS}/scene"
+PALM, OBJECT, STATE, FORCE = f"{GRASPS}/palm", f"{GRASPS}/object", f"{GRASPS}/state", f"{GRASPS}/force"
+POINTS, N_T, FIGURES, LOG = f"{GRASPS}/points/object", f"{GRASPS}/points/N_t", f"{GRASPS}/figures", f"{GRASPS}/log"
 THING = "object"
 """frame_id of the object"""
 GAP_NS = SECOND_NS
@@ -53,7 +66,7 @@ SPACING_M = 0.003
 """between points of the hand"""
 
 
-def record(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Recording:
+def record_grasps(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Recording:
     """The traces of `found`, in their order; `seed` draws points on the hand. ValueError for a trace that is not of this hand."""
     for one in episodes:
         _fits(one.trace, hand)
@@ -75,7 +88,7 @@ def _fits(trace: GraspTrace, hand: HandModel) -> None:
 def _channels(episodes: Sequence[DrawableEpisode], hand: HandModel) -> tuple[Channel, ...]:
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, PALM: PoseInFrame, OBJECT: PoseInFrame, STATE: GraspState,
              FORCE: GraspForce, LENS: CameraCalibration, POINTS: PointCloud, N_T: PointCloud, FIGURES: Document,
-             SAID: Log}  # fmt: skip
+             LOG: Log}  # fmt: skip
     kinds |= {_points(hand, skin): PointCloud for skin in link_meshes(hand)}
     kinds |= {_joint(name): Scalar for name in _joints(hand)}
     kinds |= {_reward(name): Scalar for one in episodes for name in one.trace.terms}
@@ -114,7 +127,7 @@ def _begin(one: DrawableEpisode, hand: HandModel, time_ns: int) -> Iterator[Mess
     yield cloud(POINTS, time_ns, THING, task.body.points, colours)
     yield cloud(N_T, time_ns, THING, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
     bad = ", ".join(task.negative) or "nothing"
-    yield log(SAID, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
+    yield log(LOG, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
 
 
 def _rows(one: DrawableEpisode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
@@ -163,15 +176,15 @@ def _joints(hand: HandModel) -> list[str]:
 
 
 def _joint(name: str) -> str:
-    return f"{ROOM}/joints/{name}"
+    return f"{GRASPS}/joints/{name}"
 
 
 def _reward(name: str) -> str:
-    return f"{ROOM}/reward/{name}"
+    return f"{GRASPS}/reward/{name}"
 
 
 def _points(hand: HandModel, skin: LinkMesh) -> str:
-    return f"{ROOM}/points/{hand.links[skin.link]}"
+    return f"{GRASPS}/points/{hand.links[skin.link]}"
 
 
 def _frame(hand: HandModel, link: int) -> str:
@@ -182,3 +195,29 @@ def _frame(hand: HandModel, link: int) -> str:
 def _rgba(colours: Sequence[Colour]) -> np.ndarray:
     """(n, 4) uint8, opaque."""
     return np.insert(np.array(colours, np.uint8).reshape(-1, 3), 3, 255, axis=1)
+
+
+POLICY_GAP_NS = SECOND_NS // 2
+"""between the last step and the first episode, and between episodes"""
+
+
+def record_policy(curves: TrainingLog, stage: str, episodes: Sequence[DrawableEpisode]) -> Recording:
+    """The recording of the training `stage`; the episodes follow its last step."""
+    return record_training(curves, stage, _episode_pictures(curves, episodes))
+
+
+def _episode_pictures(curves: TrainingLog, episodes: Sequence[DrawableEpisode]) -> Iterator[Preview]:
+    start = step_time_ns(curves.steps) + POLICY_GAP_NS
+    for one in episodes:
+        rows = times(one.trace, start)
+        for row, time_ns in enumerate(rows):
+            yield Preview(time_ns, jpeg(one.draw(row)), _episode_text(one) if row == 0 else "")
+        start = rows[-1] + POLICY_GAP_NS
+
+
+def _episode_text(one: DrawableEpisode) -> str:
+    """What the episode is about, and how it ends."""
+    how = trace_metrics(one.trace, one.task)
+    bad = ", ".join(one.task.negative) or "nothing"
+    end = "reached the goal" if how.success[-1] else "never at the goal"
+    return f"{one.task.name}: {one.task.use or 'any use'}; hold {one.task.hold or 'anything'}, not {bad}; {end}"

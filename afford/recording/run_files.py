@@ -8,9 +8,8 @@ from pathlib import PurePosixPath
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.own_types import Document
-from afford.recording.topics import PAPER, channel, image, image_channel, log, stamped
+from afford.recording.mcap_files import EPOCH_NS, Channel, Message, Recording
+from afford.recording.messages import PAPER, Document, channel, image, image_channel, log, stamped
 from schemas.files import FileRef, FileTree
 
 PICTURES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
@@ -19,7 +18,7 @@ STEP_NS = 1_000_000
 """files have no media time: those of one kind come at steps of a millisecond"""
 
 
-def record(value: FileTree, stage: str) -> Recording:
+def record_files(value: FileTree, stage: str) -> Recording:
     """One topic per picture and per JSON or Markdown file, the sentences of Markdown as a log; all other files are left out."""
     texts = [file for file in value.files if _suffix(file) in TEXTS]
     pictures = [file for file in value.files if _suffix(file) in PICTURES]

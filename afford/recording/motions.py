@@ -21,30 +21,29 @@ from afford.common.image_files import jpeg
 from afford.grasping.env.rendering import CHAINS, PERSON, MotionRenderer, hand_colour, placed_keypoints
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import link_meshes
-from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.own_types import Scalar
+from afford.recording.mcap_files import EPOCH_NS, Channel, Message, Recording
+from afford.recording.messages import SECOND_NS, Scalar, channel, image, image_channel, log, stamped
 from afford.recording.spatial import cloud, entity, loop, pose, scene, transforms, triangles
-from afford.recording.topics import SECOND_NS, channel, image, image_channel, log, stamped
 from schemas.hand import PHASES, HandModel, HandMotion, HandReference, Retargeted
 
-ROOM = "/hand_retarget"
-IMAGE, TRANSFORMS, SCENE, SAID = f"{ROOM}/image", f"{ROOM}/transforms", f"{ROOM}/scene", f"{ROOM}/log"
-ERROR, BONES = f"{ROOM}/error_mm", f"{ROOM}/bone_error_deg"
+RETARGETED = "/hand_retarget"
+IMAGE, TRANSFORMS, SCENE, LOG = f"{RETARGETED}/image", f"{RETARGETED}/transforms", f"{RETARGETED}/scene", f"{RETARGETED}/log"
+ERROR, BONES = f"{RETARGETED}/error_mm", f"{RETARGETED}/bone_error_deg"
 SOURCE = "source"
 """frame_id of what a person did: the world of the recording"""
 GAP_NS = SECOND_NS
 
 
-class Clip(NamedTuple):
+class MotionClip(NamedTuple):
     """A motion, and what became of it."""
 
     motion: HandMotion
     fitted: Retargeted
 
 
-def record(stage: str, clips: Sequence[Clip], studio: MotionRenderer, pictures_hz: float) -> Recording:
+def record_motions(stage: str, clips: Sequence[MotionClip], studio: MotionRenderer, pictures_hz: float) -> Recording:
     """The clips in their order; `stage` read or made the motions, `pictures_hz` is the rate of pictures at most."""
-    kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, SAID: Log, ERROR: Scalar, BONES: Scalar,
+    kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, LOG: Log, ERROR: Scalar, BONES: Scalar,
              f"/{stage}/keypoints": PointCloud, f"/{stage}/bones": SceneUpdate, f"/{stage}/log": Log}  # fmt: skip
     if any(len(clip.motion.object_pose) for clip in clips):
         kinds[f"/{stage}/object"] = PoseInFrame
@@ -53,7 +52,7 @@ def record(stage: str, clips: Sequence[Clip], studio: MotionRenderer, pictures_h
     return Recording((*channels, *pictures), _messages(stage, clips, studio, pictures_hz))
 
 
-def _messages(stage: str, clips: Sequence[Clip], studio: MotionRenderer, pictures_hz: float) -> Iterator[Message]:
+def _messages(stage: str, clips: Sequence[MotionClip], studio: MotionRenderer, pictures_hz: float) -> Iterator[Message]:
     yield _links(studio.hand)
     start = EPOCH_NS
     for clip in clips:
@@ -87,10 +86,10 @@ def _person(stage: str, motion: HandMotion, start: int) -> Iterator[Message]:
             yield log(f"/{stage}/log", time_ns, f"{motion.name}, {motion.side} hand: {PHASES[phase]}", motion.object_name)
 
 
-def _verdict(clip: Clip, start: int) -> Message:
+def _verdict(clip: MotionClip, start: int) -> Message:
     one = clip.fitted.verdict
     text = f"kept, {1000 * one.error_mean_m:.1f} mm off on average" if one.kept else f"dropped: {one.reason}, {one.detail}"
-    return log(SAID, start, f"{one.name}: {text}", one.source, "INFO" if one.kept else "WARNING")
+    return log(LOG, start, f"{one.name}: {text}", one.source, "INFO" if one.kept else "WARNING")
 
 
 def _robot(motion: HandMotion, reference: HandReference, studio: MotionRenderer, pictures_hz: float,

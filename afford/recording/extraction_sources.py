@@ -1,4 +1,4 @@
-"""Clip -> /source_read/outlines on the key frames, /source_read/narration where each begins, /source_read/log."""
+"""Frames -> /frame_decode/image, /frame_decode/state."""
 
 from __future__ import annotations
 
@@ -13,23 +13,41 @@ from foxglove_schemas_protobuf.Point2_pb2 import Point2
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.TextAnnotation_pb2 import TextAnnotation
 
+from afford.common.image_files import jpeg
 from afford.common.palette import Colour, colours_of
-from afford.recording import own_types
-from afford.recording.content import EPOCH_NS, Message, Recording
-from afford.recording.of_labels import narration_message
-from afford.recording.topics import channel, log, stamped
+from afford.recording.mcap_files import EPOCH_NS, Message, Recording
+from afford.recording.messages import FrameState, NarrationState, channel, image, image_channel, log, stamped, times_of
+from schemas.affordance import FrameLabels
 from schemas.masks import Entity
-from schemas.video import Annotation, Clip, Frames, KeyFrame
+from schemas.video import Annotation, Clip, Frames, KeyFrame, Narration
 
-OUTLINES, NARRATION, LOG = "/source_read/outlines", "/source_read/narration", "/source_read/log"
+FRAME_IMAGE, FRAME_STATE = "/frame_decode/image", "/frame_decode/state"
+
+
+def record_frames(value: Frames, frames: Frames) -> Recording:
+    """JPEG of every frame; its mean brightness and how much it differs from the one before (0..255)."""
+    return Recording((image_channel(FRAME_IMAGE), channel(FRAME_STATE, FrameState)), _frame_messages(value, frames))
+
+
+def _frame_messages(value: Frames, frames: Frames) -> Iterator[Message]:
+    before = value.rgb[:1, ::4, ::4].mean(-1)
+    for frame, time_ns, rgb in zip(value.frame.tolist(), times_of(value.frame, frames), value.rgb, strict=True):
+        now = rgb[None, ::4, ::4].mean(-1)
+        state = FrameState(frame=frame, brightness=float(now.mean()), motion=float(np.abs(now - before).mean()))
+        yield image(FRAME_IMAGE, time_ns, jpeg(rgb), "jpeg")
+        yield stamped(FRAME_STATE, time_ns, state)
+        before = now
+
+
+CLIP_OUTLINES, CLIP_NARRATION, CLIP_LOG = "/source_read/outlines", "/source_read/narration", "/source_read/log"
 LINE_PX, LETTERS_PX = 2.0, 12.0
 Colours = Mapping[str, Colour]
 
 
-def record(value: Clip, frames: Frames) -> Recording:
+def record_clip(value: Clip, frames: Frames) -> Recording:
     """What came from outside: outlines as annotated, on frames that were decoded; the narrations; what the reader remarked."""
-    channels = (channel(OUTLINES, ImageAnnotations), channel(NARRATION, own_types.Narration), channel(LOG, Log))
-    messages = [*outlines(value, frames, OUTLINES), *_narrations(value, frames), *_remarks(value, frames)]
+    channels = (channel(CLIP_OUTLINES, ImageAnnotations), channel(CLIP_NARRATION, NarrationState), channel(CLIP_LOG, Log))
+    messages = [*outlines(value, frames, CLIP_OUTLINES), *_narrations(value, frames), *_remarks(value, frames)]
     return Recording(channels, sorted(messages, key=attrgetter("time_ns")))
 
 
@@ -75,13 +93,13 @@ def _narrations(clip: Clip, frames: Frames) -> Iterator[Message]:
     for narration in clip.narrations:
         at = min(int(np.searchsorted(frames.frame, narration.start_frame)), len(frames.frame) - 1)
         time_ns = EPOCH_NS + int(frames.time_ns[at])
-        yield stamped(NARRATION, time_ns, narration_message(narration, int(frames.frame[at])))
-        yield log(LOG, time_ns, narration.text, narration.narration_id)
+        yield stamped(CLIP_NARRATION, time_ns, narration_message(narration, int(frames.frame[at])))
+        yield log(CLIP_LOG, time_ns, narration.text, narration.narration_id)
 
 
 def _remarks(clip: Clip, frames: Frames) -> Iterator[Message]:
     for text in clip.warnings:
-        yield log(LOG, EPOCH_NS + int(frames.time_ns[0]), text, clip.clip_id, "WARNING")
+        yield log(CLIP_LOG, EPOCH_NS + int(frames.time_ns[0]), text, clip.clip_id, "WARNING")
 
 
 def _colours(clip: Clip) -> Colours:
@@ -97,3 +115,38 @@ def _colour(rgb: Colour) -> Color:
 
 def _stamp(part: PointsAnnotation | TextAnnotation, time_ns: int) -> None:
     part.timestamp.seconds, part.timestamp.nanos = divmod(time_ns, 10**9)
+
+
+DETECTED_OUTLINES = "/hand_detect/outlines"
+
+
+def record_detections(value: Clip, frames: Frames) -> Recording:
+    """Hands and what they touch, as they were found."""
+    return Recording((channel(DETECTED_OUTLINES, ImageAnnotations),), list(outlines(value, frames, DETECTED_OUTLINES)))
+
+
+NARRATION, NARRATION_LOG = "/narration", "/narration/log"
+
+
+def record_narrations(value: FrameLabels, frames: Frames) -> Recording:
+    """The task of every frame as a message of our own, and as a line of text that every viewer shows."""
+    return Recording((channel(NARRATION, NarrationState), channel(NARRATION_LOG, Log)), _narration_messages(value, frames))
+
+
+def _narration_messages(value: FrameLabels, frames: Frames) -> Iterator[Message]:
+    begun: set[int] = set()
+    times = times_of(value.frame, frames)
+    for frame, time_ns, index in zip(value.frame.tolist(), times, value.narration.tolist(), strict=True):
+        narration = value.narrations[index]
+        yield stamped(NARRATION, time_ns, narration_message(narration, frame))
+        if index not in begun:
+            yield log(NARRATION_LOG, time_ns, narration.text, narration.narration_id)
+        begun.add(index)
+
+
+def narration_message(n: Narration, frame: int) -> NarrationState:
+    """A narration, as said of a frame."""
+    return NarrationState(
+        frame=frame, narration_id=n.narration_id, text=n.text, verb=n.verb, noun=n.noun, verb_key=n.verb_key,
+        noun_key=n.noun_key, verb_class=n.verb_class, noun_class=n.noun_class, start_frame=n.start_frame,
+        stop_frame=n.stop_frame)  # fmt: skip
