@@ -155,13 +155,13 @@ def _pictures(target: str, source: Path | None, settings: Settings, digest: Call
 
     The training data are always rendered.
     """
-    from afford.rgbd.readers.static_root import pictures
+    from afford.rgbd.readers.static_set import static_root_files
 
     learned = _sequences(target, None, settings, digest)
     if source is None:
         return learned
     try:
-        found = pictures(source, settings.rgbd.static_read.backend, digest)
+        found = static_root_files(source, settings.rgbd.static_read.backend, digest)
     except ValueError as error:
         raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)

@@ -17,8 +17,8 @@ from commands.predict import Options, usable
 from commands.session import STORE
 
 if TYPE_CHECKING:
+    from afford.rgbd.footage import Footage
     from afford.rgbd.model.predictor import Predictor
-    from afford.rgbd.predict.footage import Footage
     from afford.twohands.model.model_folder import ModelFolder
     from schemas.interaction import SceneFlow
 
@@ -31,7 +31,7 @@ def is_sequence_model(model: Path | None) -> bool:
     """Return True when `--model` names a model of sequences: by the word, or by the config of a folder."""
     if model is None:
         return False
-    from afford.rgbd.model.files import FORMAT
+    from afford.rgbd.model.checkpoint import FORMAT
     from afford.twohands.model.model_folder import format_of
 
     return str(model) == NAME or format_of(model) == FORMAT
@@ -43,8 +43,8 @@ def predict(path: Path, task: str, options: Options) -> int:
     Returns 0, or 1 when the sequence cannot be read. UsageError for a wrong call.
     """
     _check(path, task, options)
-    from afford.rgbd.predict.affordances import write
-    from afford.rgbd.predict.footage import Lens, Sampling, read
+    from afford.rgbd.footage import Lens, Sampling, read_footage
+    from afford.rgbd.prediction import write_prediction
     from afford.twohands.prediction_files import claim_folder, write_index
 
     stored, predictor = open_model(options)
@@ -54,9 +54,9 @@ def predict(path: Path, task: str, options: Options) -> int:
         raise UsageError(str(error)) from error
     predictions, failures = [], []
     try:
-        footage = read(path, options.depth, Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames),
-                       predictor.config.size_px)  # fmt: skip
-        folder = write(_predicted(path, footage, predictor, options), stored, options.out / path.stem)
+        lens, sampling = Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames)
+        footage = read_footage(path, options.depth, lens, sampling, predictor.config.size_px)
+        folder = write_prediction(_predicted(path, footage, predictor, options), stored, options.out / path.stem)
         predictions.append({"source": str(path), "folder": folder.name})
     except (ValueError, OSError) as error:
         failures.append({"source": str(path), "message": str(error)})
@@ -69,7 +69,7 @@ def predict(path: Path, task: str, options: Options) -> int:
 
 def open_model(options: Options) -> tuple[ModelFolder, Predictor]:
     """Open the model of `--model`; for the word sor3d, the one that was trained last. UsageError when there is none."""
-    from afford.rgbd.model.files import FORMAT
+    from afford.rgbd.model.checkpoint import FORMAT
     from afford.rgbd.model.predictor import Predictor
     from afford.twohands.model.model_folder import find_model, latest_model
 
@@ -104,19 +104,18 @@ def _check(path: Path, task: str, options: Options) -> None:
 
 def _predicted(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
     """Prediction with its cost, motion included."""
-    from afford.rgbd.model.found import CONFIDENT
-    from afford.rgbd.predict.affordances import Asked
+    from afford.rgbd.prediction import CONFIDENT, SequencePrediction
 
     wall, cpu = time.perf_counter(), time.process_time()
     flow = _flow(footage, predictor.config.flow)
-    found = predictor.predict(predictor.seen(footage.clip, flow))
+    found = predictor.predict(predictor.inputs_of_clip(footage.clip, flow))
     costs = 1000 * (time.process_time() - cpu), 1000 * (time.perf_counter() - wall)
     config = predictor.config
     if not footage.has_depth and (config.depth or config.flow == "3d"):
         unseen = "depth and motion" if config.flow == "3d" else "depth"
         Console(stderr=True).print(f"[yellow]no depth[/] only colours are used; this model also uses {unseen}: give --depth")
     threshold = CONFIDENT if options.threshold is None else options.threshold
-    return Asked(str(path), footage, found, config.flow if flow is not None else "none", threshold, *costs)
+    return SequencePrediction(str(path), footage, found, config.flow if flow is not None else "none", threshold, *costs)
 
 
 def _flow(footage: Footage, kind: str) -> SceneFlow | None:

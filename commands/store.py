@@ -124,12 +124,12 @@ def graph(request: Request, out: Path | None) -> int:
         return 0
     if out.suffix not in (".svg", ".png"):
         raise UsageError(f"--out {out}: the name must end in .svg or .png")
-    from afford.extraction.drawing import draw
+    from afford.extraction.stage_graph import draw_graph
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        draw([node.name for node in drawn.stages()], sorted(edges), out)
+        draw_graph([node.name for node in drawn.stages()], sorted(edges), out)
     except OSError as error:
         raise UsageError(f"--out {out}: the file cannot be written ({error.strerror or error})") from error
     sys.stdout.write(f"{out}\n")

@@ -1,4 +1,4 @@
-"""Parameters of every stage, by system, and the origin of a run's data."""
+"""Parameters of every stage, by system, and the sources of a run."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from schemas.scene import RenderedClip, SceneSpec
 
 
 class Origin(NamedTuple):
-    """Origin of a run's data: clips to render, or files on disk.
+    """Sources of a run: clips to render, or files on disk.
 
-    `truth` is an empty tree where there is no ground truth; `bare` videos have no masks.
+    `truth` is an empty tree where there is none; `bare` videos have no masks.
     """
 
     name: str
@@ -34,10 +34,10 @@ class Origin(NamedTuple):
     bare: bool = False
     motions: FileTree | None = None
     parts: tuple[tuple[str, Origin], ...] = ()
-    """(target, origin) for each of several combined targets"""
+    """sources of each of several targets that run together"""
 
     def of(self, part: str) -> Origin:
-        """Origin of one of several combined targets; the whole origin for a single target."""
+        """Return the sources of one of several targets, or all of them when there is only one."""
         return dict(self.parts).get(part, self)
 
 
@@ -46,7 +46,7 @@ __all__ = ["PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of every stage, by system; a stage name occurs in one system only."""
+    """Parameters of every stage, by system. A stage name occurs in one system only."""
 
     extraction: Extraction = Extraction()
     twohands: Twohands = Twohands()
@@ -55,18 +55,15 @@ class Settings:
     rgbd: Rgbd = Rgbd()
     synthetic: Synthetic = Synthetic()
     weights: tuple[tuple[str, FileTree], ...] = ()
-    """(stage, files) for every stage whose backend reads weights"""
+    """(stage, files) of every stage whose backend reads weights"""
 
     @classmethod
     def of(cls, **stages: Any) -> Settings:
-        """Defaults except for the parameters of some stages.
-
-        `Settings.of(mask_densify=mask_densify.Params(radius=3))`.
-        """
+        """Return the defaults with other parameters of some stages: `Settings.of(mask_densify=mask_densify.Params(radius=3))`."""
         return cls().with_stages(**stages)
 
     def with_stages(self, **stages: Any) -> Settings:
-        """Copy with other parameters of some stages. TypeError for a stage that no system has."""
+        """Return a copy with other parameters of some stages. Raises TypeError for an unknown stage."""
         unknown = stages.keys() - SYSTEM_OF.keys()
         if unknown:
             raise TypeError(f"Settings: expected names of stages, got {', '.join(sorted(unknown))}")
@@ -74,10 +71,10 @@ class Settings:
         return replace(self, **{system: replace(getattr(self, system), **mine) for system, mine in changed.items() if mine})
 
     def params(self, stage: str) -> Any:
-        """Parameters of a stage of any system."""
+        """Return the parameters of a stage, whichever system has it."""
         return getattr(getattr(self, SYSTEM_OF[stage]), stage)
 
 
 SYSTEMS: tuple[str, ...] = tuple(field.name for field in fields(Settings) if field.name != "weights")
 SYSTEM_OF: dict[str, str] = {stage.name: system for system in SYSTEMS for stage in fields(getattr(Settings, system))}
-"""stage -> system, in the order of systems and stages"""
+"""stage -> system, in the order of both"""

@@ -26,8 +26,8 @@ THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
-BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.surface.describe.vlm:describe",
-            "endpoint": "afford.surface.describe.endpoint:describe"}  # fmt: skip
+BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.surface.describe.chat:describe_by_model",
+            "endpoint": "afford.surface.describe.chat:describe_by_server"}  # fmt: skip
 
 
 @dataclass(frozen=True)

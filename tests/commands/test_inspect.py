@@ -12,9 +12,9 @@ import cv2
 import pytest
 from mcap.reader import make_reader
 
-from afford.recording.files import read, write
-from afford.recording.layout import CURVES, layout
-from afford.recording.own_types import MESSAGES
+from afford.recording.foxglove_layout import CURVES, layout
+from afford.recording.mcap_files import read_recording, write_recording
+from afford.recording.messages import MESSAGES
 from afford.recording.summary import Summary, Topic, summarise
 from pipeline import main
 from tests.helpers.command import call
@@ -186,7 +186,8 @@ def test_a_view_that_cannot_be_had_is_refused_in_a_sentence(
     (tmp_path / "file").touch()
     path = tmp_path / "made.mcap" if "{path}" in said or words[0] == "--rerun" else recording
     with recording.open("rb") as stream:
-        write(tmp_path / "made.mcap", read(make_reader(stream), ("/source_read/outlines",)))  # which no view shows alone
+        outlines = read_recording(make_reader(stream), ("/source_read/outlines",))  # no view shows them alone
+        write_recording(tmp_path / "made.mcap", outlines)
     refused = call("inspect", path, *(word.format(out=tmp_path) for word in words))
     assert refused.code == 2 and said.format(out=tmp_path, path=path, bin=Path(sys.executable).parent) in refused.words
 

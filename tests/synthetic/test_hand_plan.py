@@ -29,5 +29,5 @@ def test_more_rooms_leave_the_others_as_they_are() -> None:
 @pytest.mark.parametrize("none", [{"rooms": 0}, {"val_rooms": 0}])
 def test_a_split_without_rooms_is_refused(none: dict[str, int]) -> None:
     """Training needs both."""
-    with pytest.raises(ValueError, match="expected rooms to learn from and rooms that judge"):
+    with pytest.raises(ValueError, match="expected at least one training and one validation room"):
         hand_plan.run(replace(FEW, **none))

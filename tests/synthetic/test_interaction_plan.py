@@ -50,5 +50,5 @@ def test_one_instance_is_used_in_several_ways() -> None:
 
 def test_an_empty_plan_is_refused() -> None:
     """In one sentence."""
-    with pytest.raises(ValueError, match="interaction_plan: expected numbers"):
+    with pytest.raises(ValueError, match="interaction_plan: expected at least one sequence"):
         interaction_plan.run(interaction_plan.Params(train=0, val=0))

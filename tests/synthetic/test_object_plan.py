@@ -54,5 +54,5 @@ def test_some_splits_and_categories_are_some_of_all() -> None:
                                                   "unseen_per_category"), 0)])  # fmt: skip
 def test_nothing_to_build_is_refused(wrong: dict[str, int]) -> None:
     """Negative numbers and an empty plan."""
-    with pytest.raises(ValueError, match="expected numbers of 0 or more, and one object at least"):
+    with pytest.raises(ValueError, match="expected counts of 0 or more and at least one object"):
         object_plan.run(Params(**wrong))

@@ -1,4 +1,4 @@
-"""Grasps to look at: a sheet with a row for each and its moments side by side, and a film of several of them at once."""
+"""Contact sheet of grasps, a row of key frames for each episode, and a video of several episodes in a grid."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ GOOD: Colour = (20, 120, 70)
 SHADE: Colour = (70, 72, 76)
 CRF = 23
 STILL_S = 0.8
-"""how long the last picture of a film stays"""
+"""time that the last frame of a video stays"""
 
 
 def sheet(rows: Mapping[str, DrawableEpisode]) -> np.ndarray:
-    """(h, w, 3) uint8: label -> an episode; its columns are `traced.PHASES`. ValueError when there is none."""
+    """Draw the sheet (h, w, 3) uint8: label -> episode, with a column for each of `PHASES`; ValueError without episodes."""
     if not rows:
-        raise ValueError("rows: expected episodes to show, got none")
+        raise ValueError("rows: no episodes to show")
     strips = [_strip(label, one) for label, one in rows.items()]
     step = (strips[0].shape[1] - WORDS_PX) // len(PHASES)
     head = _page(strips[0].shape[1], HEAD_PX, [(WORDS_PX + k * step + 6, 6, name, INK) for k, name in enumerate(PHASES)])
@@ -37,13 +37,14 @@ def sheet(rows: Mapping[str, DrawableEpisode]) -> np.ndarray:
 
 
 def write_sheet(path: Path, rows: Mapping[str, DrawableEpisode]) -> None:
-    """`sheet` as a PNG."""
+    """Write `sheet` as a PNG."""
     path.write_bytes(encode_png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
 
 
 def write_film(path: Path, rows: Mapping[str, DrawableEpisode], columns: int = 3) -> None:
-    """All episodes at once in a grid, as an MP4 at their own pace; those that are over stay. ValueError for none, or for traces of
-    different rates.
+    """Write all episodes in a grid as an MP4, at their own rate; finished episodes stay on their last frame.
+
+    ValueError without episodes, or for traces of different rates.
     """
     rates = {one.trace.rate_hz for one in rows.values()}
     if len(rates) != 1:
@@ -62,7 +63,7 @@ def _frames(rows: Mapping[str, DrawableEpisode], columns: int, still: int) -> It
 
 
 def _strip(label: str, one: DrawableEpisode) -> np.ndarray:
-    """Words, then the moments."""
+    """Draw a row: its label and verdict, then the key frames."""
     tiles = [cv2.copyMakeBorder(one.draw(row), 0, GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=PAPER)
              for row in key_frames(one.trace, one.task)]  # fmt: skip
     lines = [(label, INK), (one.trace.task, FAINT), *_verdict(one)]
@@ -71,7 +72,7 @@ def _strip(label: str, one: DrawableEpisode) -> np.ndarray:
 
 
 def _verdict(one: DrawableEpisode) -> list[tuple[str, Colour]]:
-    """How it went, as metrics have it."""
+    """Return the verdict of an episode by the metrics, as lines of text."""
     how, trace = trace_metrics(one.trace, one.task), one.trace
     pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
     return [("reached the goal" if how.success[-1] else "never at the goal", GOOD if how.success[-1] else BAD),
@@ -81,7 +82,7 @@ def _verdict(one: DrawableEpisode) -> list[tuple[str, Colour]]:
 
 
 def _tile(label: str, one: DrawableEpisode, row: int, success: np.ndarray) -> np.ndarray:
-    """A row with its label, its task, and whether the goal was reached."""
+    """Draw a step with its label, its task, and a mark when the goal was reached."""
     page = Image.fromarray(one.draw(row))
     draw = ImageDraw.Draw(page)
     draw.text((6, 4), label, fill=INK, font=font(LETTERS_PX))
@@ -92,7 +93,7 @@ def _tile(label: str, one: DrawableEpisode, row: int, success: np.ndarray) -> np
 
 
 def _page(width: int, height: int, words: Sequence[tuple[int, int, str, Colour]]) -> np.ndarray:
-    """Words at (x, y); those that do not fit end with dots."""
+    """Draw text at (x, y); text that does not fit ends with dots."""
     page = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(page)
     for x, y, text, colour in words:
@@ -108,5 +109,5 @@ def _fitting(text: str, width: int) -> str:
 
 
 def _even(picture: np.ndarray) -> np.ndarray:
-    """As H.264 wants it."""
+    """Crop to even width and height, as H.264 requires."""
     return picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
