@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from afford.render.mesh import merge
-from afford.render.motion import about, pose
+from afford.render.motion import axis_angle, pose
 from afford.synthetic.assets import library
 from afford.synthetic.assets.object_model import ObjectModel
 from afford.synthetic.human_hand.skeleton import distance_to
@@ -43,7 +43,7 @@ def thing(kind: str, seed: int = 3) -> ObjectModel:
 def placed(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> PlacedObject:
     """Place an object 30 cm away from the person."""
     model = thing(kind)
-    T = pose((x, 0.30, 0.0), about((0, 0, 1), yaw))
+    T = pose((x, 0.30, 0.0), axis_angle((0, 0, 1), yaw))
     points = (model.points @ T[:3, :3].T + T[:3, 3])[:, :2]
     (left, near), (right, far) = points.min(axis=0), points.max(axis=0)
     return PlacedObject(number, model, T, np.array([(left, near), (right, near), (right, far), (left, far)], np.float32))

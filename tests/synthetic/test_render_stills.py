@@ -9,7 +9,7 @@ import pytest
 
 from afford.codecs import CODEC
 from afford.dataset.still_samples import sample_stills
-from afford.render.motion import about, pose
+from afford.render.motion import axis_angle, pose
 from afford.synthetic.assets import library
 from afford.synthetic.splits import (
     KNOWN_KINDS,
@@ -47,7 +47,7 @@ def room() -> Stills:
 def placed(kind: str, x: float, y: float = 0.30, yaw: float = 0.0, number: int = 0) -> PlacedObject:
     """Place an object at a position."""
     model = with_extra_grips(library.build(kind, np.random.default_rng(5)))
-    T = pose((x, y, 0.0), about((0, 0, 1), yaw))
+    T = pose((x, y, 0.0), axis_angle((0, 0, 1), yaw))
     points = model.points @ T[:3, :3].T + T[:3, 3]
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])], np.float32)

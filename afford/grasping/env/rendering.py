@@ -23,7 +23,7 @@ from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import link_meshes
 from afford.grasping.motion.retarget import M
 from afford.render.draw import render
-from afford.render.mesh import Mesh, merge, mesh, moved
+from afford.render.mesh import Mesh, merge, mesh, translate
 from afford.render.scene import Camera, Instance, Light, Material, Rendered, Textures
 from afford.render.solids import box, patch, tube
 from schemas.episodes import GraspTrace
@@ -167,7 +167,7 @@ def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _dots(points: np.ndarray) -> Mesh:
     """Small box around each point (k, 3)."""
     dot = box((DOT_M, DOT_M, DOT_M), bevel=0.0)
-    return merge(*(moved(dot, x, y, z - DOT_M / 2) for x, y, z in points.tolist()))
+    return merge(*(translate(dot, x, y, z - DOT_M / 2) for x, y, z in points.tolist()))
 
 
 def _by_colour(task: GraspTask) -> dict[str, list[Piece]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 from afford.surface.describe.looks import PARTS, part_phrase
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -347,7 +348,8 @@ def known_category(category: str) -> str:
 
 
 def _note(kind: str, part: str, row: Rule, confidence: float) -> PartNote:
-    role, reason = "neutral", ""
+    role: Literal["negative", "positive", "neutral"] = "neutral"
+    reason = ""
     if part in row.negative:
         role, reason = "negative", row.reason
     elif part in row.positive:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import Mesh, merge, mesh, moved, transform
-from afford.render.motion import about, pose
+from afford.render.mesh import Mesh, merge, mesh, transform, translate
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import Material
 from afford.render.solids import extrude, lathe, tube
 from afford.synthetic.assets.object_model import (
@@ -64,7 +64,7 @@ def ladle(rng: np.random.Generator) -> ObjectModel:
     held = look if rng.random() < 0.4 else materials.plastic(rng)
     shift = length / 2
     at = (0.0, float(y[4]) + shift, float(z[4]))
-    parts = (Part("bowl", moved(bowl, 0, shift), look), Part("handle", moved(stick, 0, shift), held))
+    parts = (Part("bowl", translate(bowl, 0, shift), look), Part("handle", translate(stick, 0, shift), held))
     return ObjectModel("ladle", "ladle", parts, _stick(at, 0.016), tip=(0.0, shift, 0.004))
 
 
@@ -83,8 +83,8 @@ def fork(rng: np.random.Generator) -> ObjectModel:
     steel = materials.metal(rng)
     held = steel if rng.random() < 0.33 else _any(rng, materials.wood, materials.plastic)
     shift = (stick - tine - 0.026) / 2
-    head = moved(merge(moved(extrude(root, 0.003), 0, 0, 0.0075), *tines), 0, shift)
-    parts = (Part("handle", moved(handle, 0, shift), held), Part("head", head, steel))
+    head = translate(merge(translate(extrude(root, 0.003), 0, 0, 0.0075), *tines), 0, shift)
+    parts = (Part("handle", translate(handle, 0, shift), held), Part("head", head, steel))
     at = (0.0, shift - 0.66 * stick, float(np.interp(-0.66 * stick, y, z)))
     return _at_rest(ObjectModel("fork", "fork", parts, _stick(at, 0.016), tip=(0.0, shift + tine, 0.004)))
 
@@ -96,14 +96,14 @@ def whisk(rng: np.random.Generator) -> ObjectModel:
     loop = np.stack([r * np.sin(s) ** 0.8 * (1 - 0.42 * np.cos(s)), 0.5 * wires * (1 - np.cos(s)), 0 * s], -1)
     half = tube(loop, 0.0017, 6)
     turns = np.arange(10) * (2 * np.pi / 10)
-    balloon = merge(*(transform(half, pose((0, 0, 0), about((0, 1, 0), turn))) for turn in turns))
+    balloon = merge(*(transform(half, pose((0, 0, 0), axis_angle((0, 1, 0), turn))) for turn in turns))
     y = np.linspace(-stick, 0.006, 12)
     thick = np.interp(y, [-stick, -0.45 * stick, 0], [0.0125, 0.0105, 0.0075])
     handle = tube(np.stack([0 * y, y, 0 * y], -1), thick, 16)
     steel = materials.metal(rng, tone=185)
     held = steel if rng.random() < 0.33 else _any(rng, materials.wood, materials.plastic)
     shift, slope = (stick - wires) / 2, (r - 0.0125) / (stick + 0.62 * wires)
-    lean = pose((0, shift, 0), about((1, 0, 0), np.arctan(slope)))
+    lean = pose((0, shift, 0), axis_angle((1, 0, 0), np.arctan(slope)))
     parts = (Part("handle", transform(handle, lean), held), Part("wires", transform(balloon, lean), steel))
     at = tuple(float(v) for v in (lean @ [0, -0.55 * stick, 0, 1])[:3])
     return _at_rest(ObjectModel("whisk", "whisk", parts, _stick((at[0], at[1], at[2]), 0.022), tip=(0.0, shift + wires, r)))
@@ -117,7 +117,7 @@ def pot(rng: np.random.Generator) -> ObjectModel:
     s = np.linspace(0, np.pi, 17)
     bow = np.stack([r - 0.004 + out * np.sin(s) ** 0.5, -0.040 * np.cos(s), 0 * s + 0.80 * h], -1)
     loop = tube(bow, rng.uniform(0.0055, 0.0075), 12, flat=0.8)
-    other = transform(loop, pose((0, 0, 0), about((0, 0, 1), np.pi)))
+    other = transform(loop, pose((0, 0, 0), axis_angle((0, 0, 1), np.pi)))
     coat = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng)
     held = materials.plastic(rng, (42, 40, 42)) if rng.random() < 0.5 else materials.metal(rng)
     parts = (
@@ -167,18 +167,18 @@ def brush(rng: np.random.Generator) -> ObjectModel:
     """A dish brush, handle towards -y, lying on its back or on its bristles."""
     stick, rx, ry, deep = rng.uniform(0.15, 0.19), rng.uniform(0.022, 0.030), rng.uniform(0.030, 0.040), rng.uniform(0.022, 0.030)
     turned, thick = rng.random() < 0.6, 0.011
-    tuft = _tuft(deep) if not turned else moved(transform(_tuft(deep), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, thick + deep)
-    tufts = merge(*(moved(tuft, x * 1.08, y * 1.08) for x, y in _spots(rx - 0.003, ry - 0.003, 0.0095)))
+    tuft = _tuft(deep) if not turned else translate(transform(_tuft(deep), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, thick + deep)
+    tufts = merge(*(translate(tuft, x * 1.08, y * 1.08) for x, y in _spots(rx - 0.003, ry - 0.003, 0.0095)))
     a = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-    back = moved(extrude(np.stack([rx * np.cos(a), ry * np.sin(a)], -1), thick), 0, 0, 0 if turned else deep)
+    back = translate(extrude(np.stack([rx * np.cos(a), ry * np.sin(a)], -1), thick), 0, 0, 0 if turned else deep)
     y = np.linspace(-ry - stick, -ry + 0.012, 16)
     z = np.interp(y, [y[0], y[-1]], [0.0085, 0.006 if turned else deep + 0.006]) + 0.006 * np.sin(np.linspace(0, np.pi, 16))
     handle = tube(np.stack([0 * y, y, z], -1), np.interp(y, [y[0], y[6], y[-1]], [0.0110, 0.0095, 0.0075]), 14, flat=0.72)
     look = materials.wood(rng, size=256) if rng.random() < 0.5 else materials.plastic(rng)
     hair = materials.plastic(rng, (232, 226, 208)) if rng.random() < 0.6 else materials.plastic(rng)
     shift = stick / 2
-    parts = (Part("back", moved(back, 0, shift), look), Part("bristles", moved(tufts, 0, shift), hair),
-             Part("handle", moved(handle, 0, shift), look))  # fmt: skip
+    parts = (Part("back", translate(back, 0, shift), look), Part("bristles", translate(tufts, 0, shift), hair),
+             Part("handle", translate(handle, 0, shift), look))  # fmt: skip
     return ObjectModel("brush", "brush", parts, _stick((0.0, float(y[5]) + shift, float(z[5])), 0.018), tip=(0.0, shift, 0.0))
 
 
@@ -216,7 +216,7 @@ def _at_rest(model: ObjectModel) -> ObjectModel:
     """Shift a model vertically until its lowest point is on the table."""
     z = -float(model.points[:, 2].min())
     grips = tuple(replace(grip, T_obj_palm=pose((0, 0, z), np.eye(3)) @ grip.T_obj_palm) for grip in model.grips)
-    return replace(model, parts=tuple(replace(part, mesh=moved(part.mesh, 0, 0, z)) for part in model.parts), grips=grips)
+    return replace(model, parts=tuple(replace(part, mesh=translate(part.mesh, 0, 0, z)) for part in model.parts), grips=grips)
 
 
 BUILDERS = {"jug": jug, "ladle": ladle, "fork": fork, "whisk": whisk, "pot": pot, "glass": glass, "grinder": grinder,

@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.common.palette import TONES
 from afford.render import materials
-from afford.render.mesh import Mesh, merge, moved, smooth_normals, transform
+from afford.render.mesh import Mesh, merge, smooth_normals, transform, translate
 from afford.render.patterns import cloud
 from afford.render.scene import Material
 from afford.render.solids import lathe, tube
@@ -97,7 +97,7 @@ def _watch(rng: np.random.Generator) -> Mesh:
     wide = float(rng.uniform(0.014, 0.018))
     case = lathe(np.array([(0, 0), (wide, 0), (wide, 0.007), (wide - 0.002, 0.009), (0, 0.009)]), 28)
     down = np.diag([1.0, -1.0, -1.0, 1.0])
-    return merge(strap, moved(transform(case, down), at, 0.0, WRIST[2] - 0.0190))
+    return merge(strap, translate(transform(case, down), at, 0.0, WRIST[2] - 0.0190))
 
 
 def _skin_colour(shape: HandShape, normals: np.ndarray) -> np.ndarray:

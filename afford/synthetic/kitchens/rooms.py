@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import moved
-from afford.render.motion import about, pose
+from afford.render.mesh import translate
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import BACKGROUND, Instance, Light, Material, linear
 from afford.render.solids import box, patch
 from afford.synthetic.assets import library
@@ -119,8 +119,8 @@ def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
 def _wall(rng: np.random.Generator, wall: Material) -> list[Instance]:
     """Build the back wall with a skirting ledge and a shelf."""
     back = patch(np.array([-2.0, WALL_Y, -0.1]), np.array([4.0, 0, 0]), np.array([0, 0, 1.6]), (8.0, 3.2))
-    ledge = moved(box((4.0, 0.02, 0.06), 0.003, uv_per_m=2), 0, WALL_Y - 0.01, 0)
-    shelf = moved(
+    ledge = translate(box((4.0, 0.02, 0.06), 0.003, uv_per_m=2), 0, WALL_Y - 0.01, 0)
+    shelf = translate(
         box((float(rng.uniform(0.6, 1.1)), 0.16, 0.022), 0.002, uv_per_m=2), float(rng.uniform(-0.5, 0.5)), WALL_Y - 0.08, 0.42
     )
     timber = materials.wood(rng)
@@ -143,7 +143,7 @@ def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
     out = []
     for k in range(int(rng.integers(0, 3))):
         wide, deep = rng.uniform(0.20, 0.36), rng.uniform(0.16, 0.28)
-        sheet = moved(
+        sheet = translate(
             patch(np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide, 0, 0]), np.array([0, deep, 0])),
             0,
             0,
@@ -217,7 +217,7 @@ def _place_mat(rng: np.random.Generator, kinds: tuple[MaterialBuilder, ...], cen
     sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(1.7, 2.8)))
     sheet = replace(sheet, uv=sheet.uv * np.array([1, -1], np.float32))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
-    lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
+    lying = pose((x, y, 0.0), axis_angle((0, 0, 1), rng.uniform(-0.5, 0.5)))
     return Instance(sheet, _fade(kinds[rng.integers(len(kinds))](rng)), lying, casts=False)
 
 

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from afford.render.mesh import transform
-from afford.render.motion import Pose, Track, about, pose
+from afford.render.motion import Pose, Track, axis_angle, pose
 from afford.synthetic.assets.library import build
 from afford.synthetic.assets.object_model import Grip, ObjectModel
 from afford.synthetic.kitchens.animation import Animation, ArmMotion, SceneObject
@@ -82,7 +82,7 @@ class SceneBuilder:
         if kind in RIGHT_HANDED_TOOLS and self.lead == "left":
             model = mirror_object(model)
         grips, yaw = self._choose_grips(model, place, requests)
-        return self.add_model(model, pose(place, about((0, 0, 1), yaw))), grips
+        return self.add_model(model, pose(place, axis_angle((0, 0, 1), yaw))), grips
 
     def add_model(self, model: ObjectModel, at: Pose) -> SceneObject:
         """Add a given object model to the animation at a pose."""
@@ -96,9 +96,10 @@ class SceneBuilder:
         body, lid = split_moving(model)
         (hold,), yaw = self._choose_grips(body, at, [GripRequest(self.support)])
         (twist,), _ = self._choose_grips(lid, at, [GripRequest(self.lead)])
-        stand = pose(at, about((0, 0, 1), yaw))
-        turn = max(YAWS, key=lambda angle: comfort(stand @ pose((0, 0, 0), about((0, 0, 1), angle)) @ twist.T_obj_palm, self.lead))
-        twist = replace(twist, T_obj_palm=pose((0, 0, 0), about((0, 0, 1), turn)) @ twist.T_obj_palm)
+        stand = pose(at, axis_angle((0, 0, 1), yaw))
+        turns = [pose((0, 0, 0), axis_angle((0, 0, 1), angle)) for angle in YAWS]
+        best = max(turns, key=lambda turn: comfort(stand @ turn @ twist.T_obj_palm, self.lead))
+        twist = replace(twist, T_obj_palm=best @ twist.T_obj_palm)
         return self.add_model(body, stand), self.add_model(lid, stand), [hold, twist]
 
     def add_hinged(self, kind: str, at: np.ndarray) -> tuple[SceneObject, list[Grip]]:
@@ -108,7 +109,7 @@ class SceneBuilder:
         moving = [g for g in model.grips_of(self.lead) if g.moving]
         (hold,), yaw = self._choose_grips(still, at, [GripRequest(self.support)])
         lift = moving[self.rng.integers(len(moving))]
-        return self.add_model(model, pose(at, about((0, 0, 1), yaw))), [hold, lift]
+        return self.add_model(model, pose(at, axis_angle((0, 0, 1), yaw))), [hold, lift]
 
     def follow_gaze(self, obj: SceneObject, take: float, drop: float) -> None:
         """Let the gaze move to an object, follow it, and return to the middle of the table."""
@@ -128,7 +129,7 @@ class SceneBuilder:
             if len(grips) > 1 and _palm_distance(grips) < MIN_HAND_GAP_M:
                 continue
             scores = [
-                min(comfort(pose(place, about((0, 0, 1), yaw)) @ grip.T_obj_palm, grip.side) for grip in grips) for yaw in YAWS
+                min(comfort(pose(place, axis_angle((0, 0, 1), yaw)) @ grip.T_obj_palm, grip.side) for grip in grips) for yaw in YAWS
             ]
             best = float(np.max(scores))
             ways += [(s, list(grips), float(yaw)) for s, yaw in zip(scores, YAWS, strict=True) if s > best - COMFORT_SLACK / 3]

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from afford.render.motion import Pose, PoseAt, about, pose
+from afford.render.motion import Pose, PoseAt, axis_angle, pose
 from afford.synthetic.assets.object_model import Grip
 from afford.synthetic.kitchens import scripts_kitchen
 from afford.synthetic.kitchens.animation import DURATION, SceneObject
@@ -68,7 +68,7 @@ def strokes(down: Pose, axis: np.ndarray, swing_rad: float, count: int) -> PoseA
     def path(s: float) -> Pose:
         phase = (count * s) % 1.0 if s < 1 else 0.0
         up = np.sin(np.pi * phase**0.7) ** 2
-        turn = about(axis, swing_rad * up)
+        turn = axis_angle(axis, swing_rad * up)
         return pose(pivot + turn @ (down[:3, 3] - pivot) + (0, 0, 0.05 * up), turn @ down[:3, :3])
 
     return path
@@ -79,7 +79,7 @@ def twists(down: Pose, angle_rad: float, count: int) -> PoseAt:
 
     def path(s: float) -> Pose:
         out = down.copy()
-        out[:3, :3] = down[:3, :3] @ about((0, 1, 0), angle_rad * float(np.sin(2 * np.pi * count * s)))
+        out[:3, :3] = down[:3, :3] @ axis_angle((0, 1, 0), angle_rad * float(np.sin(2 * np.pi * count * s)))
         return out
 
     return path
@@ -129,7 +129,7 @@ def never_free(scene: SceneBuilder) -> None:
         target = set_down_pose(
             obj, scene.position(0.05, 0.04, 0.09) + (0, 0, scene.rng.uniform(0.03, 0.16)), scene.rng.uniform(-0.4, 0.4)
         )
-        target[:3, :3] = about((1, 0, 0), scene.rng.uniform(-0.3, 0.3)) @ target[:3, :3]
+        target[:3, :3] = axis_angle((1, 0, 0), scene.rng.uniform(-0.3, 0.3)) @ target[:3, :3]
         obj.move(first, last, target)
     scene.add_object("board", scene.position(-0.22, 0.16))
     scene.animation.narrate(2, DURATION - 2, f"hold {obj.name}", "hold", obj)
@@ -145,8 +145,9 @@ def turn_over(scene: SceneBuilder) -> None:
     scene.arm(scene.lead).grasp(obj, grip, scene.time_near(4), take, drop)
     first = obj.at(0)
     up = scene.position(0.04, -0.02) + (0, 0, 0.17)
-    shown = pose(up, about((0, 0, 1), 0.9 * scene.mirror) @ about((1, 0, 0), 0.35) @ first[:3, :3])
-    tipped = pose(shown[:3, 3] + (0, 0.03, 0.0), about((0, 1, 0), 0.9 * scene.mirror) @ about((1, 0, 0), -0.5) @ first[:3, :3])
+    shown = pose(up, axis_angle((0, 0, 1), 0.9 * scene.mirror) @ axis_angle((1, 0, 0), 0.35) @ first[:3, :3])
+    tilt = axis_angle((0, 1, 0), 0.9 * scene.mirror) @ axis_angle((1, 0, 0), -0.5)
+    tipped = pose(shown[:3, 3] + (0, 0.03, 0.0), tilt @ first[:3, :3])
     obj.move(take + 2, take + 24, shown, lift_m=0.03)
     obj.move(take + 24, take + 44, tipped)
     obj.track.add(take + 44, drop - 24, hover(scene, tipped, drop - 68 - take))

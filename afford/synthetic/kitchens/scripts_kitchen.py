@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.render.motion import Pose, PoseAt, about, pose
+from afford.render.motion import Pose, PoseAt, axis_angle, pose
 from afford.synthetic.kitchens.scene_builder import GripRequest, SceneBuilder, lowest_z
 from afford.synthetic.kitchens.trajectories import aim_tool, carry, hover, pouring_pose, roll_grip, set_down_pose, stirring_circle
 
@@ -110,7 +110,7 @@ def open_jar(scene: SceneBuilder) -> None:
         off,
         lambda s: (
             jar.at(take + s * (off - take))
-            @ pose((0, 0, 0), about((0, 0, 1), float(np.interp(take + s * (off - take), times, swing))))
+            @ pose((0, 0, 0), axis_angle((0, 0, 1), float(np.interp(take + s * (off - take), times, swing))))
         ),
     )
     lid.move(off, drop - 1, set_down_pose(lid, scene.position(0.20, -0.02) - (0, 0, lowest_z(lid.model)), 0.3), lift_m=0.06)
@@ -157,7 +157,7 @@ def chop(scene: SceneBuilder, down: Pose, strokes: int) -> PoseAt:
     def at(s: float) -> Pose:
         out = down.copy()
         lift = 0.5 - 0.5 * np.cos(2 * np.pi * strokes * s)
-        out[:3, :3] = about((1, 0, 0), 0.22 * lift) @ down[:3, :3]
+        out[:3, :3] = axis_angle((1, 0, 0), 0.22 * lift) @ down[:3, :3]
         out[:3, 3] += (-side * 0.06 * s, 0.0, 0.035 * lift)
         return out
 

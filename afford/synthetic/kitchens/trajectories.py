@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from afford.render.motion import Pose, PoseAt, about, blend, pose, sway
+from afford.render.motion import Pose, PoseAt, axis_angle, blend, pose, sway
 from afford.synthetic.assets.object_model import Grip
 from afford.synthetic.kitchens.animation import SceneObject
 from afford.synthetic.kitchens.scene_builder import SceneBuilder
@@ -19,7 +19,7 @@ MOST_TURN = 0.8
 def set_down_pose(obj: SceneObject, place: np.ndarray, turn_rad: float, upright: Pose | None = None) -> Pose:
     """Return the pose of an object set down at `place` (3,), turned about the vertical relative to its initial pose."""
     first = obj.at(0) if upright is None else upright
-    return pose(place, about((0, 0, 1), turn_rad) @ first[:3, :3])
+    return pose(place, axis_angle((0, 0, 1), turn_rad) @ first[:3, :3])
 
 
 def carry(scene: SceneBuilder, obj: SceneObject, start: float, stop: float, target: Pose, lift_m: float) -> None:
@@ -27,7 +27,7 @@ def carry(scene: SceneBuilder, obj: SceneObject, start: float, stop: float, targ
     begin = obj.track.end()
     middle = blend(begin, target, scene.rng.uniform(0.45, 0.65))
     middle[:3, 3] += (0.0, scene.rng.uniform(-0.05, 0.02), lift_m)
-    middle[:3, :3] = about(scene.rng.normal(size=3) * (1, 1, 0.3), scene.rng.uniform(0.12, 0.35)) @ middle[:3, :3]
+    middle[:3, :3] = axis_angle(scene.rng.normal(size=3) * (1, 1, 0.3), scene.rng.uniform(0.12, 0.35)) @ middle[:3, :3]
     length = stop - start
     reached, left = start + 0.42 * length, start + 0.58 * length
     obj.move(start, reached, middle, lift_m=0.02)
@@ -42,7 +42,7 @@ def hover(scene: SceneBuilder, at: Pose, frames: float) -> PoseAt:
     def path(s: float) -> Pose:
         fade = np.sin(np.pi * s) ** 2
         move = fade * wander(s * frames)
-        return pose(at[:3, 3] + 0.008 * move[:3], about(move[3:] + 1e-9, 0.06 * float(np.linalg.norm(move[3:]))) @ at[:3, :3])
+        return pose(at[:3, 3] + 0.008 * move[:3], axis_angle(move[3:] + 1e-9, 0.06 * float(np.linalg.norm(move[3:]))) @ at[:3, :3])
 
     return path
 
@@ -60,10 +60,10 @@ def pouring_pose(scene: SceneBuilder, vessel: SceneObject, cup: SceneObject, til
         spout = upright @ (mouth * (1, 1, 0)) / np.hypot(*mouth[:2])
         goal = spout + 1.3 * towards
         turn = np.clip(np.arctan2(spout[0] * goal[1] - spout[1] * goal[0], spout[:2] @ goal[:2]), -MOST_TURN, MOST_TURN)
-        upright = about((0, 0, 1), float(turn)) @ upright
-        towards = about((0, 0, 1), float(turn)) @ spout
+        upright = axis_angle((0, 0, 1), float(turn)) @ upright
+        towards = axis_angle((0, 0, 1), float(turn)) @ spout
     towards = towards / np.linalg.norm(towards)
-    turned = about(np.cross((0, 0, 1), towards), tilt_rad) @ upright
+    turned = axis_angle(np.cross((0, 0, 1), towards), tilt_rad) @ upright
     beside = 0.03 * (1 + 2 * np.cos(tilt_rad))
     lip = target[:3] - beside * towards + (0, 0, 0.035 + 0.05 * np.cos(tilt_rad))
     return pose(lip - turned @ mouth, turned)
@@ -81,7 +81,7 @@ def aim_tool(scene: SceneBuilder, tool: SceneObject, along: np.ndarray, up: np.n
 
 def roll_grip(grip: Grip, angle_rad: float, height_m: float) -> Grip:
     """Rotate a grip about the long axis (y) of a lying tool whose handle is `height_m` above the table."""
-    turn = pose((0, 0, height_m)) @ pose((0, 0, 0), about((0, 1, 0), angle_rad)) @ pose((0, 0, -height_m))
+    turn = pose((0, 0, height_m)) @ pose((0, 0, 0), axis_angle((0, 1, 0), angle_rad)) @ pose((0, 0, -height_m))
     return replace(grip, T_obj_palm=turn @ grip.T_obj_palm)
 
 

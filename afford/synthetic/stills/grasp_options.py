@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from afford.render.motion import Pose, about, pose
+from afford.render.motion import Pose, axis_angle, pose
 from afford.synthetic.assets.object_model import Grip, ObjectModel, edge, mirror_grip
 from afford.synthetic.human_hand.skeleton import ROOTS, WRIST
 from afford.synthetic.kitchens.scene_builder import MIN_HAND_GAP_M, comfort
@@ -67,7 +67,7 @@ def with_extra_grips(model: ObjectModel) -> ObjectModel:
     if model.kind == "mug":
         right = next(grip for grip in model.grips_of("right") if grip.name == "handle")
         other = mirror_grip(right)
-        left = replace(other, T_obj_palm=pose((0, 0, 0), about((0, 0, 1), np.pi)) @ other.T_obj_palm)
+        left = replace(other, T_obj_palm=pose((0, 0, 0), axis_angle((0, 0, 1), np.pi)) @ other.T_obj_palm)
         rest = (grip for grip in model.grips if grip.name != "handle")
         return replace(model, grips=(*rest, right, left))
     return model
@@ -120,7 +120,7 @@ def _rotated_grips(model: ObjectModel, grip: Grip) -> Iterator[Grip]:
         yield grip
         return
     for angle in np.arange(TURNS[shape]) * (2 * np.pi / TURNS[shape]):
-        yield replace(grip, T_obj_palm=pose((0, 0, 0), about((0, 0, 1), angle)) @ grip.T_obj_palm)
+        yield replace(grip, T_obj_palm=pose((0, 0, 0), axis_angle((0, 0, 1), angle)) @ grip.T_obj_palm)
 
 
 def _arm_points(option: GripOption) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.draw import render
-from afford.render.motion import Pose, about, pose
+from afford.render.motion import Pose, axis_angle, pose
 from afford.render.scene import BACKGROUND, Instance, Textures
 from afford.synthetic.kitchens.scene_builder import CENTRE
 from afford.synthetic.kitchens.world import elbow
@@ -96,7 +96,7 @@ def _hold_action(world: StillWorld, option: GripOption, free: bool, rng: np.rand
     up = np.eye(4)
     if free and rng.random() < LIFTS:
         middle = option.palm[:3, 3]
-        tilt = about(rng.normal(size=3), float(rng.normal(0, 0.25)))
+        tilt = axis_angle(rng.normal(size=3), float(rng.normal(0, 0.25)))
         up = pose(middle + (*rng.uniform(-0.04, 0.04, 2), rng.uniform(0.02, 0.16)), tilt) @ pose(-middle)
     return HandAction(option.side, up @ option.palm, world.fingers(option), option.obj.number, up)
 

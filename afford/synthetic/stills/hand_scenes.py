@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.camera import intrinsics, look_at
-from afford.render.mesh import moved
-from afford.render.motion import Pose, about, pose
+from afford.render.mesh import translate
+from afford.render.motion import Pose, axis_angle, pose
 from afford.render.patterns import cloud, image, ramp
 from afford.render.scene import BACKGROUND, Camera, Instance, Light
 from afford.render.solids import lathe
@@ -62,7 +62,7 @@ def free_hand_pose(side: str, rng: np.random.Generator) -> tuple[Pose, np.ndarra
     sign = 1.0 if side == "right" else -1.0
     at = np.array([rng.uniform(*span) for span in REACH_M]) * (sign, 1, 1)
     ahead = at - elbow(side, pose(at))
-    ahead = about((0, 0, 1), rng.uniform(-TURN_RAD, TURN_RAD)) @ (ahead * (1, 1, 0.4))
+    ahead = axis_angle((0, 0, 1), rng.uniform(-TURN_RAD, TURN_RAD)) @ (ahead * (1, 1, 0.4))
     ahead = ahead / np.linalg.norm(ahead) + (0, 0, rng.uniform(-PITCH, PITCH))
     turn = rng.uniform(*PALM_RAD)
     palm = palm_frame(at, (-sign * np.sin(turn), 0.15, -np.cos(turn)), ahead)
@@ -82,7 +82,7 @@ def _body(look: HandAppearance, rng: np.random.Generator) -> tuple[Instance, ...
     place = pose((float(rng.uniform(-0.05, 0.05)), -0.50, -0.45))
     trunk = lathe(np.array([(0.0, 0.0), (0.17, 0.0), (0.19, 0.45), (0.21, 0.80), (0.08, 0.92), (0.0, 0.93)]), 24, repeat_u=4.0)
     turn = np.linspace(-np.pi / 2, np.pi / 2, 12)
-    head = moved(lathe(np.stack([0.085 * np.cos(turn), 0.12 * np.sin(turn)], 1), 20), 0.0, 0.04, 1.06)
+    head = translate(lathe(np.stack([0.085 * np.cos(turn), 0.12 * np.sin(turn)], 1), 20), 0.0, 0.04, 1.06)
     return Instance(trunk, look.cloth, place, BACKGROUND), Instance(head, look.skin, place, BACKGROUND)
 
 
@@ -126,7 +126,7 @@ def sample_camera(gaze: np.ndarray, size: tuple[int, int], rng: np.random.Genera
 def relight(light: Light, rng: np.random.Generator) -> Light:
     """Sample other lighting of a room: brightness, direction and colour of the lamps."""
     x, y, z = light.direction
-    turned = about((0, 0, 1), rng.uniform(-np.pi, np.pi)) @ np.array([x, y, z])
+    turned = axis_angle((0, 0, 1), rng.uniform(-np.pi, np.pi)) @ np.array([x, y, z])
     key, fill = (rng.uniform(*LAMP) * rng.uniform(0.9, 1.1, 3) for _ in range(2))
     return replace(light, direction=_triple(turned), colour=_triple(np.multiply(light.colour, key)),
                    ceiling=_triple(np.multiply(light.ceiling, fill)), sky=_triple(np.multiply(light.sky, fill)),

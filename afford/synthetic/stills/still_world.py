@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.render.motion import about, pose
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import BACKGROUND, Instance, Light, Textures
 from afford.synthetic.assets import library
 from afford.synthetic.assets.object_model import ObjectModel
@@ -86,7 +86,7 @@ class StillWorld:
         out: list[Instance] = []
         for model, x in zip(models, places, strict=True):
             at = (x, float(self.rng.uniform(0.62, 0.70)), 0.0)
-            out += model.instances(pose(at, about((0, 0, 1), self.rng.uniform(-0.8, 0.8))), BACKGROUND)
+            out += model.instances(pose(at, axis_angle((0, 0, 1), self.rng.uniform(-0.8, 0.8))), BACKGROUND)
         return out
 
     def hand(self, option: GripOption) -> list[Instance]:
@@ -115,7 +115,7 @@ def _with_tint(instance: Instance, factor: np.ndarray) -> Instance:
 def _relit(light: Light, rng: np.random.Generator) -> Light:
     """Sample other lighting of a room: side and brightness of the lamp."""
     x, y, z = light.direction
-    turned = about((0, 0, 1), rng.uniform(-0.5, 0.5)) @ np.array([x * rng.choice([-1.0, 1.0]), y, z])
+    turned = axis_angle((0, 0, 1), rng.uniform(-0.5, 0.5)) @ np.array([x * rng.choice([-1.0, 1.0]), y, z])
     power = rng.uniform(0.85, 1.15)
     return replace(light, direction=_triple(turned), colour=_triple(np.asarray(light.colour) * power))
 

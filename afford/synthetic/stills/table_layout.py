@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.render.motion import Pose, about, pose
+from afford.render.motion import Pose, axis_angle, pose
 from afford.synthetic.assets.object_model import ObjectModel
 
 LOW, HIGH = np.array([-0.45, -0.10]), np.array([0.45, 0.74])
@@ -45,7 +45,7 @@ def place_on_table(models: Sequence[ObjectModel], rng: np.random.Generator) -> l
     out: list[PlacedObject] = []
     for model in sorted(models, key=lambda m: -float(m.size[0] * m.size[1])):
         for _ in range(TRIES):
-            T = pose((*(rng.uniform(*span) for span in WITHIN), 0.0), about((0, 0, 1), _yaw(model, rng)))
+            T = pose((*(rng.uniform(*span) for span in WITHIN), 0.0), axis_angle((0, 0, 1), _yaw(model, rng)))
             placed = PlacedObject(len(out), model, T, _outline(model, T))
             mine = _rasterize(placed.outline, GAP_M)
             if not (taken & mine).any():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.render.mesh import merge
-from afford.render.motion import Pose, about, pose
+from afford.render.motion import Pose, axis_angle, pose
 from afford.synthetic.assets.object_model import Grip, ObjectModel, palm_frame
 from afford.synthetic.human_hand.skeleton import Distance, close_on, distance_to, opening_posture, posture, tips
 from afford.synthetic.kitchens.scene_builder import CENTRE, COMFORT_SLACK, RIGHT_HANDED_TOOLS, comfort, mirror_object
@@ -48,11 +48,11 @@ def grip_hold(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generat
     if not ways:
         raise LookupError(f"{model.kind}: expected a {side} grip of {names}, got {[g.name for g in model.grips]}")
     place = _place(rng)
-    ease = np.array([comfort(pose(place, about((0, 0, 1), turn)) @ g.T_obj_palm, side) for g, turn in ways])
+    ease = np.array([comfort(pose(place, axis_angle((0, 0, 1), turn)) @ g.T_obj_palm, side) for g, turn in ways])
     good = np.flatnonzero(ease > ease.max() - COMFORT_SLACK)
     chosen, turn = ways[int(good[rng.integers(len(good))])]
     angles = close_on(chosen.kind, _surface_distance(model, chosen), STEPS)
-    return InitialGrasp(model, side, pose(place, about((0, 0, 1), turn + rng.uniform(-0.1, 0.1))), chosen.T_obj_palm,
+    return InitialGrasp(model, side, pose(place, axis_angle((0, 0, 1), turn + rng.uniform(-0.1, 0.1))), chosen.T_obj_palm,
                 opening_posture(chosen.kind), angles)  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def push_hold(model: ObjectModel, rng: np.random.Generator) -> tuple[InitialGras
     side = _side(rng)
     turn = rng.uniform(-0.35, 0.75)
     ahead = np.array([-np.cos(turn), np.sin(turn), 0.0]) * (1 if side == "right" else -1, 1, 1)
-    stand = pose(_place(rng), about((0, 0, 1), rng.uniform(-np.pi, np.pi)))
+    stand = pose(_place(rng), axis_angle((0, 0, 1), rng.uniform(-np.pi, np.pi)))
     points = model.points @ stand[:3, :3].T + stand[:3, 3]
     height = float(points[:, 2].max())
     fingers = np.cross((0, 0, -1.0 if side == "right" else 1.0), ahead)
@@ -81,7 +81,7 @@ def push_hold(model: ObjectModel, rng: np.random.Generator) -> tuple[InitialGras
 def tap_hold(model: ObjectModel, rng: np.random.Generator) -> InitialGrasp:
     """Place an index finger above the middle of a flat object; the palm pose is that of the fingertip in contact."""
     side = _side(rng)
-    stand = pose(_place(rng), about((0, 0, 1), rng.uniform(-0.35, 0.35)))
+    stand = pose(_place(rng), axis_angle((0, 0, 1), rng.uniform(-0.35, 0.35)))
     flip = 1.0 if side == "right" else -1.0
     palm = palm_frame((0, 0, 0), (0, 0.42, -0.9), (-0.30 * flip, 0.85, -0.40))
     angles = posture("point")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.dataset.affordance_rules import affordance_rule
-from afford.render.motion import Curve, Pose, PoseAt, Track, about, approach, arc, ease, pose, sway
+from afford.render.motion import Curve, Pose, PoseAt, Track, approach, arc, axis_angle, ease, pose, sway
 from afford.synthetic.assets.object_model import ObjectModel
 from afford.synthetic.tabletop import hand_placement
 from afford.synthetic.tabletop.hand_placement import InitialGrasp
@@ -81,7 +81,7 @@ def grasp(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) 
         move = np.sin(np.pi * s) ** 2 * wander(s * (RELEASE - TOUCH))
         return pose(
             hold.T_world_obj[:3, 3] + 0.003 * move[:3] * (1, 1, 0),
-            about((0, 0, 1), 0.05 * float(move[3])) @ hold.T_world_obj[:3, :3],
+            axis_angle((0, 0, 1), 0.05 * float(move[3])) @ hold.T_world_obj[:3, :3],
         )
 
     return _rigid(hold, [(TOUCH + 1, RELEASE - 1, still)], rng)
@@ -92,7 +92,7 @@ def lift(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -
     hold = hand_placement.grip_hold(model, names, rng)
     up = hold.T_world_obj.copy()
     up[:3, 3] += (*rng.uniform(-0.025, 0.025, 2), rng.uniform(0.08, 0.13))
-    up[:3, :3] = about(rng.normal(size=3), rng.uniform(0.02, 0.22)) @ up[:3, :3]
+    up[:3, :3] = axis_angle(rng.normal(size=3), rng.uniform(0.02, 0.22)) @ up[:3, :3]
     back = pose(hold.T_world_obj[:3, 3] + (*rng.uniform(-0.008, 0.008, 2), 0), hold.T_world_obj[:3, :3])
     return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, (up, 12.0), (up, 15.0), (back, RELEASE - 0.5)), rng)
 
@@ -102,7 +102,7 @@ def push(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -
     hold, ahead = hand_placement.push_hold(model, rng)
     goal = pose(
         hold.T_world_obj[:3, 3] + ahead * rng.uniform(0.07, 0.12),
-        about((0, 0, 1), rng.uniform(-0.1, 0.1)) @ hold.T_world_obj[:3, :3],
+        axis_angle((0, 0, 1), rng.uniform(-0.1, 0.1)) @ hold.T_world_obj[:3, :3],
     )
     return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, (goal, RELEASE - 1)), rng, start=-0.09 * ahead, turned=False)
 
@@ -111,8 +111,8 @@ def rotate(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator)
     """Rotate the object about the vertical in place."""
     hold = hand_placement.grip_hold(model, names, rng)
     angle = rng.uniform(0.75, 1.25) * rng.choice([-1.0, 1.0])
-    before = pose(hold.T_world_obj[:3, 3], about((0, 0, 1), -0.5 * angle) @ hold.T_world_obj[:3, :3])
-    after = pose(hold.T_world_obj[:3, 3], about((0, 0, 1), 0.5 * angle) @ hold.T_world_obj[:3, :3])
+    before = pose(hold.T_world_obj[:3, 3], axis_angle((0, 0, 1), -0.5 * angle) @ hold.T_world_obj[:3, :3])
+    after = pose(hold.T_world_obj[:3, 3], axis_angle((0, 0, 1), 0.5 * angle) @ hold.T_world_obj[:3, :3])
     begun = InitialGrasp(hold.model, hold.side, before, hold.T_obj_palm, hold.opened, hold.closed)
     return _rigid(begun, _waypoints(before, TOUCH + 0.5, (after, RELEASE - 1.5)), rng)
 
@@ -132,7 +132,7 @@ def hammer(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator)
     struck = _tool_pose(hold, (-0.03, 0.125), CONTACT_HEIGHT_M["hammer"] + 0.004)
     swing = rng.uniform(0.45, 0.7)
     pivot = struck[:3, 3] - 0.16 * struck[:3, 1]
-    up = pose(pivot, about(np.cross(struck[:3, 1], (0, 0, 1.0)), swing))
+    up = pose(pivot, axis_angle(np.cross(struck[:3, 1], (0, 0, 1.0)), swing))
     raised = up @ pose(-pivot) @ struck
     beats = ((raised, 9.0), (struck, 12.0), (raised, 15.0), (struck, 18.0), (hold.T_world_obj, RELEASE - 0.3))
     return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, *beats), rng)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import moved
+from afford.render.mesh import translate
 from afford.render.solids import box, lathe, tube
 from afford.synthetic.assets import crockery, kitchenware, library
 from afford.synthetic.assets.object_model import ObjectModel, Part, along, around, over
@@ -33,7 +33,7 @@ def ball(rng: np.random.Generator) -> ObjectModel:
 def sponge(rng: np.random.Generator) -> ObjectModel:
     """A washing-up sponge, scouring side up."""
     w, d, h = rng.uniform(0.095, 0.125), rng.uniform(0.060, 0.078), rng.uniform(0.028, 0.040)
-    soft, rough = moved(box((w, d, 0.72 * h), 0.003), 0, 0, 0), moved(box((w, d, 0.28 * h), 0.002), 0, 0, 0.72 * h)
+    soft, rough = translate(box((w, d, 0.72 * h), 0.003), 0, 0, 0), translate(box((w, d, 0.28 * h), 0.002), 0, 0, 0.72 * h)
     tint = (236, 204, 84) if rng.random() < 0.4 else None
     parts = (Part("body", soft, materials.plastic(rng, tint)), Part("scourer", rough, materials.plastic(rng)))
     return ObjectModel("sponge", "sponge", parts, over("top", 0.5 * d, h))
@@ -45,13 +45,13 @@ def paint_brush(rng: np.random.Generator) -> ObjectModel:
     y = np.linspace(-stick, 0.0, 14)
     handle = tube(np.stack([0 * y, y, 0 * y + 0.009], -1), np.interp(y, [-stick, -0.5 * stick, 0], [0.008, 0.012, 0.010]), 14,
                   flat=0.7)  # fmt: skip
-    ferrule = moved(box((wide, 0.032, 0.014), 0.002), 0, 0.012, 0.002)
-    tuft = moved(box((0.97 * wide, hair, 0.015), 0.003), 0, 0.028 + hair / 2, 0.0015)
+    ferrule = translate(box((wide, 0.032, 0.014), 0.002), 0, 0.012, 0.002)
+    tuft = translate(box((0.97 * wide, hair, 0.015), 0.003), 0, 0.028 + hair / 2, 0.0015)
     shift = (stick - 0.028 - hair) / 2
     look = materials.wood(rng, size=256) if rng.random() < 0.5 else materials.plastic(rng)
     bristle = materials.plastic(rng, ((230, 222, 200), (52, 44, 40), (176, 132, 84))[rng.integers(3)])
-    parts = (Part("handle", moved(handle, 0, shift), look), Part("ferrule", moved(ferrule, 0, shift), materials.metal(rng)),
-             Part("bristles", moved(tuft, 0, shift), bristle))  # fmt: skip
+    parts = (Part("handle", translate(handle, 0, shift), look), Part("ferrule", translate(ferrule, 0, shift), materials.metal(rng)),
+             Part("bristles", translate(tuft, 0, shift), bristle))  # fmt: skip
     grips = along("handle", (0.0, shift - 0.45 * stick, 0.009), 0.018, tilt_deg=70.0)
     return ObjectModel("brush", "brush", parts, grips, tip=(0.0, shift + 0.026 + hair, 0.004))
 
@@ -106,7 +106,7 @@ def loaf(rng: np.random.Generator) -> tuple[Part, ...]:
     """A long loaf along x on a board, to be cut."""
     y = np.linspace(-0.08, 0.08, 22)
     r = 0.034 * np.sqrt(np.clip(1 - (y / 0.083) ** 2, 0.05, 1)) * rng.uniform(0.85, 1.1)
-    crust = moved(tube(np.stack([y, 0 * y, 0 * y], -1), r, 18, flat=0.8), 0, 0, 0.038)
+    crust = translate(tube(np.stack([y, 0 * y, 0 * y], -1), r, 18, flat=0.8), 0, 0, 0.038)
     board = box((0.19, 0.12, 0.012), 0.003, uv_per_m=4)
     tint = (int(rng.uniform(180, 205)), int(rng.uniform(125, 150)), int(rng.uniform(70, 95)))
     return (Part("board", board, materials.wood(rng, size=256)), Part("loaf", crust, materials.plastic(rng, tint, 256)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.camera import look_at
-from afford.render.motion import about, pose
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, linear
 from afford.render.solids import patch, tube
 from afford.synthetic.assets import library
@@ -118,7 +118,7 @@ def _companion(manipulation: Manipulation, object_type: str, rng: np.random.Gene
         return []
     stand, tip = manipulation.hold.T_world_obj, np.asarray(manipulation.hold.model.tip)
     place = (stand @ np.append(tip, 1.0))[:3] + table_axes(manipulation.hold) @ np.array(COMPANION_OFFSET_M[object_type])
-    turned = stand[:3, :3] @ about((0, 0, 1), rng.uniform(-0.12, 0.12))
+    turned = stand[:3, :3] @ axis_angle((0, 0, 1), rng.uniform(-0.12, 0.12))
     at = pose((place[0], place[1], 0.0), turned)
     return [Instance(part.mesh, part.material, at) for part in COMPANIONS[object_type](rng)]
 
@@ -132,7 +132,7 @@ def _clutter(manipulation: Manipulation, middle: np.ndarray, most: int, rng: np.
         reach = rng.uniform(0.21, 0.27)
         x, y = middle[0] + flip * reach * np.cos(angle), middle[1] + reach * np.sin(angle)
         model = library.build(CLUTTER[int(rng.integers(len(CLUTTER)))], rng)
-        out += model.instances(pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-3, 3))), BACKGROUND)
+        out += model.instances(pose((x, y, 0.0), axis_angle((0, 0, 1), rng.uniform(-3, 3))), BACKGROUND)
     return out
 
 
