@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from afford.render.camera import CALM, PARALLAX, Head, intrinsics, look_at
-from afford.render.motion import Curve, Track, about, approach, arc, blend, ease, log_rotation, pose
+from afford.render.motion import Curve, Track, approach, arc, axis_angle, blend, ease, log_rotation, pose
 
 
 def test_ease_is_minimum_jerk():
@@ -22,16 +22,16 @@ def test_ease_is_minimum_jerk():
 @pytest.mark.parametrize("angle", [0.0, 1e-4, 1.0, 3.0, np.pi])
 def test_log_rotation_inverts_about(angle):
     """The rotation vector reproduces its rotation, also for a half turn."""
-    rotation = about((0.3, -0.5, 0.8), angle)
+    rotation = axis_angle((0.3, -0.5, 0.8), angle)
     turn = log_rotation(rotation)
-    again = about(turn, float(np.linalg.norm(turn))) if angle else np.eye(3)
+    again = axis_angle(turn, float(np.linalg.norm(turn))) if angle else np.eye(3)
     np.testing.assert_allclose(again, rotation, atol=1e-6)
 
 
 @pytest.mark.parametrize("path", [arc, approach])
 def test_paths_start_and_end_at_their_poses(path):
     """A path begins at its first pose, ends at its last and stays rigid in between."""
-    a, b = pose((0, 0, 0)), pose((0.3, 0.1, 0.2), about((0, 0, 1), 2.0))
+    a, b = pose((0, 0, 0)), pose((0.3, 0.1, 0.2), axis_angle((0, 0, 1), 2.0))
     move = path(a, b, np.array([0, 0, 0.1])) if path is arc else path(a, b, np.zeros(3), np.array([0, 0, -0.05]))
     np.testing.assert_allclose(move(0.0), a, atol=1e-9)
     np.testing.assert_allclose(move(1.0), b, atol=1e-9)
@@ -41,8 +41,8 @@ def test_paths_start_and_end_at_their_poses(path):
 
 def test_blend_takes_the_shortest_turn():
     """The rotation half-way between two poses is half the angle."""
-    out = blend(pose((0, 0, 0)), pose((1, 0, 0), about((0, 0, 1), 1.0)), 0.5)
-    np.testing.assert_allclose(out, pose((0.5, 0, 0), about((0, 0, 1), 0.5)), atol=1e-9)
+    out = blend(pose((0, 0, 0)), pose((1, 0, 0), axis_angle((0, 0, 1), 1.0)), 0.5)
+    np.testing.assert_allclose(out, pose((0.5, 0, 0), axis_angle((0, 0, 1), 0.5)), atol=1e-9)
 
 
 def test_track_refuses_overlapping_segments():

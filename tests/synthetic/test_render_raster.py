@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from afford.render.draw import draw_ids, render, render_bundle
-from afford.render.mesh import merge, moved
+from afford.render.mesh import merge, translate
 from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, Textures
 from afford.render.solids import box, lathe, patch, tube
 
@@ -28,7 +28,7 @@ def table(material: Material = NOISE) -> Instance:
 
 def scene() -> list[Instance]:
     """A table, a box (0) and a tube over it (1)."""
-    stick = moved(tube(np.array([(-0.2, 0, 0), (0.0, 0.0, 0), (0.2, 0.02, 0)]), 0.02), 0, 0, 0.15)
+    stick = translate(tube(np.array([(-0.2, 0, 0), (0.0, 0.0, 0), (0.2, 0.02, 0)]), 0.02), 0, 0, 0.15)
     return [table(), Instance(box((0.1, 0.1, 0.06), 0.004), GREY, entity=0), Instance(stick, GREY, entity=1)]
 
 
@@ -132,6 +132,6 @@ def test_solids_are_closed_and_face_outwards(shape) -> None:  # type: ignore[no-
 
 def test_merging_keeps_every_face() -> None:
     """Faces of later shapes refer to their own vertices."""
-    both = merge(box((0.1, 0.1, 0.1)), moved(box((0.1, 0.1, 0.1)), 1.0))
+    both = merge(box((0.1, 0.1, 0.1)), translate(box((0.1, 0.1, 0.1)), 1.0))
     assert both.faces.max() == len(both.vertices) - 1
     np.testing.assert_allclose(both.bounds[1, 0] - both.bounds[0, 0], 1.1, atol=1e-5)
