@@ -103,7 +103,7 @@ def test_clashing_roots_are_refused(tmp_path):
 
 
 def test_clip_sets_contain_the_required_scripts_settings_and_splits():
-    """The sets contain at least 8 standard and 6 hard clips with the required scripts; both splits and all settings in the data set."""
+    """The sets contain 8 standard and 6 hard clips with the required scripts; the data set has both splits and all settings."""
     standard, hard, data = splits.standard_specs(0), splits.hard_specs(0), splits.dataset_specs(0)
     assert len(standard) == 8
     assert len(hard) == 6
