@@ -1,13 +1,13 @@
-"""a teacher, a hand and tasks -> a student that sees what a robot sees, and acts like its teacher.
+"""a teacher, a hand and tasks -> a student that acts like its teacher from depth cameras and proprioception.
 
-Reads   HandModel, GraspTasks to learn on, the FileTree of a teacher (rl_grasp_refinement)
+Reads   HandModel, GraspTasks to train on, the FileTree of a teacher (rl_grasp_refinement)
 Writes  Trained: files (student.json, student.safetensors, tensorboard/) and the TrainingLog
-Method  DAgger in MuJoCo: the student acts, the teacher, which sees the object's state, says what it would have done; the mean
-        squared error of that. The student sees depth as a cloud, N_t, and the robot's own senses (docs/grasping/student.md).
-        Killed, it goes on to the same weights
-Fails   without tasks, for files that are no teacher
-Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. size,
-        views, size_px, points, sampling, layout and n_t have values that are the paper's
+Method  DAgger in MuJoCo: the student acts, the teacher, which observes the object's state, labels the visited states; mean squared
+        error of actions. The student observes a point cloud, N_t and proprioception (docs/grasping/student.md). A training that was
+        killed resumes to the same weights
+Fails   without tasks, or for files without a teacher
+Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
+        published values of size, views, size_px, points, sampling, layout and n_t are named below
 """
 
 from __future__ import annotations
@@ -28,42 +28,44 @@ MEMORY_GIB = 3.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_student."""
+
     name: str = "student"
-    """of the policy and its curves"""
+    """name of the policy and its curves"""
     seed: int = 0
-    """of weights, places, yaws and minibatches"""
+    """seed of weights, object poses and minibatches"""
     rounds: int = 40
     """episodes of every world, each followed by learning"""
     worlds: int = 16
-    """computed side by side, at least one for each task; tasks are taken in turn"""
+    """worlds simulated at once, at least one per task; tasks are taken in turn"""
     updates: int = 120
     """minibatches after a round"""
     batch: int = 128
-    """moments in a minibatch"""
+    """rows of a minibatch"""
     buffer: int = 80000
-    """moments that are remembered"""
+    """rows of the replay buffer"""
     led: int = 4
-    """rounds over which the teacher's share of the worlds falls to none"""
+    """rounds over which the share of worlds that the teacher acts in falls from 1 to 0"""
     lr: float = 1e-3
-    """of Adam; it falls to 0"""
+    """learning rate of Adam; it falls to 0"""
     size: str = "small"
-    """of the network: small, or paper"""
+    """size of the network: small, or paper"""
     views: int = 2
-    """cameras; the paper has 5"""
+    """number of cameras; the paper has 5"""
     size_px: int = 96
-    """of a picture; the paper has 256"""
+    """width and height of an image; the paper has 256"""
     points: int = 512
-    """of a cloud; the paper has 1024"""
+    """points of a cloud; the paper has 1024"""
     sampling: str = "even"
-    """of points among pixels: even, or farthest (the paper's)"""
+    """sampling of points: even (pixels at even intervals), or farthest (farthest point sampling, the paper's)"""
     layout: str = "small"
-    """of the robot's own numbers: small, or paper"""
+    """layout of the robot's own numbers: small, or paper"""
     n_t: str = "first_look"
-    """first_look: N_t stays where it lay at first; tracked: it moves with the object's true pose (the paper's)"""
+    """first_look: N_t stays at its place of the first step; tracked: it moves with the object's true pose (the paper's)"""
     randomise: bool = False
-    """whether physics, latency and the noise of depth differ between worlds"""
+    """randomise physics, latency and depth noise over worlds"""
     iterations: int = 100
-    """of the physics' solver, at most"""
+    """iterations of the physics solver, at most"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:

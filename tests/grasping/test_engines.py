@@ -229,7 +229,7 @@ def test_a_world_may_be_closed_twice(engine: str) -> None:
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
 def test_resets_do_not_leak(engine: str, count: int) -> None:
     """Memory grows by less than 3 MB after fifty resets."""
-    made = make_world(engine, scene(tool()))
+    made = make_world(engine, scene())
     process = psutil.Process()
     for number in range(count + 50):
         made.reset(away(), at(z=0.01))

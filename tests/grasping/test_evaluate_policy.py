@@ -60,10 +60,11 @@ def test_the_script_holds_most_tools(script: GraspEpisodes) -> None:
 
 
 def test_the_seed_fixes_initial_states(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
-    again, other = evaluated(Scratch(tmp_path_factory.mktemp("a"))), evaluated(Scratch(tmp_path_factory.mktemp("b")), seed=1)
-    assert np.array_equal(again.values, script.values, equal_nan=True)
-    assert np.array_equal(again.depth_m, script.depth_m, equal_nan=True)
-    assert not np.array_equal(other.values, script.values, equal_nan=True)
+    """Fewer episodes are the first of more."""
+    again, other = (evaluated(Scratch(tmp_path_factory.mktemp("again")), episodes=2, seed=seed) for seed in (FAST.seed, 1))
+    assert np.array_equal(again.values, script.values[:2], equal_nan=True)
+    assert np.array_equal(again.depth_m, script.depth_m[:2], equal_nan=True)
+    assert not np.array_equal(other.values, script.values[:2], equal_nan=True)
 
 
 def test_traces_agree_with_figures(script: GraspEpisodes) -> None:

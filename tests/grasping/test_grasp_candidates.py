@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.candidates.find import APART_M, SAFE_M
 from afford.grasping.candidates.point_cloud import unproject
-from schemas.grasp import TERMS, GraspScene, HandCandidates
+from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
 from stages.grasping import grasp_candidates
 from tests.helpers.made_looks import RADIUS_M, nothing, rod
 
@@ -33,6 +33,17 @@ def right(scene: GraspScene) -> HandCandidates:
     return grasp_candidates.run(scene, PARAMS).hands[1]
 
 
+@pytest.fixture(scope="module")
+def scene() -> GraspScene:
+    """A rod whose near end is for the right hand."""
+    return rod(right=near_end)[0]
+
+
+@pytest.fixture(scope="module")
+def found(scene: GraspScene) -> GraspCandidates:
+    return grasp_candidates.run(scene, PARAMS)
+
+
 def in_world(T: np.ndarray, found: HandCandidates) -> np.ndarray:
     out: np.ndarray = T @ found.T_cam_grasp
     return out
@@ -52,37 +63,44 @@ def test_a_rod_is_grasped_across_its_length(yaw: float, noise_m: float) -> None:
     assert -0.1 < best[:3, 3] @ along < 0.0
 
 
-def test_candidates_are_frames_on_the_cloud_best_first() -> None:
+def test_candidates_are_frames_on_the_cloud_best_first(scene: GraspScene, found: GraspCandidates) -> None:
     """Rotations, fingers orthogonal to the approach, places within a width of a visible point."""
-    scene, _ = rod(right=near_end)
-    found = right(scene)
-    R = found.T_cam_grasp[:, :3, :3]
-    assert len(found.score) > 1 and (np.diff(found.score) <= 0).all() and (found.score > 0).all()
+    hand = found.hands[1]
+    R = hand.T_cam_grasp[:, :3, :3]
+    assert len(hand.score) > 1 and (np.diff(hand.score) <= 0).all() and (hand.score > 0).all()
     assert np.allclose(R @ R.swapaxes(1, 2), np.eye(3)) and np.allclose(np.linalg.det(R), 1.0)
-    assert np.allclose(found.approach, -R[:, :, 1]) and np.allclose((found.approach * R[:, :, 2]).sum(1), 0.0)
+    assert np.allclose(hand.approach, -R[:, :, 1]) and np.allclose((hand.approach * R[:, :, 2]).sum(1), 0.0)
     seen = unproject(scene.depth_m, scene.K)[scene.region[1]]
-    off = np.linalg.norm(found.T_cam_grasp[:, None, :3, 3] - seen[None], axis=2).min(1)
-    assert (off <= found.width_m).all()
+    off = np.linalg.norm(hand.T_cam_grasp[:, None, :3, 3] - seen[None], axis=2).min(1)
+    assert (off <= hand.width_m).all()
 
 
-def test_fingertips_avoid_negative_points() -> None:
+@pytest.fixture(scope="module")
+def negative() -> GraspScene:
+    """A rod that any hand may hold, but not at its far end."""
+    return rod(right=everything, negative=far_end)[0]
+
+
+@pytest.fixture(scope="module")
+def avoiding(negative: GraspScene) -> HandCandidates:
+    return right(negative)
+
+
+def test_fingertips_avoid_negative_points(negative: GraspScene, avoiding: HandCandidates) -> None:
     """No fingertip is within 2 cm of a negative far end; without it, some are, so the test can fail."""
-    negative = rod(right=everything, negative=far_end)[0]
     points = unproject(negative.depth_m, negative.K)[negative.negative]
 
-    def least(scene: GraspScene) -> float:
-        return float(np.linalg.norm(right(scene).tips[:, :, None] - points, axis=3).min())
+    def least(hand: HandCandidates) -> float:
+        return float(np.linalg.norm(hand.tips[:, :, None] - points, axis=3).min())
 
-    assert least(negative) > SAFE_M - 0.004  # cells of the cloud are 4 mm wide
-    assert least(replace(negative, negative=np.zeros_like(negative.negative))) < SAFE_M
+    assert least(avoiding) > SAFE_M - 0.004  # voxels are 4 mm wide
+    assert least(right(replace(negative, negative=np.zeros_like(negative.negative)))) < SAFE_M
 
 
-def test_negative_points_equal_a_negative_mask() -> None:
+def test_negative_points_equal_a_negative_mask(negative: GraspScene, avoiding: HandCandidates) -> None:
     """N_t in the camera frame has the effect of a mask of those points."""
-    masked = rod(right=everything, negative=far_end)[0]
-    points = unproject(masked.depth_m, masked.K)[masked.negative]
-    told = replace(masked, negative=np.zeros_like(masked.negative), N_t=points)
-    a, b = right(masked), right(told)
+    points = unproject(negative.depth_m, negative.K)[negative.negative]
+    a, b = avoiding, right(replace(negative, negative=np.zeros_like(negative.negative), N_t=points))
     assert np.linalg.norm(a.T_cam_grasp[0, :3, 3] - b.T_cam_grasp[0, :3, 3]) < 0.01
 
 
@@ -114,8 +132,7 @@ def test_two_hands_are_paired_at_a_distance() -> None:
     assert (np.linalg.norm(a - b, axis=1) > APART_M).all() and (np.diff(found.pair_score) <= 0).all()
 
 
-def test_an_unused_hand_gets_no_candidates() -> None:
-    found = grasp_candidates.run(rod(right=near_end)[0], PARAMS)
+def test_an_unused_hand_gets_no_candidates(found: GraspCandidates) -> None:
     assert not len(found.hands[0].score) and not len(found.pair)
 
 
@@ -125,11 +142,11 @@ def test_an_object_without_a_table_is_grasped() -> None:
     assert not found.up.any() and found.hands[1].score[0] > 0.3
 
 
-def test_the_best_candidate_is_positive() -> None:
+def test_the_best_candidate_is_positive(found: GraspCandidates) -> None:
     """The material between the fingers is positive, and all terms are in 0..1."""
-    found = right(rod(right=near_end)[0])
-    assert found.terms[0, TERMS.index("positive")] > 0.9
-    assert ((found.terms >= 0) & (found.terms <= 1)).all()
+    terms = found.hands[1].terms
+    assert terms[0, TERMS.index("positive")] > 0.9
+    assert ((terms >= 0) & (terms <= 1)).all()
 
 
 @pytest.mark.parametrize("case", ["no mask", "no depth", "no hand"])

@@ -114,7 +114,7 @@ def test_points_of_the_object_are_transformed_to_the_camera(look: Path, tmp_path
 def test_a_hand_without_a_grasp_is_reported(look: Path, tmp_path: Path) -> None:
     """A hand that spans 5 mm holds nothing: exit code 1, and the files are written."""
     done = grasp(look, tmp_path / "out", "--span-m", "0.005")
-    assert done.code == 1 and "right hand has no grasp" in done.words and (tmp_path / "out" / "candidates.json").is_file()
+    assert done.code == 1 and "no grasp of the right hand" in done.words and (tmp_path / "out" / "candidates.json").is_file()
 
 
 BAD: dict[str, tuple[list[str], str]] = {
@@ -123,7 +123,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "hands": (["--focal-px", "200", "--hands", "three"], "unknown --hands 'three'"),
     "taxonomy": (["--focal-px", "200", "--taxonomy", "both"], "did you mean"),
     "count": (["--focal-px", "200", "--count", "0"], "1 or more"),
-    "span": (["--focal-px", "200", "--span-m", "90"], "above 0 and 1 at most"),
+    "span": (["--focal-px", "200", "--span-m", "90"], "above 0 and at most 1"),
     "negative": (["--focal-px", "200", "--negative", "LOOK/camera.json"], "--object-pose FILE"),
     "negative size": (["--focal-px", "200", "--negative", "LOOK/small.png"], "expected a mask of the depth's size, 240 x 160"),
     "no such mask": (["--focal-px", "200", "--left", "LOOK/none.png"], "a mask (PNG)"),

@@ -37,8 +37,9 @@ def idle(folder: Path, role: str = "prior") -> FileTree:
     return tree("prior", folder)
 
 
-def followed(folder: Path, **params: object) -> ClipsFollowed:
-    return imitation_evaluate.run(shadow(), tuple(map(tool, TOOLS)), reference_set(), idle(folder / "p"),
+def followed(folder: Path, clips: int | None = None, **params: object) -> ClipsFollowed:
+    references = replace(reference_set(), references=reference_set().references[:clips])
+    return imitation_evaluate.run(shadow(), tuple(map(tool, TOOLS)), references, idle(folder / "p"),
                                   replace(FAST, **params), Scratch(folder))  # type: ignore[arg-type]  # fields of Params
 
 
@@ -65,9 +66,9 @@ def test_the_clip_baseline_is_near_and_the_still_baseline_is_far(found: ClipsFol
 
 def test_batch_size_does_not_matter(found: ClipsFollowed, tmp_path: Path) -> None:
     """One clip at a time: the error depends on the clip alone, wherever its object lies."""
-    alone = followed(tmp_path, at_once=1)
-    assert np.array_equal(alone.level_1_m, followed(tmp_path / "again", at_once=1).level_1_m)
-    assert of(alone, "clip", "level_1_m") == pytest.approx(of(found, "clip", "level_1_m"), abs=0.005)
+    alone = followed(tmp_path, 2, at_once=1)
+    assert np.array_equal(alone.level_1_m, followed(tmp_path / "again", 2, at_once=1).level_1_m)
+    assert of(alone, "clip", "level_1_m") == pytest.approx(of(found, "clip", "level_1_m")[:2], abs=0.005)
 
 
 def test_invalid_inputs_are_reported(tmp_path: Path) -> None:

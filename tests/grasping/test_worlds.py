@@ -84,32 +84,32 @@ def test_process_worlds_equal_thread_worlds() -> None:
     assert same(one.restore(tokens[0]), two.restore(tokens[1]))
     assert same(after, one.step(U, CONTROL_S))
     assert same(after, two.step(U, CONTROL_S))
-    assert same(one.alone(2).step(U[2], CONTROL_S), two.alone(2).step(U[2], CONTROL_S))
+    assert same(one.single_world(2).step(U[2], CONTROL_S), two.single_world(2).step(U[2], CONTROL_S))
     one.close()
     two.close()
     two.close()
 
 
-def test_errors_of_a_process_are_raised_in_the_parent() -> None:
-    """Invalid commands raise the error of the world; later requests and replies still match."""
-    made = ProcessWorlds("mujoco", SCENES[:2], processes=2)
-    made.reset(Q[:2], BODY[:2])
-    with pytest.raises(ValueError, match="finite"):
-        made.step(np.full((2, 24), np.nan), CONTROL_S)
-    assert made.step(U[:2], CONTROL_S).q.shape == (2, 28)
-    made.close()
-    with pytest.raises(KeyError, match="bullet, mujoco"):
-        ProcessWorlds("isaac", SCENES[:2], processes=2)
+def test_errors_of_processes() -> None:
+    """Invalid commands raise the error of the world, and later requests still match their replies.
 
-
-def test_a_killed_process_is_reported() -> None:
-    """The error names objects and exit code; closing still works, and no process remains."""
+    The error about a killed process names objects and exit code; closing still works, and no process remains.
+    """
     before = set(psutil.Process().children())
     made = ProcessWorlds("mujoco", SCENES[:2], processes=2)
     mine = sorted(set(psutil.Process().children()) - before, key=lambda child: child.create_time())
     workers = [child for child in mine if "spawn_main" in " ".join(child.cmdline())]
+    made.reset(Q[:2], BODY[:2])
+    with pytest.raises(ValueError, match="finite"):
+        made.step(np.full((2, 24), np.nan), CONTROL_S)
+    assert made.step(U[:2], CONTROL_S).q.shape == (2, 28)
     os.kill(workers[0].pid, signal.SIGKILL)
     with pytest.raises(RuntimeError, match=r"worlds with block: their process ended \(exit code -9\)"):
         made.reset(Q[:2], BODY[:2])
     made.close()
     assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in workers)
+
+
+def test_an_unknown_engine_in_a_process() -> None:
+    with pytest.raises(KeyError, match="bullet, mujoco"):
+        ProcessWorlds("isaac", SCENES[:1], processes=1)

@@ -14,8 +14,7 @@ import torch
 
 from afford.models.weights import weight_files
 from afford.recording.check_file import check_file
-from afford.recording.content import EPOCH_NS
-from afford.recording.files import opened
+from afford.recording.mcap_files import EPOCH_NS, open_recording
 from afford.training import curves, train
 from afford.training.job import read_job
 from afford.twohands.model.predictor import Predictor
@@ -144,7 +143,7 @@ def test_the_recording_plots_and_shows(trained: Trained, tmp_path: Path) -> None
     """A topic per curve, a millisecond per step, the previews beside them; the file passes every check."""
     tree = training_record.run(trained.log, trained.files, training_record.Params(), Scratch(tmp_path))
     assert check_file(tree.files[0].path) == []
-    with opened(tree.files[0].path) as recording:
+    with open_recording(tree.files[0].path) as recording:
         times = [(message.topic, (message.time_ns - EPOCH_NS) // 1_000_000) for message in recording.messages]
     assert {("/model_train/val/iou", 3), ("/model_train/val/iou", 6), ("/model_train/preview", 6)} <= set(times)
 
