@@ -59,7 +59,7 @@ class ScorerBatch:
 
 
 class ScorerTask:
-    """Task of the training loop (`afford.training.task.Task`)."""
+    """Task of the training loop (`afford.training.job.Task`)."""
 
     monitor = "right"
 
