@@ -9,7 +9,6 @@ import pytest
 import zstandard
 from mcap.reader import make_reader
 
-from afford.common.worker import use_kernel_cache
 from afford.surface.score import Clip
 from maps.settings import Settings
 from runner import Graph, Runner, RunReport
@@ -17,6 +16,7 @@ from schemas.files import FileTree
 from stages.recording import object_record
 from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, params, plant, says, serving
+from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones
 
@@ -122,7 +122,7 @@ def test_the_key_is_nowhere(models: Path, tmp_path: Path, capfd: pytest.CaptureF
     was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be.
     """
     store = tmp_path / "store"
-    use_kernel_cache(ROOT, store)
+    share_kernels(tmp_path)
     with serving(lambda _: says(GOOD)) as server:
         good = made(store, whole(params(server), models), "all", jobs=1)
     with serving(lambda _: Answer(401, ECHO, (("X-Key", KEY),))) as refusing:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from afford.surface.score.shape_features import mask_traits
 from tests.helpers.made_objects import looked
 
 
+@cache
 def crops() -> np.ndarray:
+    """Crops of all candidates of a screwdriver, computed once."""
     x = looked()
     cut = MaskCropper(x.mesh, x.views)
     return np.stack([cut(int(v), m) for v, m in zip(x.candidates.view, x.candidates.masks, strict=True)])
@@ -48,7 +51,7 @@ def test_a_roll_of_the_camera_is_a_turn_of_the_crop(turn: int, mirror: bool) -> 
     rgb, face, masks = (np.rot90(a, turn, (1, 2))[:, :, side].copy() for a in (x.views.rgb, x.views.face, x.candidates.masks))
     cut = MaskCropper(x.mesh, replace(x.views, rgb=rgb, face=face, T_obj_cam=x.views.T_obj_cam @ roll @ flip))
     ways, error = [(t, m) for t in range(4) for m in (False, True)], np.zeros(8)
-    for view, mask, plain in zip(x.candidates.view, masks, crops(), strict=True):
+    for view, mask, plain in zip(x.candidates.view[::3], masks[::3], crops()[::3], strict=True):
         error += [np.abs(cut(int(view), mask).astype(int) - rotate_crops(plain, *way)).mean() for way in ways]
     assert ways[error.argmin()] == (turn, mirror) and error.min() < 0.5 * np.median(error)
 
