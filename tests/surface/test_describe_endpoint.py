@@ -140,7 +140,7 @@ def test_what_is_no_reply_of_the_protocol_is_one_sentence(answer: Answer) -> Non
 
 
 def test_what_the_model_says_must_be_an_answer() -> None:
-    """The parser's sentence (test_describe_answer.py)."""
+    """The parser's sentence (test_describe_prompt.py)."""
     assert "expected one JSON object with category and parts, got none in 'No.'" in refused(lambda _: says("No."))[0]
 
 

@@ -11,7 +11,7 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 from stages.surface import mask_propose, view_render
 from tests.helpers.made_meshes import as_object, ball
-from tests.surface.test_segments import dumbbell
+from tests.surface.test_proposal_regions import dumbbell
 
 Shown = tuple[ObjectMesh, ObjectViews, PartCandidates]
 

@@ -1,12 +1,29 @@
-"""Points are spread in proportion to weight; the few that are taken are far from each other."""
+"""The short algebra of rotations is scipy's."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from afford.common.geometry import farthest_point_sampling, sample_surface
+from afford.common.geometry import (
+    farthest_point_sampling,
+    quaternion_inverse,
+    quaternion_matrix,
+    quaternion_product,
+    sample_surface,
+)
 from tests.helpers.made_meshes import ball
+
+
+def test_as_scipy_has_it() -> None:
+    """Matrices, products and inverses of random rotations."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        one, two = Rotation.random(rng=rng), Rotation.random(rng=rng)
+        assert quaternion_matrix(one.as_quat()) == pytest.approx(one.as_matrix())
+        assert quaternion_matrix(quaternion_product(one.as_quat(), two.as_quat())) == pytest.approx((one * two).as_matrix())
+        assert quaternion_matrix(quaternion_inverse(one.as_quat())) == pytest.approx(one.inv().as_matrix())
 
 
 def test_points_lie_on_their_faces_in_proportion() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afford.common.text import natural_key
+from afford.common.text import natural_key, swap_sides
 
 WORDS = st.text(st.sampled_from("aZ_-. /:é"), max_size=3)
 
@@ -27,3 +28,13 @@ def test_numbers_are_in_their_order(numbers: list[int], before: str) -> None:
 def test_the_order_does_not_depend_on_that_of_the_folder(names: list[str]) -> None:
     """One number written in several ways, too."""
     assert sorted(names, key=natural_key) == ["001.png", "01.png", "1.png", "1_a.png", "2.png"]
+
+
+@pytest.mark.parametrize(("text", "swapped"), [
+    ("Left hand, RIGHT hand", "Right hand, LEFT hand"),
+    ("leftover bright copyright", "leftover bright copyright"),
+    ("top-left", "top-right"),
+])
+def test_only_whole_words_are_swapped(text: str, swapped: str) -> None:
+    """The case is kept, words that merely contain left or right are not touched."""
+    assert swap_sides(text) == swapped

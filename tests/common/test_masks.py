@@ -1,4 +1,4 @@
-"""The measures obey the laws that their definitions promise."""
+"""The box of a mask."""
 
 from __future__ import annotations
 
@@ -10,7 +10,34 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from afford.common.masks import boundary, boundary_f, precision, psnr_db, recall, region_similarity
+from afford.common.masks import boundary, boundary_f, box, fill_nearest, precision, psnr_db, recall, region_similarity
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_box_holds_the_mask_and_no_less_would(seed: int) -> None:
+    """Everything of the mask lies inside, and every side of the box touches it."""
+    rng = np.random.default_rng(seed)
+    mask = rng.random(rng.integers(1, 30, 2)) < rng.choice([0.01, 0.1, 0.9])
+    mask[tuple(rng.integers(0, mask.shape))] = True
+    inside = mask[box(mask)]
+    assert inside.sum() == mask.sum()
+    assert all(side.any() for side in (inside[0], inside[-1], inside[:, 0], inside[:, -1]))
+
+
+def test_a_border_widens_the_box_as_far_as_the_image_goes() -> None:
+    """By one width, or by one for each side in the order left, top, right, bottom."""
+    mask = np.zeros((20, 30), bool)
+    mask[4:9, 10:12] = True
+    assert box(mask, 3) == (slice(1, 12), slice(7, 15))
+    assert box(mask, (1, 2, 3, 4)) == (slice(2, 13), slice(9, 15))
+    assert box(mask, 50) == (slice(0, 20), slice(0, 30))
+
+
+def test_an_empty_mask_has_an_empty_box() -> None:
+    """Whatever the border."""
+    empty = np.zeros((5, 6), bool)
+    assert empty[box(empty)].shape == empty[box(empty, 9)].shape == (0, 0)
+
 
 MASKS = arrays(bool, (9, 11), elements=st.booleans())
 
@@ -64,3 +91,14 @@ def test_psnr() -> None:
     b = a.copy()
     b[1:] += 50
     assert psnr_db(a, b, mask) == math.inf
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_what_is_not_known_is_like_what_is_near(dtype: type) -> None:
+    image = np.random.default_rng(0).integers(1, 200, (12, 16, 2)).astype(dtype)
+    known = np.zeros((12, 16), bool)
+    known[3, 4] = known[8, 13] = True
+    found = fill_nearest(image, known)
+    assert found.dtype == dtype and np.array_equal(found[known], image[known])
+    assert (found[:6, :6] == image[3, 4]).all() and (found[7:, 11:] == image[8, 13]).all()
+    assert np.array_equal(fill_nearest(image, np.ones((12, 16), bool)), image)

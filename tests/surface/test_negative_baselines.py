@@ -16,7 +16,7 @@ from afford.surface.proposals.grid import windows
 from schemas.surface import PartCandidates, PartScores
 from tests.helpers.blocks import changed
 from tests.helpers.made_objects import GRID, looked, true_scores
-from tests.surface.test_negative_fuse import description
+from tests.surface.test_negative_project import description
 
 
 def blob(seed: int) -> np.ndarray:
