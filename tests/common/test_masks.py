@@ -1,4 +1,4 @@
-"""The box of a mask."""
+"""Masks: bounding boxes, metrics, nearest fill."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from afford.common.masks import boundary, boundary_f, box, fill_nearest, precisi
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_box_holds_the_mask_and_no_less_would(seed: int) -> None:
-    """Everything of the mask lies inside, and every side of the box touches it."""
+def test_box_is_tight(seed: int) -> None:
+    """Check that the mask is inside and touches every side."""
     rng = np.random.default_rng(seed)
     mask = rng.random(rng.integers(1, 30, 2)) < rng.choice([0.01, 0.1, 0.9])
     mask[tuple(rng.integers(0, mask.shape))] = True
@@ -24,8 +24,8 @@ def test_the_box_holds_the_mask_and_no_less_would(seed: int) -> None:
     assert all(side.any() for side in (inside[0], inside[-1], inside[:, 0], inside[:, -1]))
 
 
-def test_a_border_widens_the_box_as_far_as_the_image_goes() -> None:
-    """By one width, or by one for each side in the order left, top, right, bottom."""
+def test_border_is_clipped_to_the_image() -> None:
+    """Check one width, and one for each side in the order left, top, right, bottom."""
     mask = np.zeros((20, 30), bool)
     mask[4:9, 10:12] = True
     assert box(mask, 3) == (slice(1, 12), slice(7, 15))
@@ -33,8 +33,8 @@ def test_a_border_widens_the_box_as_far_as_the_image_goes() -> None:
     assert box(mask, 50) == (slice(0, 20), slice(0, 30))
 
 
-def test_an_empty_mask_has_an_empty_box() -> None:
-    """Whatever the border."""
+def test_empty_mask_has_an_empty_box() -> None:
+    """Check every border."""
     empty = np.zeros((5, 6), bool)
     assert empty[box(empty)].shape == empty[box(empty, 9)].shape == (0, 0)
 
@@ -49,27 +49,27 @@ def square(x: int) -> np.ndarray:
 
 
 @given(MASKS, MASKS)
-def test_scores_lie_between_zero_and_one(a: np.ndarray, b: np.ndarray) -> None:
-    """Every score is in [0, 1], or NaN exactly when both masks are empty."""
+def test_scores_are_between_zero_and_one(a: np.ndarray, b: np.ndarray) -> None:
+    """Check that a score is in [0, 1], or NaN exactly for two empty masks."""
     for score in (region_similarity(a, b), precision(a, b), recall(a, b), boundary_f(a, b)):
         assert math.isnan(score) if not (a.any() or b.any()) else 0 <= score <= 1
 
 
 @given(MASKS, MASKS)
 def test_symmetry(a: np.ndarray, b: np.ndarray) -> None:
-    """J and F do not care which mask is the truth."""
+    """Check that J and F are symmetric."""
     assert np.array_equal([region_similarity(a, b), boundary_f(a, b)], [region_similarity(b, a), boundary_f(b, a)], equal_nan=True)
 
 
 @given(MASKS)
-def test_a_mask_agrees_with_itself(a: np.ndarray) -> None:
-    """J, F, precision and recall of a mask with itself are 1."""
+def test_mask_agrees_with_itself(a: np.ndarray) -> None:
+    """Check that J, F, precision and recall are 1."""
     if a.any():
         assert region_similarity(a, a) == boundary_f(a, a) == precision(a, a) == recall(a, a) == 1
 
 
 def test_known_values() -> None:
-    """Two squares shifted by half overlap in a third; the same shift by the tolerance keeps F at 1."""
+    """Check two squares shifted by half, and by the tolerance."""
     assert region_similarity(square(5), square(10)) == pytest.approx(1 / 3)
     assert precision(square(5), square(10)) == 0.5
     assert boundary_f(square(5), square(7), tolerance_px=2) == 1
@@ -77,12 +77,12 @@ def test_known_values() -> None:
 
 
 def test_boundary_is_one_pixel_wide() -> None:
-    """The boundary of a 10 x 10 square is its rim of 36 pixels."""
+    """Check the rim of 36 pixels of a 10 x 10 square."""
     assert boundary(square(5)).sum() == 36
 
 
 def test_psnr() -> None:
-    """An error of one grey level everywhere is 48.13 dB; only masked pixels count; no pixel gives NaN."""
+    """Check 48.13 dB for an error of one grey level, masked pixels, and NaN without pixels."""
     a = np.full((4, 4, 3), 100, np.uint8)
     assert psnr_db(a, a + 1) == pytest.approx(48.1308, abs=1e-4)
     mask = np.zeros((4, 4), bool)

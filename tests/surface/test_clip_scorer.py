@@ -1,4 +1,4 @@
-"""The real CLIP code on a tiny random model: shares compete within a task, and the picture shows the mask sharp."""
+"""CLIP scorer on a tiny random model: shares, mask highlighting, caching by weights, refusals."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return save_backbones(tmp_path_factory.mktemp("tiny"))
 
 
-def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
-    """Shares of each task sum to 1; cosines lie in 0..1; the surface can be found with them."""
+def test_shares_of_a_task_sum_to_one(folder: Path) -> None:
+    """Check that shares of each task sum to 1, cosines are in 0..1, and the projection runs with them."""
     x = looked()
     params = mask_score.Params("clip", Clip(str(folder)))
     found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
@@ -46,16 +46,16 @@ def test_parts_of_a_task_share_every_candidate(folder: Path) -> None:
     assert len(projected(x, found).tasks) == len(sizes)
 
 
-def test_what_fits_nothing_has_no_share(folder: Path) -> None:
-    """Above the largest cosine nothing is left."""
+def test_candidates_below_least_cosine_have_no_share(folder: Path) -> None:
+    """Check that no share is left above the largest cosine."""
     x = looked()
     params = mask_score.Params("clip", Clip(str(folder), least_cosine=1.1))
     found = mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, params)
     assert not found.share.any()
 
 
-def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
-    """No notes, no columns; and a model must be named."""
+def test_unknown_objects_have_no_scores(folder: Path) -> None:
+    """Check that no notes give no columns, and that a model must be named."""
     x = looked()
     silent = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=()),))
     params = mask_score.Params("clip", Clip(str(folder)))
@@ -64,8 +64,8 @@ def test_an_unknown_thing_is_not_asked_about(folder: Path) -> None:
         mask_score.run(x.mesh, x.views, x.candidates, x.told, NONE, mask_score.Params("clip"))
 
 
-def test_words_that_nobody_taught_are_scored(folder: Path) -> None:
-    """Parts in any script, in more words than are read, and without one known word: shares still are shares."""
+def test_unknown_words_are_scored(folder: Path) -> None:
+    """Check the shares of parts in any script, longer than the text window, and without a known word."""
     x = looked()
     notes = tuple(replace(x.told.notes[0], part=f"p{n}", phrase=phrase) for n, phrase in enumerate(FOREIGN))
     told = replace(x.told, descriptions=(replace(x.told.descriptions[0], notes=notes),))
@@ -73,8 +73,8 @@ def test_words_that_nobody_taught_are_scored(folder: Path) -> None:
     assert found.share.sum(1) == pytest.approx(1, abs=1e-5) and np.isfinite(found.overlap).all()
 
 
-def test_the_mask_is_sharp_and_the_rest_is_not() -> None:
-    """Pixels inside are those of the view; outside a checkerboard goes grey."""
+def test_surround_of_the_mask_is_blurred() -> None:
+    """Check that pixels inside are unchanged and a checkerboard outside becomes grey."""
     board = (np.indices((64, 64)).sum(0) % 2 * 255).astype(np.uint8)
     rgb, mask = np.repeat(board[..., None], 3, -1), np.zeros((64, 64), bool)
     mask[20:40, 20:40] = True
@@ -82,8 +82,8 @@ def test_the_mask_is_sharp_and_the_rest_is_not() -> None:
     assert np.array_equal(shown[mask], rgb[mask]) and np.abs(shown[~mask].astype(int) - 127).max() < 3
 
 
-def test_baselines_ask_the_same_model_about_windows(folder: Path) -> None:
-    """Every mask that is taken is a candidate of its view or the silhouette; relevance is a mean of what was said."""
+def test_baselines_use_the_same_model_on_windows(folder: Path) -> None:
+    """Check that selected masks are candidates or the silhouette, and that relevance is a mean of shares."""
     x = looked()
     windows = x.windows()
     said = mask_score.run(x.mesh, x.views, windows, x.told, NONE, mask_score.Params("clip", Clip(str(folder))))
@@ -114,8 +114,8 @@ def scored(model: Path, **more: Any) -> PartScores:
     return mask_score.run(x.mesh, x.views, some, x.told, NONE, params)
 
 
-def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -> None:
-    """From the mesh to files of its negative surface; a byte of the weights reruns the scorer, and nothing before it."""
+def test_chain_from_mesh_to_files(models: Path, tmp_path: Path) -> None:
+    """Check that a changed byte of the weights reruns the scorer and nothing before it."""
     clip = Path(shutil.copytree(models / "clip", tmp_path / "clip"))
     sets = ["mask_score.backend=clip", f"mask_score.clip.model={clip}"]
     runner, report = run(tmp_path / "store", sets)
@@ -129,8 +129,8 @@ def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -
     assert {"mask_score"} <= ran <= {"mask_score", "negative_affordance_projection", "negative_affordance_files"}
 
 
-def test_other_weights_other_scores_and_the_same_bytes_twice(models: Path, tmp_path: Path) -> None:
-    """The size of a pass is felt in the last bits alone; `model` may name the folder above `clip/` as well."""
+def test_scores_depend_on_weights_and_are_deterministic(models: Path, tmp_path: Path) -> None:
+    """Check that the batch size changes the last bits alone, and that `model` may name the parent of `clip/`."""
     found = scored(models / "clip")
     assert found.share.tobytes() == scored(models / "clip").share.tobytes() == scored(models).share.tobytes()
     assert scored(models, batch=3).overlap == pytest.approx(found.overlap, abs=1e-5)
@@ -138,8 +138,8 @@ def test_other_weights_other_scores_and_the_same_bytes_twice(models: Path, tmp_p
     assert np.abs(scored(models, dtype="bfloat16").overlap - found.overlap).max() < 0.05
 
 
-def test_what_is_no_clip_is_refused_in_a_sentence(models: Path, tmp_path: Path) -> None:
-    """Another model, no tokenizer, a file cut short, nothing there."""
+def test_invalid_clip_folders_are_refused(models: Path, tmp_path: Path) -> None:
+    """Check another model, a missing tokenizer, a truncated file and a missing folder."""
     mute, cut = (Path(shutil.copytree(models / "clip", tmp_path / name)) for name in ("mute", "cut"))
     (mute / "tokenizer.json").unlink()
     (cut / "model.safetensors").write_bytes((cut / "model.safetensors").read_bytes()[:-500])
@@ -150,8 +150,8 @@ def test_what_is_no_clip_is_refused_in_a_sentence(models: Path, tmp_path: Path) 
         assert "\n" not in str(caught.value)
 
 
-def test_the_published_size() -> None:
-    """427,944,193 parameters, which is the published 428 M."""
+def test_published_model_size() -> None:
+    """Check the published 428 M: 427,944,193 parameters."""
     with torch.device("meta"):
         model = CLIPModel(CLIPConfig(**LARGE))
     count = sum(parameter.numel() for parameter in model.parameters())

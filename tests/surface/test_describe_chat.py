@@ -1,4 +1,4 @@
-"""A local vision-language model as a describer: the real loading and talking code on a tiny LLaVA, random and taught one answer."""
+"""Local vision-language model as a describer: real loading and prompting of a tiny LLaVA, random or trained on one answer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def random(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model that has learned to give one answer to one question about one sheet, and then to stop."""
+    """Train a model to give one answer to one prompt about one sheet."""
     asked, sheet = given()
     folder = save_chat(tmp_path_factory.mktemp("taught"), (asked, GOOD))
     chat = load_model(str(folder))
@@ -47,7 +47,7 @@ def given() -> tuple[str, np.ndarray]:
 
 
 def teach(chat: ChatModel, asked: str, sheet: np.ndarray, answer: str) -> None:
-    """Adam on the words of the answer alone, until each of them is by far the likeliest."""
+    """Train with Adam on the tokens of the answer until each is by far the likeliest."""
     batch = inputs(chat, asked, sheet)
     words = torch.tensor([chat.processor.tokenizer.encode(answer, add_special_tokens=False)])
     ids = torch.cat([batch["input_ids"], words], 1)
@@ -69,8 +69,8 @@ def described(model: Path | str, **more: int) -> part_describe.PartDescriptions:
     return part_describe.run(looked().mesh, looked().views, params)
 
 
-def test_what_a_model_says_becomes_notes(taught: Path) -> None:
-    """Through its folder, its processor, its template, greedy words and the parser; twice the same."""
+def test_answer_of_a_model_becomes_notes(taught: Path) -> None:
+    """Check folder, processor, template, greedy decoding and parser, twice with the same result."""
     [found] = described(taught).descriptions
     assert (found.category, found.backend, found.task) == ("screwdriver", "vlm", TASK)
     wanted = [(part["part"], part["role"], part["reason"], part["confidence"]) for part in json.loads(GOOD)["parts"]]
@@ -78,14 +78,14 @@ def test_what_a_model_says_becomes_notes(taught: Path) -> None:
     assert described(taught).descriptions == (found,)
 
 
-def test_an_answer_that_is_cut_off_is_none(taught: Path) -> None:
-    """The beginning is shown, and the parameter named."""
+def test_truncated_answer_is_refused(taught: Path) -> None:
+    """Check that the error shows the beginning and names the parameter."""
     with pytest.raises(ValueError, match=r"expected one JSON object .*screwdriver.*raise new_tokens if the answer was cut off"):
         described(taught, new_tokens=12)
 
 
-def test_a_random_model_describes_nothing(random: Path) -> None:
-    """What it babbles is shown, and nothing is made of it."""
+def test_random_model_gives_no_description(random: Path) -> None:
+    """Check that the error shows the random text."""
     babble = generate(load_model(str(random)), *given(), 16)
     assert babble and babble == generate(load_model(str(random)), *given(), 16)
     with pytest.raises(ValueError, match=r"answer of backend 'vlm': expected one JSON object .* got none in") as caught:
@@ -93,8 +93,8 @@ def test_a_random_model_describes_nothing(random: Path) -> None:
     assert repr(babble[:200]) in str(caught.value)
 
 
-def test_question_and_picture_reach_the_model(random: Path) -> None:
-    """The words stand in the prompt once, with one picture; other words and another picture give other next words."""
+def test_prompt_and_image_reach_the_model(random: Path) -> None:
+    """Check that the prompt contains task and one image, and that other inputs give other logits."""
     chat, (asked, sheet) = load_model(str(random)), given()
     batch = inputs(chat, asked, sheet)
     prompt = chat.processor.tokenizer.decode(batch["input_ids"][0], skip_special_tokens=True)
@@ -109,8 +109,8 @@ def next_word(chat: ChatModel, asked: str, sheet: np.ndarray) -> torch.Tensor:
     return found
 
 
-def test_what_is_no_model_is_one_sentence(random: Path, tmp_path: Path) -> None:
-    """No name, no folder, no processor, another kind of model, no template, weights that lack something or are a pickle."""
+def test_invalid_models_are_refused(random: Path, tmp_path: Path) -> None:
+    """Check missing names, folders, processors, templates and tensors, other models, and pickles."""
     backbones = save_backbones(tmp_path / "backbones")
     holed, pickled, silent = (Path(shutil.copytree(random, tmp_path / name)) for name in ("holed", "pickled", "silent"))
     weights = load_file(holed / "model.safetensors")
@@ -126,8 +126,8 @@ def test_what_is_no_model_is_one_sentence(random: Path, tmp_path: Path) -> None:
             described(name)
 
 
-def test_one_object_goes_through_the_whole_chain(taught: Path, tmp_path: Path) -> None:
-    """A model that knows one answer is asked, CLIP finds its parts, a surface is written; a changed byte asks again."""
+def test_chain_with_a_local_model(taught: Path, tmp_path: Path) -> None:
+    """Check description, CLIP scores and export; a changed byte of the model reruns the description."""
     chat = Path(shutil.copytree(taught, tmp_path / "chat"))
     clip = save_backbones(tmp_path / "models") / "clip"
     sets = ["part_describe.backend=vlm", f"part_describe.vlm.model={chat}", f"part_describe.tasks={TASK}",
@@ -140,8 +140,8 @@ def test_one_object_goes_through_the_whole_chain(taught: Path, tmp_path: Path) -
     assert set(run(tmp_path / "store", sets)[1].ran) == {"part_describe"}  # asked again, said the same
 
 
-def test_a_random_model_fails_alone(tmp_path: Path) -> None:
-    """Its babble is an answer to nothing; what does not need it is made; other weights babble otherwise."""
+def test_failure_of_a_model_leaves_other_stages(tmp_path: Path) -> None:
+    """Check that independent stages run, and that other weights give another message."""
     found = []
     for seed in (0, 1):
         sets = ["part_describe.backend=vlm", f"part_describe.vlm.model={save_chat(tmp_path / str(seed), seed=seed)}",
@@ -152,8 +152,8 @@ def test_a_random_model_fails_alone(tmp_path: Path) -> None:
     assert found[0] != found[1] and all("answer of backend 'vlm': expected one JSON object" in one for one in found)
 
 
-def test_a_server_through_the_whole_chain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Its answers are kept by what was asked: when the server is gone nothing is asked again."""
+def test_chain_with_a_server(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Check that answers are cached by their prompt, so that no second run needs the server."""
     plant(monkeypatch)
     clip = save_backbones(tmp_path / "models") / "clip"
     with serving(lambda _: says(GOOD)) as server:
@@ -165,8 +165,8 @@ def test_a_server_through_the_whole_chain(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert not run(tmp_path / "store", sets)[1].ran
 
 
-def test_a_changed_weight_is_another_model(taught: Path, tmp_path: Path) -> None:
-    """A model in memory is not taken for the files that replaced it."""
+def test_changed_weights_are_reloaded(taught: Path, tmp_path: Path) -> None:
+    """Check that a model in memory is not used for files that replaced it."""
     chat = Path(shutil.copytree(taught, tmp_path / "chat"))
     before = load_model(str(chat))
     assert load_model(str(chat)) is before

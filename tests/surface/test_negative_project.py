@@ -1,4 +1,4 @@
-"""Votes on faces equal what is true of them, on shapes where the truth is known in closed form."""
+"""Projection of negative affordance: votes, part posterior, harmonic fill and distances against closed forms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SMALL = view_render.Params(size_px=192, directions=128)
 
 
 def truth_of(middle: np.ndarray) -> np.ndarray:
-    """A part of space: beyond a slanted plane."""
+    """Half-space beyond a slanted plane."""
     return np.asarray(middle @ [0.6, 0.3, 0.74] > 0.01)
 
 
@@ -37,8 +37,8 @@ def seen(request: pytest.FixtureRequest) -> tuple[ObjectMesh, ObjectViews]:
     return thing, view_render.run(thing, SMALL)
 
 
-def test_a_part_painted_on_the_views_comes_back_on_the_surface(seen: tuple[ObjectMesh, ObjectViews]) -> None:
-    """Exact: every face that a pixel shows has its own truth, none that of another (no splatting, no bleeding at outlines)."""
+def test_painted_part_is_recovered_on_the_surface(seen: tuple[ObjectMesh, ObjectViews]) -> None:
+    """Check that every visible face has exactly its own value, without bleeding at outlines."""
     thing, views = seen
     truth = truth_of(thing.vertices[thing.faces].mean(1))
     painted = np.append(truth, False)[views.face].astype(np.float32)
@@ -48,8 +48,8 @@ def test_a_part_painted_on_the_views_comes_back_on_the_surface(seen: tuple[Objec
     assert views.visible_area[known].sum() / views.visible_area.sum() > 0.97
 
 
-def test_squareness_is_the_cosine_of_the_angle(seen: tuple[ObjectMesh, ObjectViews]) -> None:
-    """Between 0 and 1, 0 beside the object; from positions that depth gives it is the same."""
+def test_cosine_of_incidence(seen: tuple[ObjectMesh, ObjectViews]) -> None:
+    """Check the range, 0 for background, and equality with the angle from depth."""
     thing, views = seen
     cosine = cos_incidence(thing, views)
     assert cosine.min() >= 0 and cosine.max() <= 1 + 1e-6 and not cosine[views.face < 0].any()
@@ -66,7 +66,7 @@ def test_squareness_is_the_cosine_of_the_angle(seen: tuple[ObjectMesh, ObjectVie
 
 
 def test_votes_are_weighted_means() -> None:
-    """By hand: a face with pixels of 1 (weight 3) and 0 (weight 1) is at 0.75; weight 0 does not count; nobody's face is 0."""
+    """Check values by hand, weight 0, and an unseen face."""
     face = np.array([[[0, 0, 1, -1]]], np.int32)
     value = np.array([[[1.0, 0.0, 1.0, 1.0]]], np.float32)
     probability, evidence = vote_on_faces(face, value, np.array([[[3.0, 1.0, 0.0, 5.0]]], np.float32), 3)
@@ -79,28 +79,28 @@ def description(*roles: str) -> PartDescription:
 
 
 def scores(*rows: tuple[float, ...]) -> PartScores:
-    """Shares; every candidate is all of what it shows."""
+    """Scores in which every candidate is the whole visible part."""
     share = np.array(rows, np.float32)
     return PartScores("x", share, np.ones_like(share))
 
 
-def test_what_fits_better_wins_even_where_nothing_fits_well() -> None:
-    """Only the ratio counts: 0.2 to 0.1 is as 0.8 to 0.4; neutral parts compete as well."""
+def test_better_fit_wins_at_low_fits() -> None:
+    """Check that only the ratio counts, and that neutral parts compete."""
     value, sure = part_posterior(scores((0.2, 0.1), (0.8, 0.4), (0.1, 0.8)), description("negative", "positive"))
     assert value[:2] == pytest.approx([0.8, 0.8], abs=0.02) and sure[0] == pytest.approx(sure[1])
     value, _ = part_posterior(scores((0.5, 0.5, 0.5)), description("negative", "positive", "neutral"))
     assert value == pytest.approx([1 / 3])
 
 
-def test_sure_candidates_count_most_and_misfits_not_at_all() -> None:
-    """All alike: next to nothing; below the threshold: nothing; certain: most."""
+def test_weight_grows_with_certainty() -> None:
+    """Check equal fits, fits below the threshold, and certain fits."""
     given = scores((0.5, 0.5), (0.05, 0.0), (0.9, 0.01), (0.6, 0.3), (0.01, 0.9))
     _, sure = part_posterior(given, description("negative", "positive"))
     assert sure[1] == 0 and sure[0] < 0.05 < sure[3] < sure[2]
 
 
-def test_pixels_take_the_weighted_mean_of_what_covers_them() -> None:
-    """Where a sure and an unsure mask overlap the sure one prevails; where nothing covers there is no weight."""
+def test_pixels_average_their_candidates() -> None:
+    """Check that the certain mask prevails, and weight 0 without a mask."""
     masks = np.zeros((2, 1, 4), bool)
     masks[0, 0, :2], masks[1, 0, 1:3] = True, True
     candidates = PartCandidates("x", np.zeros(2, np.int16), masks, np.ones(2, np.float32))
@@ -111,10 +111,8 @@ def test_pixels_take_the_weighted_mean_of_what_covers_them() -> None:
     assert value[0, 0, 1] == pytest.approx((said * sure).sum() / sure.sum()) and value[0, 0, 1] > said.mean()
 
 
-def test_a_part_that_fits_nothing_well_counts_for_more_where_it_fits_best() -> None:
-    """A trigger at 0.3 beside a body at 0.5 is more likely than where a trigger elsewhere has 0.9; who fits wholly wins over who is
-    merely in it.
-    """
+def test_poorly_fitting_parts_are_normalised_by_their_best_fit() -> None:
+    """Check a trigger at 0.3 with a body at 0.5, with and without a better candidate for the trigger."""
     roles = description("negative", "positive")
     alone, beside = (part_posterior(scores((0.3, 0.5), other), roles)[0] for other in ((0.0, 0.9), (0.9, 0.0)))
     assert alone[0] > beside[0]
@@ -122,8 +120,8 @@ def test_a_part_that_fits_nothing_well_counts_for_more_where_it_fits_best() -> N
     assert part_posterior(both, roles)[0][0] > 0.6
 
 
-def test_a_small_mask_outvotes_the_large_one_that_holds_it() -> None:
-    """By as much as it is smaller; the size of the view does not matter, only what it shows of the object."""
+def test_small_masks_outvote_large_ones() -> None:
+    """Check the ratio of sizes, independent of the size of the view."""
     masks = np.zeros((2, 1, 8), bool)
     masks[0, 0, :1], masks[1, 0, :4] = True, True
     candidates = PartCandidates("x", np.zeros(2, np.int16), masks, np.ones(2, np.float32))
@@ -136,8 +134,8 @@ def test_a_small_mask_outvotes_the_large_one_that_holds_it() -> None:
         assert value[0, 0, 0] == pytest.approx(0.8, abs=0.01) and weight[0, 0, 0] == pytest.approx(5 * weight[0, 0, 1], rel=0.01)
 
 
-def test_nothing_is_said_of_what_is_not_described() -> None:
-    """No notes, no weight; one note is enough."""
+def test_description_without_notes_has_no_weight() -> None:
+    """Check no note, and one note."""
     value, sure = part_posterior(PartScores("x", np.zeros((3, 0), np.float32), np.zeros((3, 0), np.float32)), description())
     assert not value.any() and not sure.any()
     value, sure = part_posterior(scores((0.7,), (0.01,)), description("negative"))
@@ -145,22 +143,22 @@ def test_nothing_is_said_of_what_is_not_described() -> None:
 
 
 def strip(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """A straight ribbon of `count` equal triangles."""
+    """Build a straight ribbon of `count` equal triangles."""
     x = np.arange(count + 2)
     vertices = np.stack([x / 2, (x % 2).astype(float), 0 * x], -1).astype(np.float32)
     return vertices, np.stack([x[:-2], x[1:-1], x[2:]], -1).astype(np.int32)
 
 
-def test_between_two_ends_values_run_straight() -> None:
-    """Heat in a rod."""
+def test_fill_between_two_ends_is_linear() -> None:
+    """Check heat conduction in a rod."""
     vertices, faces = strip(11)
     known = np.isin(np.arange(11), [0, 10])
     found = harmonic_fill(vertices, faces, known * np.linspace(0, 1, 11), known)
     assert found == pytest.approx(np.linspace(0, 1, 11), abs=1e-5)
 
 
-def test_known_faces_stay_and_others_lie_between(seed: int = 0) -> None:
-    """The maximum principle, on a ball with a third of the faces known."""
+def test_fill_obeys_the_maximum_principle(seed: int = 0) -> None:
+    """Check a ball with a third of the faces known."""
     made, rng = ball(0.1, 3), np.random.default_rng(seed)
     known, value = rng.random(len(made.faces)) < 0.3, rng.uniform(0.2, 0.7, len(made.faces)).astype(np.float32)
     found = harmonic_fill(made.vertices, made.faces, value, known)
@@ -169,8 +167,8 @@ def test_known_faces_stay_and_others_lie_between(seed: int = 0) -> None:
     assert found[~known] == pytest.approx((rows @ found) / rows.sum(1), abs=1e-4)
 
 
-def test_seams_do_not_part_and_gaps_do() -> None:
-    """A surface whose triangles share no vertex is one piece; a second body takes the value of the nearest face."""
+def test_fill_crosses_seams_but_not_gaps() -> None:
+    """Check triangles without common vertices, and a second body."""
     vertices, faces = strip(5)
     apart = vertices[faces].reshape(-1, 3), np.arange(15, dtype=np.int32).reshape(-1, 3)
     known = np.isin(np.arange(5), [0])
@@ -181,30 +179,30 @@ def test_seams_do_not_part_and_gaps_do() -> None:
     assert found[5] == pytest.approx(found[:5][np.linalg.norm(vertices[faces].mean(1) - far[0][7:].mean(0), axis=1).argmin()])
 
 
-def test_where_nothing_is_known_nothing_is_said() -> None:
-    """Zeros; where all is known, the values."""
+def test_fill_without_known_faces_is_zero() -> None:
+    """Check no known face, and all faces known."""
     made = ball(0.1, 1)
     value = np.linspace(0, 1, len(made.faces)).astype(np.float32)
     assert not harmonic_fill(made.vertices, made.faces, value, np.zeros(len(value), bool)).any()
     assert np.array_equal(harmonic_fill(made.vertices, made.faces, value, np.ones(len(value), bool)), value)
 
 
-def test_every_edge_joins_two_faces() -> None:
-    """Three neighbours for each face of a closed surface, and the relation is mutual."""
+def test_adjacency_of_a_closed_surface() -> None:
+    """Check three mutual neighbours of each face."""
     made = trimesh.creation.box()
     graph = face_adjacency(made.vertices, made.faces)
     assert ((graph > 0).sum(1) == 3).all() and abs(graph - graph.T).max() < 1e-12
 
 
-def test_the_distance_to_a_point_is_the_norm() -> None:
-    """And to nothing it is infinite."""
+def test_distance_to_a_point_is_the_norm() -> None:
+    """Check an empty N_t: infinite."""
     spots = np.random.default_rng(0).normal(size=(50, 3))
     assert distance_to_points(np.array([[1.0, 2, 3]]), spots) == pytest.approx(np.linalg.norm(spots - [1, 2, 3], axis=1))
     assert np.isinf(distance_to_points(np.zeros((0, 3)), spots)).all()
 
 
-def test_the_grid_is_within_its_spacing() -> None:
-    """Inside within sqrt(3) spacings, exact at the nodes; far outside not below the distance to the box and 1-Lipschitz enough."""
+def test_distance_grid_error_is_bounded() -> None:
+    """Check sqrt(3) spacings inside, exact nodes, and bounds far outside."""
     made = ball(0.05, 2)
     negative = made.vertices[made.vertices[:, 2] > 0.02]
     grid = distance_field("ball", negative, made.vertices, 0.005, 0.03)
@@ -215,8 +213,8 @@ def test_the_grid_is_within_its_spacing() -> None:
     assert interpolate_field(grid, np.array([[5.0, 0, 0]]))[0] == pytest.approx(4.92, abs=0.01)
 
 
-def test_where_nothing_is_negative_everything_is_far() -> None:
-    """Infinity on the whole grid."""
+def test_distance_grid_without_n_t_is_infinite() -> None:
+    """Check the whole grid."""
     made = ball(0.05, 1)
     grid = distance_field("ball", np.zeros((0, 3), np.float32), made.vertices, 0.02, 0.02)
     assert np.isinf(grid.distance_m).all() and np.isinf(interpolate_field(grid, np.zeros((1, 3)))).all()

@@ -1,4 +1,4 @@
-"""The dual encoder: each pair by itself, words matter, and files give the same scorer again."""
+"""Part scorer: independent pairs, files, training batches, augmentation and learning."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def inputs(count: int = 5) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.rand(count, 2, 6, SIZE, SIZE, generator=generator), torch.rand(count, TRAITS, generator=generator)
 
 
-def test_every_pair_is_judged_by_itself() -> None:
-    """Other candidates and other phrases of a batch change nothing."""
+def test_pairs_are_independent() -> None:
+    """Check that other candidates and phrases of a batch change nothing."""
     model, (crops, traits) = init_scorer(TINY, 0).eval(), inputs()
     both = model(crops, traits, PHRASES)
     assert both.shape == (5, 2, 2)
@@ -41,31 +41,31 @@ def test_every_pair_is_judged_by_itself() -> None:
     assert not torch.allclose(both[:, 0], both[:, 1], atol=1e-4)
 
 
-def test_the_seed_decides_the_weights_and_nothing_else() -> None:
-    """The random state of torch stays as it was."""
+def test_seed_decides_the_weights() -> None:
+    """Check that torch's random state is unchanged."""
     before = torch.random.get_rng_state()
     a, b, c = (init_scorer(TINY, seed).state_dict() for seed in (1, 1, 2))
     assert torch.equal(before, torch.random.get_rng_state())
     assert all(torch.equal(a[name], b[name]) for name in a) and not all(torch.equal(a[name], c[name]) for name in a)
 
 
-def test_words_that_it_never_learned_are_scored() -> None:
-    """Other scripts, very long phrases, none at all: finite, and other words are judged otherwise."""
+def test_unknown_words_are_scored() -> None:
+    """Check other scripts, long phrases and empty ones."""
     phrases = ("刀刃", "the 🗡 of a 刀, 长", "the " + "Übergröße " * 60 + "of a z, a bar", "?", "")
     fit = init_scorer(TINY, 0).eval()(*inputs(), phrases)
     assert fit.shape == (5, 5, 2) and torch.isfinite(fit).all()
     assert not torch.allclose(fit[:, 0], fit[:, 2], atol=1e-4) and torch.allclose(fit[:, 3], fit[:, 4], atol=1e-5)
 
 
-def test_files_give_the_same_scorer(tmp_path: Path) -> None:
-    """To the bit, its config included."""
+def test_files_round_trip(tmp_path: Path) -> None:
+    """Check weights to the bit, and the config."""
     model = init_scorer(TINY, 3).eval()
     found = part_scorer.load_scorer(tree("scorer", part_scorer.save_scorer(tmp_path, model, "# card\n"))).eval()
     assert found.config == TINY and torch.equal(found(*inputs(), PHRASES), model(*inputs(), PHRASES))
 
 
-def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
-    """A missing file, another format, weights of another size: each by name."""
+def test_invalid_files_are_refused(tmp_path: Path) -> None:
+    """Check a missing file, another format, and weights of another size."""
     root = part_scorer.save_scorer(tmp_path, init_scorer(TINY, 0), "# card\n")
     (root / part_scorer.WEIGHTS).rename(root / "weights")
     with pytest.raises(ValueError, match=r"expected model.safetensors of a trained scorer, got .*card.md"):
@@ -79,8 +79,8 @@ def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         part_scorer.load_scorer(tree("scorer", root))
 
 
-def test_truth_counts_pixels() -> None:
-    """Shares of a candidate sum to 1; the mask of a part as its view shows it has share and overlap 1, half of it overlap 0.5."""
+def test_targets_count_pixels() -> None:
+    """Check that shares sum to 1, and share and IoU of a whole and half part mask."""
     x = looked()
     share, overlap = part_targets(x.parts, x.views, x.candidates)
     assert share.sum(1) == pytest.approx(1, abs=1e-5) and (overlap <= share + 1e-6).all()
@@ -95,7 +95,7 @@ TRAINED_SIZE = PartScorerConfig(widths=(8, 16, 16, 16), width=32, text_buckets=1
 
 
 def lessons() -> tuple[PartLessons, ...]:
-    """Two objects to learn from, and one of them to judge."""
+    """Build samples of two training objects and one validation object."""
     both = [looked(kind).lessons(30) for kind in ("screwdriver", "ladle")]
     return (*both, replace(both[0], split="val"))
 
@@ -104,16 +104,16 @@ def task(seed: int = 0) -> parts.ScorerTask:
     return parts.scorer_task(parts.init_scorer(TRAINED_SIZE, 0), lessons(), seed, 2, 6)
 
 
-def test_a_batch_is_a_function_of_its_number() -> None:
-    """And of the seed; candidates are turned, words vary."""
+def test_batch_is_a_function_of_number_and_seed() -> None:
+    """Check rotations of candidates and variation of phrases."""
     one, same, other, seeded = task().batch(5), task().batch(5), task().batch(6), task(1).batch(5)
     assert np.array_equal(one.crops, same.crops) and one.phrases == same.phrases
     assert one.phrases != other.phrases and one.phrases != seeded.phrases
     assert one.crops.shape[0] == 12 and one.truth.shape == (12, len(one.phrases), 2) == (*one.weight.shape, 2)
 
 
-def test_own_parts_count_fully_and_namesakes_not_at_all() -> None:
-    """A ladle's handle is no truth about a screwdriver's: the name is the same, so nothing is said; its bowl is none of it."""
+def test_weights_of_own_and_foreign_parts() -> None:
+    """Check weight 1 of own parts, OTHERS of foreign ones, and 0 of foreign parts with the same name."""
     batch = task().batch(0)
     pairs = sorted({(one.category, part) for one in lessons() for part in one.parts})
     weight = {pair: set(np.unique(batch.weight[:, k])) for k, pair in enumerate(pairs)}
@@ -124,16 +124,16 @@ def test_own_parts_count_fully_and_namesakes_not_at_all() -> None:
     assert own == pytest.approx(1, abs=1e-4)
 
 
-def test_phrases_vary_and_keep_their_looks_or_their_part() -> None:
-    """In every form one can still tell what is meant."""
+def test_augmented_phrases_keep_shape_or_part() -> None:
+    """Check that every variant identifies the part."""
     rng = np.random.default_rng(0)
     said = {parts.augment_phrase("the blade of a saw, a long flat plate", "blade", rng) for _ in range(200)}
     assert {"the blade of a saw, a long flat plate", "a long flat plate", "the blade of a saw", "blade"} <= said
     assert all("blade" in text or "a long flat plate" in text for text in said) and len(said) > 20
 
 
-def test_it_learns(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    """Forty-five steps, and candidates of an object that it saw are told apart better than before."""
+def test_training_reduces_the_error(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Check the validation error after 45 steps, and the model card."""
     mine = task()
     mine.model.eval()
     with torch.no_grad():
@@ -147,8 +147,8 @@ def test_it_learns(tmp_path) -> None:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize("missing", ["train", "val"])
-def test_without_objects_to_learn_from_or_to_judge_nothing_is_trained(missing: str) -> None:
-    """The split is named."""
+def test_missing_splits_are_refused(missing: str) -> None:
+    """Check that the error names the split."""
     some = tuple(one for one in lessons() if one.split != missing)
     with pytest.raises(ValueError, match=f"no object of the split {missing}"):
         parts.scorer_task(parts.init_scorer(TRAINED_SIZE, 0), some, 0, 2, 6)
