@@ -88,7 +88,7 @@ def test_random_model_gives_no_description(random: Path) -> None:
     """Check that the error shows the random text."""
     babble = generate(load_model(str(random)), *given(), 16)
     assert babble and babble == generate(load_model(str(random)), *given(), 16)
-    with pytest.raises(ValueError, match=r"answer of backend 'vlm': expected one JSON object .* got none in") as caught:
+    with pytest.raises(ValueError, match=r"answer of backend 'vlm': expected one JSON object .* got 0 in") as caught:
         described(random, new_tokens=16)
     assert repr(babble[:200]) in str(caught.value)
 
@@ -137,7 +137,7 @@ def test_chain_with_a_local_model(taught: Path, tmp_path: Path) -> None:
     told = runner.store.load(content(report, "negative_affordance_files"))
     assert told.files and not run(tmp_path / "store", sets)[1].ran
     (chat / "generation_config.json").write_text((chat / "generation_config.json").read_text() + "\n")
-    assert set(run(tmp_path / "store", sets)[1].ran) == {"part_describe"}  # asked again, said the same
+    assert set(run(tmp_path / "store", sets)[1].ran) == {"part_describe"}  # new answer, equal to the old one
 
 
 def test_failure_of_a_model_leaves_other_stages(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def test_invalid_replies_are_refused(answer: Answer) -> None:
 
 def test_answer_must_be_valid() -> None:
     """Check the message of the parser (test_describe_prompt.py)."""
-    assert "expected one JSON object with category and parts, got none in 'No.'" in refused(lambda _: says("No."))[0]
+    assert "expected one JSON object with category and parts, got 0 in 'No.'" in refused(lambda _: says("No."))[0]
 
 
 def test_busy_servers_are_retried() -> None:

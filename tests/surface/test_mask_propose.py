@@ -64,4 +64,4 @@ def test_unknown_backend_lists_the_known_ones(shown: Shown) -> None:
     """Check the error of the registry."""
     thing, views, _ = shown
     with pytest.raises(KeyError, match="regions"):
-        mask_propose.run(thing, views, replace(mask_propose.Params(), backend="nobody"))
+        mask_propose.run(thing, views, replace(mask_propose.Params(), backend="other"))

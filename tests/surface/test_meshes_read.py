@@ -181,7 +181,7 @@ PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty floa
 SOLID = ("solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
          "endsolid a\n")
 BROKEN = {
-    "no_faces.obj": ("v 0 0 0\n", "triangles, got none"),
+    "no_faces.obj": ("v 0 0 0\n", "triangles, got an empty mesh"),
     "range.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", r"range\.obj, line 4: expected v indices 1\.\.3, got 4"),
     "words.obj": ("v 0 0 zero\n", "v lines with 3 numbers"),
     "nan.obj": ("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite vertices, got 1 with NaN"),
@@ -195,14 +195,14 @@ BROKEN = {
     "old.gltf": (json.dumps({"asset": {"version": "1.0"}}), r"expected glTF 2\.x"),
     "squeezed.gltf": (json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}),
                       "got KHR_draco_mesh_compression"),
-    "empty.gltf": (json.dumps({"asset": {"version": "2.0"}}), "expected triangles, got none"),
+    "empty.gltf": (json.dumps({"asset": {"version": "2.0"}}), "expected triangles, got an empty scene"),
     "listed.gltf": (json.dumps({"asset": [{"version": "2.0"}]}), r"expected glTF 2\.x"),
     "twice.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
                                "nodes": [{"children": [1, 1]}, {"name": "k"}]}),
                    "expected nodes that form a tree, got node 'k' in two places"),
     "circle.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]}),
                     "expected nodes that form a tree, got node 0 in two places"),
-    "short.stl": ("a" * 80 + "\0\0\0\1" + "b" * 50, r"short\.stl: expected one solid with triangles, got none"),
+    "short.stl": ("a" * 80 + "\0\0\0\1" + "b" * 50, r"short\.stl: expected one solid with triangles, got no triangle"),
     "solids.stl": (SOLID * 2,
                    r"solids\.stl: expected one solid with triangles, got 2 of them"),
     "beyond.ply": (PLY.format("property uchar red\nproperty uchar green\nproperty uchar blue\n", "0 0 0 1 2 3\n" * 3, "0 1 9"),

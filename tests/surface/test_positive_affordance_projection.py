@@ -84,8 +84,8 @@ def test_views_of_another_object_are_refused(model: FileTree, tmp_path: Path) ->
         positive_affordance_projection.run(x.mesh, other, x.told, model, positive_affordance_projection.Params(), Scratch(tmp_path))
 
 
-@pytest.mark.parametrize(("task", "category", "said"), [
+@pytest.mark.parametrize(("task", "category", "narration"), [
     ("cut bread", "knife", "cut bread with knife"), ("hand over the knife", "knife", "hand over the knife"),
     ("", "hair_dryer", "use hair dryer"), ("stir", "", "stir"), ("", "", "use")])  # fmt: skip
-def test_tasks_in_words(task: str, category: str, said: str) -> None:
-    assert as_narration(task, category) == said
+def test_tasks_as_narrations(task: str, category: str, narration: str) -> None:
+    assert as_narration(task, category) == narration
