@@ -1,4 +1,4 @@
-"""dataset_pack: the data set as it lies on disk."""
+"""Stage dataset_pack: the data set on disk."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def samples_of(split: str):
     return [(made, sample) for made in CLIPS if made.split == split for sample in made.samples]
 
 
-def test_every_sample_is_written_once_in_order(packed):
-    """Rows are the samples of a split, by video and frame; shards are full but for the last."""
+def test_samples_are_written_once_in_order(packed):
+    """Rows are the samples of a split, by video and frame; all shards but the last are full."""
     for split, shards in (("train", 3), ("val", 2)):
         paths = load.shards(packed, split)
         assert [path.name for path in paths] == [f"{split}-{k:05d}-of-{shards:05d}.parquet" for k in range(shards)]
@@ -55,7 +55,7 @@ def test_every_sample_is_written_once_in_order(packed):
 
 
 def test_datasets_reads_it_without_our_code(packed, tmp_path):
-    """`load_dataset("parquet")` decodes pictures and classes; masks come back to the bit."""
+    """`load_dataset("parquet")` decodes images and classes; masks are exact."""
     datasets = pytest.importorskip("datasets")
     files = {split: [str(path) for path in load.shards(packed, split)] for split in ("train", "val")}
     read = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path))
@@ -72,14 +72,14 @@ def test_datasets_reads_it_without_our_code(packed, tmp_path):
 
 
 def test_the_folder_itself_loads(packed, tmp_path):
-    """The card's header tells `load_dataset(folder)` which files are which split."""
+    """The card's header maps files to splits for `load_dataset(folder)`."""
     datasets = pytest.importorskip("datasets")
     read = datasets.load_dataset(str(packed), cache_dir=str(tmp_path))
     assert {name: len(rows) for name, rows in read.items()} == {"train": 18, "val": 9}
 
 
 def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
-    """The same mask is in every form."""
+    """The encodings of a mask agree."""
     for row, (_, sample) in zip(load.rows(packed, "train", [column.name for column in table_schema.FIXED]), samples_of("train"),
                                 strict=True):
         for name, mask in zip(table_schema.MASKS, sample.masks, strict=True):
@@ -91,7 +91,7 @@ def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
 
 
 def test_layout_of_the_shards(packed):
-    """Small row groups, a page index, zstd for all but the JPEGs."""
+    """Shards have small row groups, a page index, and zstd for all columns but the JPEGs."""
     file = pq.ParquetFile(load.shards(packed, "train")[0])
     group = file.metadata.row_group(0)
     assert group.num_rows <= 100
@@ -101,7 +101,7 @@ def test_layout_of_the_shards(packed):
 
 
 def test_same_input_same_bytes(tmp_path):
-    """Two runs, the second over the leavings of a killed one and with the clips in another order, write equal files."""
+    """A second run, over the remains of a killed one and with the clips in another order, writes equal files."""
     (tmp_path / "b" / "dataset").mkdir(parents=True)
     (tmp_path / "b" / "dataset" / "left_over").write_text("x")
     first, second = pack(tmp_path / "a")[0], pack(tmp_path / "b", CLIPS[::-1])[0]
@@ -109,7 +109,7 @@ def test_same_input_same_bytes(tmp_path):
 
 
 def test_other_hash_seed_same_bytes(packed):
-    """Nothing hangs on the order of sets: a process with another hash seed writes the same manifest."""
+    """A process with another hash seed writes the same manifest."""
     code = ("import sys; from pathlib import Path; import cv2; cv2.ipp.setUseIPP(False); "
             "from tests.extraction.test_dataset_pack import pack; print(pack(Path(sys.argv[1]), samples_per_shard=7)[1])")
     folder = packed.parent / "other_process"
@@ -120,7 +120,7 @@ def test_other_hash_seed_same_bytes(packed):
 
 
 def test_manifest_names_every_file(packed):
-    """Size and sha256 of every other file."""
+    """The manifest contains size and sha256 of every other file."""
     listed = json.loads((packed / "manifest.json").read_text())["files"]
     present = {path.relative_to(packed).as_posix() for path in packed.rglob("*") if path.is_file()}
     assert set(listed) == present - {"manifest.json"}
@@ -129,8 +129,8 @@ def test_manifest_names_every_file(packed):
         assert (len(data), hashlib.sha256(data).hexdigest()) == (entry["bytes"], entry["sha256"])
 
 
-def test_statistics_count_what_is_there(packed):
-    """Totals beside the published ones, classes of our own marked, frames that gave nothing with their reasons."""
+def test_statistics_of_the_data_set(packed):
+    """Statistics contain totals with the published ones, new classes, and rejected frames by reason."""
     numbers = json.loads((packed / "statistics.json").read_text())
     assert numbers["totals"]["samples"] == {"here": 27, "published_2hands": 278000}
     assert numbers["splits"] == {"train": 18, "val": 9}
@@ -142,8 +142,8 @@ def test_statistics_count_what_is_there(packed):
     assert plots == {"areas.png", "classes.png", "hand_positions.png", "taxonomy.png"}
 
 
-def test_croissant_speaks_of_every_column_and_shard(packed):
-    """Every column is a field; every shard is listed with its sha256."""
+def test_croissant_lists_columns_and_shards(packed):
+    """Columns are fields, and shards are listed with their sha256."""
     described = json.loads((packed / "croissant.json").read_text())
     names = pq.ParquetFile(load.shards(packed, "train")[0]).schema_arrow.names
     assert {field["source"]["extract"]["column"] for field in described["recordSet"][0]["field"]} == set(names)
@@ -153,7 +153,7 @@ def test_croissant_speaks_of_every_column_and_shard(packed):
 
 
 def test_croissant_is_valid(packed):
-    """mlcroissant finds no fault, and reads every sample (only where it is installed)."""
+    """mlcroissant reports no fault and reads every sample (where it is installed)."""
     mlcroissant = pytest.importorskip("mlcroissant")
     described = mlcroissant.Dataset(str(packed / "croissant.json"))
     assert not described.metadata.ctx.issues.errors
@@ -161,35 +161,35 @@ def test_croissant_is_valid(packed):
 
 
 def test_provenance_is_the_digest_of_the_clips_samples(packed):
-    """The same digest by which the store knows the input of the stage."""
+    """Provenance equals the digest under which the store has the stage's input."""
     wanted = {made.clip_id: digest(made) for made in CLIPS}
     for split in ("train", "val"):
         assert all(row["provenance"] == wanted[row["clip"]] for row in load.rows(packed, split, ["clip", "provenance"]))
 
 
-def test_no_sample_is_an_error_that_says_why(tmp_path):
-    """An empty data set is refused, with the reasons of all clips."""
+def test_data_set_without_samples_is_refused_with_reasons(tmp_path):
+    """The error contains the rejection reasons of all clips."""
     empty = tuple(replace(made, samples=()) for made in CLIPS)
     with pytest.raises(ValueError, match=r"no clip gives a sample.*no_contact 9, too_small 3"):
         pack(tmp_path, empty)
 
 
-def test_a_sample_id_twice_is_refused(tmp_path):
-    """Two clips over the same frames would leak and double count."""
+def test_duplicate_sample_id_is_refused(tmp_path):
+    """Two clips over the same frames would leak between splits and count twice."""
     with pytest.raises(ValueError, match="sample_id 'P00_01_0000000001': expected once, found 2"):
         pack(tmp_path, (CLIPS[0], replace(CLIPS[0], clip_id="again")))
 
 
 def test_the_key_frame_at_a_cut_gives_its_samples_once(tmp_path):
-    """Two parts of a video that was cut share one frame; it is in the data set once, whatever else the parts hold."""
+    """Two parts of a video that was cut share one frame, which is in the data set once."""
     samples = CLIPS[0].samples
     parts = (replace(CLIPS[0], clip_id="a", samples=samples[:3]), replace(CLIPS[0], clip_id="b", samples=samples[2:]))
     _, root, _ = pack(tmp_path, parts)
     assert [row["frame"] for row in load.rows(root, "train", ["frame"])] == [sample.frame for sample in samples]
 
 
-def test_strange_words_survive(tmp_path):
-    """Unicode and a very long narration are kept whole, and the pictures and the card can be made."""
+def test_unicode_and_long_narrations_are_kept(tmp_path):
+    """Unicode and a very long narration are kept, and images and card are written."""
     text = "höhle die 🥑 aus — 切る " * 2000
     sample = CLIPS[0].samples[0]
     said = replace(sample.narration, text=text, verb_key="höhlen", verb="höhlen", verb_class=-1)
@@ -198,13 +198,13 @@ def test_strange_words_survive(tmp_path):
 
 
 def test_progress_reaches_the_end(tmp_path):
-    """One call per sample."""
+    """Progress is reported once per sample."""
     scratch = pack(tmp_path)[2]
     assert scratch.said[-1] == (27, 27)
 
 
 def test_a_video_is_in_one_split_whatever_the_seed():
-    """Splits by hash keep the clips of a video together, and by participant those of a participant."""
+    """Splits by hash keep the clips of a video together, and with `participant` those of a participant."""
     clips = [clip(f"P{n % 5:02d}_{n:02d}", 1) for n in range(20)]
     for seed in range(10):
         rule = SplitRule("participant", 0.3, 0.3, seed)
@@ -214,7 +214,7 @@ def test_a_video_is_in_one_split_whatever_the_seed():
 
 
 def test_a_video_keeps_its_split_when_others_come():
-    """The hash decides for each video alone."""
+    """The hash decides for each video independently."""
     clips = [clip(f"P01_{n:02d}", 1) for n in range(40)]
     rule = SplitRule("video", 0.2, 0.2, 7)
     few, many = assign_splits(clips[:20], rule), assign_splits(clips, rule)
@@ -223,34 +223,34 @@ def test_a_video_keeps_its_split_when_others_come():
 
 
 def test_the_sources_split_wins_when_it_is_complete():
-    """Given for every video it is taken; given for some only, the hash decides for all."""
+    """The source's split is used when every video has one; otherwise the hash decides for all."""
     rule = SplitRule("video", 0.0, 0.0, 0)
     assert assign_splits(CLIPS, rule) == {"P00_01": "train", "P01_01": "train", "P02_01": "val"}
     assert set(assign_splits([replace(CLIPS[0], split=""), *CLIPS[1:]], rule).values()) == {"train"}
 
 
 def test_contradictory_splits_are_refused():
-    """One video, two splits: an error of the source."""
+    """A video in two splits is an error of the source."""
     with pytest.raises(ValueError, match="P00_01: its clips are in the splits"):
         assign_splits([CLIPS[0], replace(CLIPS[0], clip_id="b", split="val")], SplitRule("video", 0.1, 0.1, 0))
 
 
 @pytest.mark.parametrize("wrong", [("clip", 0.1, 0.1), ("video", 0.6, 0.6), ("video", -0.1, 0.1)])
 def test_wrong_split_rules_are_refused(wrong):
-    """By what, and how much."""
+    """The group and the fractions are checked."""
     with pytest.raises(ValueError, match="expected"):
         SplitRule(*wrong, seed=0)
 
 
 def test_classes_emerge_in_epics_order_then_new_ones():
-    """The order of the samples does not matter."""
+    """The order of the samples has no effect."""
     seen = [("wire", -1), ("jar", 34), ("mug", 13), ("anvil", -1), ("jar", 34)]
     assert collect_classes(seen) == collect_classes(seen[::-1])
     assert collect_classes(seen).keys == ("mug", "jar", "anvil", "wire")
 
 
 def test_the_guide_lists_the_columns_as_they_are():
-    """The table in docs/extraction/dataset.md is the one the card prints."""
+    """The table in docs/extraction/dataset.md equals the table of the card."""
     guide = (ROOT / "docs" / "extraction" / "dataset.md").read_text(encoding="utf-8")
     assert metadata.column_table(table_schema.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)
@@ -260,18 +260,18 @@ def test_the_guide_lists_the_columns_as_they_are():
     (["P91_01", "P03_101"], "", "cc-by-nc-4.0"), (["P03_101"], "cc-by-nc-4.0", "cc-by-nc-4.0"), (["tabletop"], "", "other"),
     (["P91_01"], "", "other"), (["P91_01"], "apache-2.0", "apache-2.0")])  # fmt: skip
 def test_a_licence_is_never_more_than_the_videos_allow(videos, stated, licence):
-    """EPIC's videos are under EPIC's licence; of unknown ones nothing is promised."""
+    """EPIC's videos are under EPIC's licence; the licence of unknown videos is `other`."""
     assert licence_of(videos, stated) == licence
 
 
-def test_epics_licence_cannot_be_taken_off(tmp_path):
-    """The message names the video."""
+def test_epic_licence_cannot_be_replaced(tmp_path):
+    """The message contains the video."""
     with pytest.raises(ValueError, match=r"license: expected cc-by-nc-4\.0, because P01_01 is of EPIC-KITCHENS, got 'mit'"):
         pack(tmp_path, license="mit")
 
 
-def test_rendered_clips_are_ours(tmp_path):
-    """What is rendered here is packed under our licence, unless the user says otherwise; what is read is not."""
+def test_licence_of_rendered_clips(tmp_path):
+    """Clips rendered here are packed under this project's licence, unless the user states another; read clips are not."""
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     rendered, read = Origin("synthetic", specs=(spec,)), Origin("own")
     assert licensed(dataset_pack.Params(), rendered).license == "apache-2.0"
