@@ -123,7 +123,7 @@ class Positive(NamedTuple):
 
 def positive(g: Graph, s: Shop, p: Settings) -> Positive:
     """Tasks to learn on, told where hands belong as the two-hand model of `run train` predicts it."""
-    model   = g.pick(twohands.learn(g, stills_to_train(g, p), p), lambda t: t.files)
+    model   = g.pick(twohands.train_model(g, stills_to_train(g, p), p), lambda t: t.files)
     x       = surface.look_at(g, "positive", s.spec[LESSONS], p.surface.view_render, p)
     told    = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views,        params=p.surface.part_describe,
                                                 **weights(g, p, "part_describe"))

@@ -16,7 +16,7 @@ from afford.dataset.load import Dataset, Item
 from afford.training.sampler import BalancedSampler
 from afford.twohands.train import sample_cache
 from afford.twohands.train import samples as data
-from afford.twohands.train.augment import Augmentation, augment, centre, cropped, replace_nouns, whole
+from afford.twohands.train.augment import Augmentation, augment, benchmark_crop, mask_centre, replace_nouns, uncropped
 from afford.twohands.train.task import Batches, InputSize
 from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
@@ -189,10 +189,10 @@ def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files
     mirrored = augment(samples[0], Augmentation(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
     assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
     assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
-    box = cropped(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
+    box = benchmark_crop(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
     assert box[0].any() and box[-1].any() and box[:, 0].any() and box[:, -1].any()
     nothing = replace(samples[0], masks=np.zeros_like(samples[0].masks))
-    found = cropped(nothing, Augmentation())
+    found = benchmark_crop(nothing, Augmentation())
     assert found.item.image.shape == nothing.image.shape and np.isnan(found.centre).all()
 
 
@@ -209,10 +209,10 @@ def test_stretched_views_stay_whole(packed: data.Files) -> None:
 
 def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
     """The centre is that of the objects in the whole picture, cropped or not, and is mirrored with it."""
-    assert centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
+    assert mask_centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
     for n, item in enumerate(data.read_items(packed, "train")):
-        wanted = whole(item).centre
-        assert np.array_equal(cropped(item, Augmentation()).centre, wanted)
+        wanted = uncropped(item).centre
+        assert np.array_equal(benchmark_crop(item, Augmentation()).centre, wanted)
         mirrored = augment(item, Augmentation(flip_share=1), 1, n).centre
         assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
 
